@@ -38,7 +38,7 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
         return tetlodi_fail(error, TETLOD_ERR_MESH,
                             "is not a mesh file that this binary reads; 'tetlod formats' lists the formats");
     if (input->other && format->files != SOLUTION && format->files != SIBLING)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D and Medit have a solution file",
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D, Medit and MFEM have a solution file",
                             format->name);
     if (!input->other && format->files == SIBLING)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
@@ -194,8 +194,9 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     if (!format || format->files != SIBLING)
         status = read_files(out, path, solution, options, report, error);
     else if (solution)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "%.120s: is a %s file; only PLOT3D and Medit have a solution file",
-                              path, format->name);
+        status =
+            tetlodi_fail(error, TETLOD_ERR_MESH,
+                         "%.120s: is a %s file; only PLOT3D, Medit and MFEM have a solution file", path, format->name);
     else {
         status = name_siblings(path, format, names, error);
         if (status == TETLOD_OK)

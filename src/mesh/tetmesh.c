@@ -79,9 +79,10 @@ uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name)
 
 uint32_t tetmesh_find_region(const struct tetmesh *mesh)
 {
-    static const char *const names[] = {"region",  "regions",      "RegionId",        "material",    "MaterialId", "material_id",
-                                        "Material", "ObjectId",    "ElementBlockIds", "gmsh:physical", "medit:ref", "cell_tags",
-                                        "Region",  "PhysicalIds",  "CellEntityIds",   "region_id"};
+    static const char *const names[] = {
+        "region",    "regions",  "RegionId",        "material",      "MaterialId", "material_id",
+        "Material",  "ObjectId", "ElementBlockIds", "gmsh:physical", "medit:ref",  "mfem:attribute",
+        "cell_tags", "Region",   "PhysicalIds",     "CellEntityIds", "region_id"};
     for (size_t n = 0; n < sizeof names / sizeof *names; n++) {
         uint32_t f = tetmesh_find_cell_field(mesh, names[n]);
         if (f != TETLOD_NONE && mesh->cell_fields[f].is_integer && mesh->cell_fields[f].components == 1)

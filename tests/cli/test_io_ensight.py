@@ -333,7 +333,8 @@ def main():
     fails('the least of all numbers as a corner', 3, ['mesh.case', 'point'], 'convert', name, '-o', path('out.vtu'))
     name = write_case('little')
     write('hand/mesh.case', (CASE % '**').replace('gold', '6'))
-    fails('EnSight 6', 3, ['mesh.case', 'Gold'], 'convert', name, '-o', path('out.vtu'))
+    words = ['mesh.case', 'mesh.geo', 'is it a geometry of EnSight Gold']
+    fails('EnSight Gold that says to be EnSight 6', 3, words, 'convert', name, '-o', path('out.vtu'))
     write_case('little')
     os.remove(path('hand/u'))
     fails('a variable that is missing', 1, ['mesh.case', 'hand/u'], 'convert', name, '-o', path('out.vtu'))

@@ -1,30 +1,24 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading EnSight Gold: a case names a geometry of parts and a file for each variable. A part with cells that have volume is a
- * block; others (surfaces, lines) are left out. Values come part by part and, of cells, type by type. Values that are said to be
- * undefined become NaN.
+ * Reading EnSight Gold (ensight6.c has EnSight 6): a case names a geometry of parts and a file for each variable. A
+ * part with cells that have volume is a block; others (surfaces, lines) are left out. Values come part by part and, of
+ * cells, type by type. Values that are said to be undefined become NaN.
  */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/readers/ensight_case.h"
 #include "src/io/readers/ensight_file.h"
+#include "src/io/readers/ensight_words.h"
 #include "src/io/readers/readers.h"
 #include "src/util/array.h"
 
-enum { NSIDED = 1, NFACED = 2, NO_BLOCK = -1 };
-
-struct element {
-    const char *name;
-    uint8_t type, corners; /* corners: of a cell, or NSIDED, NFACED with `varies` */
-    bool varies;
-};
+enum { NO_BLOCK = -1 };
 
 /* Cells of one type in a part: `first` counts the part's cells. */
 struct section {
-    const struct element *element;
+    const struct ensight_element *element;
     bool is_ghost;
     uint64_t first, count;
 };
@@ -56,44 +50,16 @@ static void next_line(struct ensight *e)
         ;
 }
 
-static bool starts(const char *line, const char *word)
-{
-    return strncmp(line, word, strlen(word)) == 0;
-}
-
 static bool is_part_end(const struct ensight *e)
 {
-    return !*e->line || starts(e->line, "part") || starts(e->line, "END TIME STEP");
+    return !*e->line || ensight_starts(e->line, "part") || ensight_starts(e->line, "END TIME STEP");
 }
 
 /* ---- cells */
 
-static const struct element elements[] = {
-    {"tetra4", VTK_TYPE_TET, 4, false},        {"tetra10", VTK_TYPE_TET10, 10, false},
-    {"pyramid5", VTK_TYPE_PYRAMID, 5, false},  {"pyramid13", VTK_TYPE_PYRAMID13, 13, false},
-    {"penta6", VTK_TYPE_WEDGE, 6, false},      {"penta15", VTK_TYPE_WEDGE15, 15, false},
-    {"hexa8", VTK_TYPE_HEXAHEDRON, 8, false},  {"hexa20", VTK_TYPE_HEXAHEDRON20, 20, false},
-    {"point", VTK_TYPE_FLAT, 1, false},        {"bar2", VTK_TYPE_FLAT, 2, false},
-    {"bar3", VTK_TYPE_FLAT, 3, false},         {"tria3", VTK_TYPE_FLAT, 3, false},
-    {"tria6", VTK_TYPE_FLAT, 6, false},        {"quad4", VTK_TYPE_FLAT, 4, false},
-    {"quad8", VTK_TYPE_FLAT, 8, false},        {"nsided", VTK_TYPE_FLAT, NSIDED, true},
-    {"nfaced", VTK_TYPE_POLYHEDRON, NFACED, true},
-};
-
-/* The element whose name is the first word of the line; ghosts have g_ in front. */
-static const struct element *find_element(const char *line, bool *is_ghost)
-{
-    *is_ghost = starts(line, "g_");
-    line += *is_ghost ? 2 : 0;
-    size_t length = strcspn(line, " \t");
-    for (size_t i = 0; i < sizeof elements / sizeof *elements; i++)
-        if (strlen(elements[i].name) == length && strncmp(elements[i].name, line, length) == 0)
-            return &elements[i];
-    return NULL;
-}
-
 /* The connectivity is one record; numbers count from 1. */
-static enum tetlod_status read_corners(struct ensight *e, struct cells *cells, const struct element *element, uint64_t count)
+static enum tetlod_status read_corners(struct ensight *e, struct cells *cells, const struct ensight_element *element,
+                                       uint64_t count)
 {
     size_t width = element->corners;
     if (count > UINT64_MAX / width)
@@ -188,7 +154,8 @@ done:
     return status;
 }
 
-static enum tetlod_status read_section(struct ensight *e, const struct element *element, bool is_ghost, struct block *block)
+static enum tetlod_status read_section(struct ensight *e, const struct ensight_element *element, bool is_ghost,
+                                       struct block *block)
 {
     uint64_t count = 0;
     if (!array_reserve((void **)&e->sections, &e->section_capacity, e->section_count + 1, sizeof *e->sections))
@@ -201,7 +168,8 @@ static enum tetlod_status read_section(struct ensight *e, const struct element *
         return TETLOD_OK;
     if (!element->varies)
         return read_corners(e, &block->cells, element, count);
-    return element->corners == NSIDED ? read_polygons(e, &block->cells, count) : read_polyhedra(e, &block->cells, count);
+    return element->corners == ENSIGHT_NSIDED ? read_polygons(e, &block->cells, count)
+                                              : read_polyhedra(e, &block->cells, count);
 }
 
 /* ---- geometry */
@@ -242,7 +210,7 @@ static enum tetlod_status read_unstructured(struct ensight *e, struct block *blo
         TETLOD_TRY(ensight_ints(e->file, count, NULL));
     TETLOD_TRY(read_positions(e, &block->mesh, count));
     for (next_line(e); !is_part_end(e); next_line(e)) {
-        const struct element *element = find_element(e->line, &is_ghost);
+        const struct ensight_element *element = ensight_find_element(e->line, &is_ghost);
         if (!element)
             return ensight_fail(e->file, "there should be a type of elements here");
         TETLOD_TRY(read_section(e, element, is_ghost, block));
@@ -366,10 +334,10 @@ static enum tetlod_status read_structured(struct ensight *e, struct block *block
     if (strstr(kind, "iblanked"))
         TETLOD_TRY(read_blanks(e, block, points));
     for (next_line(e); !is_part_end(e); next_line(e)) {
-        if (starts(e->line, "ghost_flags"))
+        if (ensight_starts(e->line, "ghost_flags"))
             TETLOD_TRY(read_ghost_flags(e, block, cells));
-        else if (starts(e->line, "node_ids") || starts(e->line, "element_ids"))
-            TETLOD_TRY(ensight_ints(e->file, starts(e->line, "node_ids") ? points : cells, NULL));
+        else if (ensight_starts(e->line, "node_ids") || ensight_starts(e->line, "element_ids"))
+            TETLOD_TRY(ensight_ints(e->file, ensight_starts(e->line, "node_ids") ? points : cells, NULL));
         else
             return ensight_fail(e->file, "there should be a part here");
     }
@@ -414,9 +382,9 @@ static enum tetlod_status read_part(struct ensight *e)
     ensight_line(e->file, name);
     next_line(e);
     TETLOD_TRY(blocks_add(e->out, &block, e->error));
-    if (starts(e->line, "coordinates"))
+    if (ensight_starts(e->line, "coordinates"))
         TETLOD_TRY(read_unstructured(e, block));
-    else if (starts(e->line, "block"))
+    else if (ensight_starts(e->line, "block"))
         TETLOD_TRY(read_structured(e, block));
     else
         return ensight_fail(e->file, "there should be 'coordinates' or 'block' here");
@@ -438,30 +406,25 @@ static enum tetlod_status skip_extents(struct ensight *e)
     return TETLOD_OK;
 }
 
-static bool gives_ids(const char *line)
-{
-    return strstr(line, "given") || strstr(line, "ignore");
-}
-
 static enum tetlod_status read_geometry(struct ensight *e, uint64_t step)
 {
     TETLOD_TRY(ensight_seek(e->file, step));
     for (int i = 0; i < 2; i++)
         ensight_line(e->file, e->line); // descriptions
     next_line(e);
-    if (!starts(e->line, "node id"))
+    if (!ensight_starts(e->line, "node id"))
         return ensight_fail(e->file, "there should be 'node id' here; is it a geometry of EnSight Gold?");
-    e->node_ids = gives_ids(e->line);
+    e->node_ids = ensight_gives_ids(e->line);
     next_line(e);
-    if (!starts(e->line, "element id"))
+    if (!ensight_starts(e->line, "element id"))
         return ensight_fail(e->file, "there should be 'element id' here");
-    e->element_ids = gives_ids(e->line);
+    e->element_ids = ensight_gives_ids(e->line);
     next_line(e);
-    if (starts(e->line, "extents")) {
+    if (ensight_starts(e->line, "extents")) {
         TETLOD_TRY(skip_extents(e));
         next_line(e);
     }
-    while (starts(e->line, "part"))
+    while (ensight_starts(e->line, "part"))
         TETLOD_TRY(read_part(e));
     if (!is_part_end(e))
         return ensight_fail(e->file, "there should be 'part' here");
@@ -472,45 +435,43 @@ static enum tetlod_status read_geometry(struct ensight *e, uint64_t step)
 
 /* ---- variables */
 
-struct variable {
-    const char *name;
-    uint32_t components;
-    bool cell;
-};
-
-/* The kinds that are read: what they begin with, and per node or per element. */
-static bool find_kind(const struct ensight_entry *entry, struct variable *out)
+/* Values of some of the rows: their number, which rows from 1 on, then column after column. The others stay NaN. */
+static enum tetlod_status read_partial(struct ensight *e, const struct ensight_variable *v, uint64_t rows, double *out)
 {
-    static const struct {
-        const char *name;
-        uint32_t components;
-    } kinds[] = {{"scalar per ", 1}, {"vector per ", 3}, {"tensor symm per ", 6}, {"tensor asym per ", 9}};
-    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
-        const char *where = entry->kind + strlen(kinds[k].name);
-        if (!starts(entry->kind, kinds[k].name) || (strcmp(where, "node") != 0 && strcmp(where, "element") != 0))
-            continue;
-        *out = (struct variable){entry->name, kinds[k].components, strcmp(where, "element") == 0};
-        return true;
+    uint64_t count = 0;
+    TETLOD_TRY(ensight_count(e->file, &count));
+    if (count > rows)
+        return ensight_fail(e->file, "it has values of more nodes or elements than the part has");
+    int64_t *at = array_new((size_t)count, sizeof *at);
+    double *column = array_new((size_t)count, sizeof *column);
+    enum tetlod_status status =
+        at && column ? ensight_ints(e->file, count, at) : tetlodi_fail_nomem(e->error, "a variable", count * 16);
+    for (uint64_t i = 0; status == TETLOD_OK && i < count; i++)
+        if (at[i] < 1 || (uint64_t)at[i] > rows)
+            status = ensight_fail(e->file, "it has a value of a node or element that the part does not have");
+    for (uint64_t i = 0; status == TETLOD_OK && out && i < rows * v->components; i++)
+        out[i] = NAN;
+    for (uint32_t c = 0; status == TETLOD_OK && c < v->components; c++) {
+        status = ensight_floats(e->file, count, column);
+        for (uint64_t i = 0; status == TETLOD_OK && out && i < count; i++)
+            out[((uint64_t)at[i] - 1) * v->components + ensight_place(c, v->components)] = column[i];
     }
-    return false;
+    free(at);
+    free(column);
+    return status;
 }
 
-/* EnSight has the components of a symmetric tensor as xx, yy, zz, xy, xz, yz; VTK, and tetlod, the last two the other way. */
-static uint32_t place_of(uint32_t component, uint32_t components)
-{
-    return components != 6 || component < 4 ? component : 9 - component;
-}
-
-/* The values of some rows: column after column. The line in front of them may say that one value stands for none. */
-static enum tetlod_status read_values(struct ensight *e, const struct variable *v, uint64_t rows, double *out)
+/* The values of some rows: column after column. The line in front of them may say that one value stands for none, or
+ * that only some rows have values. */
+static enum tetlod_status read_values(struct ensight *e, const struct ensight_variable *v, uint64_t rows, double *out)
 {
     double undefined = NAN;
     if (strstr(e->line, "partial"))
-        return ensight_fail(e->file, "only some of the values are given ('partial'); tetlod reads variables that have all");
+        return read_partial(e, v, rows, out);
     if (strstr(e->line, "undef"))
         TETLOD_TRY(ensight_floats(e->file, 1, &undefined));
     for (uint32_t c = 0; c < v->components && rows; c++)
-        TETLOD_TRY(read_column(e, rows, out ? out + place_of(c, v->components) : NULL, v->components));
+        TETLOD_TRY(read_column(e, rows, out ? out + ensight_place(c, v->components) : NULL, v->components));
     for (uint64_t i = 0; out && !isnan(undefined) && i < rows * v->components; i++)
         out[i] = out[i] == undefined ? NAN : out[i];
     return TETLOD_OK;
@@ -529,19 +490,21 @@ static enum tetlod_status find_part(struct ensight *e, int64_t number, const str
 static const struct section *find_section(const struct ensight *e, const struct part *part)
 {
     bool is_ghost;
-    const struct element *element = find_element(e->line, &is_ghost);
+    const struct ensight_element *element = ensight_find_element(e->line, &is_ghost);
     for (size_t s = part->first_section; s < part->section_end; s++)
         if (e->sections[s].element == element && e->sections[s].is_ghost == is_ghost)
             return &e->sections[s];
     return NULL;
 }
 
-/* Room for the values of a part, which the file has. */
-static enum tetlod_status add_field(struct ensight *e, const struct variable *v, const struct part *part, double **out)
+/* Room for the values of a part: of each or, of a partial variable, of some of its rows, which the geometry has. */
+static enum tetlod_status add_field(struct ensight *e, const struct ensight_variable *v, const struct part *part,
+                                    double **out)
 {
     struct tetmesh *mesh = &e->out->at[part->block].mesh;
     uint64_t rows = v->cell ? part->cells : part->points;
-    TETLOD_TRY(ensight_fits(e->file, rows * v->components));
+    if (!strstr(e->line, "partial"))
+        TETLOD_TRY(ensight_fits(e->file, rows * v->components));
     if (v->cell)
         TETLOD_TRY(assemble_cell_field(mesh, v->name, v->components, TETLOD_FLOAT32, rows, e->error));
     else
@@ -550,7 +513,7 @@ static enum tetlod_status add_field(struct ensight *e, const struct variable *v,
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_part_values(struct ensight *e, const struct variable *v)
+static enum tetlod_status read_part_values(struct ensight *e, const struct ensight_variable *v)
 {
     int64_t number;
     const struct part *part = NULL;
@@ -560,7 +523,7 @@ static enum tetlod_status read_part_values(struct ensight *e, const struct varia
     TETLOD_TRY(find_part(e, number, &part));
     for (next_line(e); !is_part_end(e); next_line(e)) {
         const struct section *section = v->cell ? find_section(e, part) : NULL;
-        if (!section && !starts(e->line, "block") && (v->cell || !starts(e->line, "coordinates")))
+        if (!section && !ensight_starts(e->line, "block") && (v->cell || !ensight_starts(e->line, "coordinates")))
             return ensight_fail(e->file, "there should be a type of elements of this part here");
         uint64_t first = section ? section->first : 0, count = section ? section->count : v->cell ? part->cells : part->points;
         if (part->block != NO_BLOCK && !values)
@@ -574,10 +537,10 @@ static enum tetlod_status read_part_values(struct ensight *e, const struct varia
 
 static enum tetlod_status read_variable(struct ensight *e, const struct ensight_entry *entry)
 {
-    struct variable v;
+    struct ensight_variable v;
     struct ensight_file file = {.kind = e->file->kind, .big_endian = e->file->big_endian};
     struct ensight_file *geometry = e->file;
-    if (!find_kind(entry, &v)) {
+    if (!ensight_find_variable(entry, &v)) {
         io_leave_out(e->report, &e->report->skipped_arrays, entry->name, strlen(entry->name));
         return TETLOD_OK;
     }
@@ -587,7 +550,7 @@ static enum tetlod_status read_variable(struct ensight *e, const struct ensight_
         status = ensight_seek(&file, entry->step);
     if (status == TETLOD_OK) {
         ensight_line(&file, e->line); // description
-        for (next_line(e); status == TETLOD_OK && starts(e->line, "part");)
+        for (next_line(e); status == TETLOD_OK && ensight_starts(e->line, "part");)
             status = read_part_values(e, &v);
         if (status == TETLOD_OK && !is_part_end(e))
             status = ensight_fail(&file, "there should be 'part' here");
@@ -629,6 +592,10 @@ enum tetlod_status ensight_read(struct blocks *out, const struct io_input *input
     struct ensight e = {.input = input, .report = report, .error = error, .out = out, .file = &file};
     enum tetlod_status status;
     TETLOD_TRY_DONE(ensight_case_read(&ensight, input, report, error));
+    if (!ensight.is_gold) {
+        status = ensight6_read(out, &ensight, input, report, error);
+        goto done;
+    }
     e.most_values = most_values(input, &ensight);
     TETLOD_TRY_DONE(ensight_open(&file, input, ensight.model.file, true, error));
     status = read_geometry(&e, ensight.model.step);

@@ -180,8 +180,8 @@ static enum tetlod_status read_line(struct reader *r, struct text line)
         key.at++;
     while (key.at < key.end && (key.end[-1] == ' ' || key.end[-1] == '\t'))
         key.end--;
-    if (text_is(key, "type") && !sniff_holds((const unsigned char *)values.at, (size_t)(values.end - values.at), "gold"))
-        return tetlodi_fail(r->error, TETLOD_ERR_MESH, "is an EnSight case, but not of EnSight Gold; only these can be read");
+    if (text_is(key, "type"))
+        r->out->is_gold = sniff_holds((const unsigned char *)values.at, (size_t)(values.end - values.at), "gold");
     if (text_is(key, "model") && !r->out->model.file)
         return read_entry(r, key, values, true, &r->out->model);
     if (sniff_holds((const unsigned char *)key.at, (size_t)(key.end - key.at), " per "))

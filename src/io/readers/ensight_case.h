@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* An EnSight Gold case: which files hold the geometry and the variables, at the step in time that is asked for. */
+/* An EnSight case: which files hold the geometry and the variables, at the step in time that is asked for. */
 #ifndef TETLOD_ENSIGHT_CASE_H
 #define TETLOD_ENSIGHT_CASE_H
 
@@ -13,6 +13,7 @@ struct ensight_entry {
 };
 
 struct ensight_case {
+    bool is_gold; /* else EnSight 6 */
     struct ensight_entry model;
     struct ensight_entry *variables; /* owned */
     size_t variable_count, variable_capacity;

@@ -160,6 +160,26 @@ static enum tetlod_status take_words(struct ensight_file *file, uint64_t count, 
     return *out ? TETLOD_OK : ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
 }
 
+/* The next number of a text. In EnSight 6 numbers may touch: one ends where the next one's sign is, and a whole one
+ * where its 8 columns of the line end. */
+static struct text take_number(struct ensight_file *file, bool is_whole)
+{
+    enum { COLUMNS = 8 };
+    struct text word = text_word(&file->rest);
+    const char *line = word.at;
+    if (!file->has_columns)
+        return word;
+    for (const char *at = word.at + 1; at < word.end; at++)
+        if ((*at == '-' || *at == '+') && at[-1] != 'e' && at[-1] != 'E')
+            word.end = at;
+    while (is_whole && word.end - word.at > COLUMNS && line > file->begin && line[-1] != '\n')
+        line--;
+    if (is_whole && word.end - word.at > COLUMNS)
+        word.end = word.at + COLUMNS - (word.at - line) % COLUMNS;
+    file->rest.at = word.end;
+    return word;
+}
+
 /* Whole numbers as they are, or narrowed, or only past them. */
 static enum tetlod_status take_ints(struct ensight_file *file, uint64_t count, int64_t *wide, uint32_t *narrow)
 {
@@ -179,7 +199,8 @@ static enum tetlod_status take_ints(struct ensight_file *file, uint64_t count, i
         return TETLOD_OK;
     }
     for (uint64_t i = 0; i < count; i++) {
-        if (!text_int(&file->rest, &value))
+        struct text word = take_number(file, true);
+        if (!text_int(&word, &value))
             return ensight_fail(file, "there should be a whole number here");
         if (wide)
             wide[i] = value;
@@ -218,7 +239,8 @@ enum tetlod_status ensight_floats(struct ensight_file *file, uint64_t count, dou
         return TETLOD_OK;
     }
     for (uint64_t i = 0; i < count; i++) {
-        if (!text_double(&file->rest, true, out ? &out[i] : &value))
+        struct text word = take_number(file, false);
+        if (!text_double(&word, true, out ? &out[i] : &value))
             return ensight_fail(file, "there should be a number here");
         file_view_pass(&file->view, file->rest.at);
     }

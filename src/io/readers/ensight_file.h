@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Lines and numbers of EnSight Gold files: text, "C Binary" or "Fortran Binary", whose records have their size in front and behind. */
+/* Lines and numbers of EnSight files: text, "C Binary" or "Fortran Binary", whose records have their size in front and
+ * behind. */
 #ifndef TETLOD_ENSIGHT_FILE_H
 #define TETLOD_ENSIGHT_FILE_H
 
@@ -16,6 +17,7 @@ struct ensight_file {
     struct text rest;
     enum ensight_kind kind;
     bool big_endian;
+    bool has_columns; /* of EnSight 6: numbers of text have fixed columns and may touch */
     struct tetlod_error *error;
 };
 
