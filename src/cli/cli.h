@@ -18,7 +18,9 @@ enum exit_status {
     EXIT_FAILED = 1,
     EXIT_USAGE = 2,
     EXIT_INVALID = 3,
-    EXIT_QUALITY = 4 /* verify: the stream is valid, but levels are worse meshes than its original */
+    EXIT_QUALITY = 4,   /* verify: the stream is valid, but levels are worse meshes than its original */
+    EXIT_NO = 4,        /* ask: the predicate does not hold */
+    EXIT_UNDECIDED = 5  /* ask: the finest level does not decide it */
 };
 
 struct command {
@@ -28,7 +30,7 @@ struct command {
 
 extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
     command_convert, command_sample, command_serve, command_explode, command_plot,
-    command_formats;
+    command_formats, command_ask;
 
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);

@@ -13,7 +13,7 @@ static const struct command *const commands[] = {
 #ifndef TETLOD_NO_SERVER
     &command_serve,   &command_explode,
 #endif
-    &command_plot,    &command_formats,
+    &command_ask,     &command_plot,    &command_formats,
 };
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
@@ -32,7 +32,8 @@ static void print_commands(FILE *out)
                  "usage: tetlod COMMAND [OPTIONS] ...\n\n");
     for (int i = 0; i < COMMANDS; i++)
         fprintf(out, "  %-9s %s\n", commands[i]->name, commands[i]->summary);
-    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input,\n4 a valid stream whose levels are worse meshes than its original (verify).\n");
+    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input,\n"
+                 "4 a valid stream whose levels are worse meshes than its original (verify); 4 no, 5 unknown (ask).\n");
 }
 
 static int unknown_command(const char *name)

@@ -95,6 +95,22 @@ static void drop_overlaps(struct cut_line *line)
     line->count = kept;
 }
 
+bool cut_stretch(const double *const corners[4], const double from[3], const double to[3], double at[2], double weights[2][4])
+{
+    double start[4], end[4];
+    if (!near_segment(corners, from, to))
+        return false;
+    weigh(corners, from, start);
+    weigh(corners, to, end);
+    double whole = start[0] + start[1] + start[2] + start[3];
+    if (whole == 0 || !stretch(start, end, whole < 0 ? -1 : 1, at))
+        return false;
+    for (int e = 0; e < 2; e++)
+        for (int c = 0; c < 4; c++)
+            weights[e][c] = (start[c] + at[e] * (end[c] - start[c])) / whole;
+    return true;
+}
+
 enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets, const double from[3],
                              const double to[3], struct cut_line *out, struct tetlod_error *error)
 {
@@ -102,22 +118,17 @@ enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, c
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         const uint32_t *ids = mesh->corners + 4 * (size_t)t;
         const double *corners[4];
-        double start[4], end[4], part[2];
+        double weights[2][4], part[2];
         for (int c = 0; c < 4; c++)
             corners[c] = mesh->positions + 3 * (size_t)ids[c];
-        if (!near_segment(corners, from, to))
-            continue;
-        weigh(corners, from, start);
-        weigh(corners, to, end);
-        double whole = start[0] + start[1] + start[2] + start[3];
-        if (whole == 0 || !stretch(start, end, whole < 0 ? -1 : 1, part))
+        if (!cut_stretch(corners, from, to, part, weights))
             continue;
         if (!array_reserve((void **)&out->ends, &out->cap, 2 * ((size_t)out->count + 1), sizeof *out->ends))
             return tetlodi_fail_nomem(error, "the values along a line", 2 * ((uint64_t)out->count + 1) * sizeof *out->ends);
         for (int e = 0; e < 2; e++) {
             double value = 0;
             for (int c = 0; c < 4; c++)
-                value += (start[c] + part[e] * (end[c] - start[c])) / whole * values[ids[c]];
+                value += weights[e][c] * values[ids[c]];
             out->ends[2 * (size_t)out->count + (size_t)e] = (struct cut_line_end){part[e], of_tets ? of_tets[t] : value};
         }
         out->count++;

@@ -70,6 +70,11 @@ double locator_weights(const struct locator *locator, uint32_t tet, const double
     return least < 0 && at_corner(q, p, weights) ? 0 : least;
 }
 
+bool locator_contains(const struct locator *locator, uint32_t tet, const double p[3], double weights[4])
+{
+    return locator_weights(locator, tet, p, weights) >= ON_FACE;
+}
+
 uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most)
 {
     struct bvh_walk walk = bvh_walk_begin(&locator->tets);
@@ -79,7 +84,7 @@ uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t
     while (found < most && bvh_next_leaf(&walk, box, &first, &end))
         for (uint32_t i = first; i < end && found < most; i++) {
             uint32_t tet = locator->tets.order[i];
-            if (locator_weights(locator, tet, p, weights) >= ON_FACE)
+            if (locator_contains(locator, tet, p, weights))
                 out_tets[found++] = tet;
         }
     return found;

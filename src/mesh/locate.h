@@ -23,7 +23,10 @@ void locator_fini(struct locator *locator);
 /* Barycentric weights of p in a tetrahedron; their least is returned (>= 0: inside), -INFINITY if it has no volume. */
 double locator_weights(const struct locator *locator, uint32_t tet, const double p[3], double weights[4]);
 
-/* Up to `most` tetrahedra that contain p (weights >= -1e-9). Returns their number. O(log n) for meshes without overlap. */
+/* Does a tetrahedron contain p: are all weights at least -1e-9? */
+bool locator_contains(const struct locator *locator, uint32_t tet, const double p[3], double weights[4]);
+
+/* Up to `most` tetrahedra that contain p. Returns their number. O(log n) for meshes without overlap. */
 uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most);
 
 /* Walks from a tetrahedron towards p, across the face that p is furthest behind. The tetrahedron that contains p, or

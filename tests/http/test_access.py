@@ -270,6 +270,7 @@ def test_forwarded_addresses_and_guesses():
 def test_reload():
     """SIGHUP takes token, CORS and hosts from the file; what cannot be read, or needs a restart, changes nothing."""
     token, options = write_token('token', 'first'), os.path.join(SCRATCH, 'options')
+    refused = 401, 429  # so many are refused here that on a slow machine the address has to wait
 
     def write(*lines):
         with open(options, 'w') as file:
@@ -287,18 +288,18 @@ def test_reload():
         eventually(lambda: allowed(server, 'https://d.example') and server.get('/healthz', Host='proxy.example')[0] == 421)
         assert [allowed(server, 'https://%s.example' % name) is not None for name in 'abcd'] == [False, False, True, True]
         reload(server, 'token ' + token, 'access-log')
-        eventually(lambda: server.get('/v1/meshes')[0] == 401)
+        eventually(lambda: server.get('/v1/meshes')[0] in refused)
         assert server.get('/v1/meshes', Authorization='Bearer first')[0] == 200
         write_token('token', 'second')  # the token's file alone
         server.process.send_signal(signal.SIGHUP)
         eventually(lambda: server.get('/v1/meshes', Authorization='Bearer second')[0] == 200)
-        assert server.get('/v1/meshes', Authorization='Bearer first')[0] == 401
+        assert server.get('/v1/meshes', Authorization='Bearer first')[0] in refused
         for lines, word in ((['nonsense 1'], 'line 1'), (['token'], 'needs a value'), (['cors nonsense'], 'origin'), (['token ' + token + '-none'], 'none'),
                             (['quiet yes'], 'no value'), (['scan 5', 'token ' + token, 'access-log'], "'scan'")):
             assert word not in server.messages() or word == 'none', word
             reload(server, *lines)
             eventually(lambda: word in server.messages())
-            assert server.get('/v1/meshes', Authorization='Bearer second')[0] == 200 and server.get('/v1/meshes')[0] == 401, lines
+            assert server.get('/v1/meshes', Authorization='Bearer second')[0] == 200 and server.get('/v1/meshes')[0] in refused, lines
         reload(server, 'cors none')
         eventually(lambda: server.get('/v1/meshes')[0] == 200)
         os.unlink(options)

@@ -23,6 +23,7 @@ LAYERS = {
     'src/io/services': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
+    'src/ask': MESHES + ['src/cut/line.h'],
     'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/'],
     'src/log': MESHES,
@@ -36,7 +37,7 @@ LAYERS = {
     'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
     'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
+    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/ask/ask.h', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())

@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/ask/answer.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/ask/clip.h"
+#include "src/cut/line.h"
+#include "src/mesh/locate.h"
+#include "src/mesh/tet_geom.h"
+
+enum { LOWER, UPPER }; /* the two functions that enclose the original */
+
+static const double ROUNDING = 4e-12; /* of a sum's absolute terms; a boundary that keeps its place to within rounding is in it */
+
+/* What is asked of each tetrahedron, and what has come together. */
+struct pass {
+    const struct ask_question *question;
+    const struct ask_level *level;
+    enum ask_compare side;    /* of a threshold, if the volume there is asked for */
+    double thresholds[2];     /* of the answers' lower and upper end */
+    /* The tetrahedron that is being looked at: what follows belongs to its corners. */
+    double volume, ends[2][4], vectors[4][256], errors[4];
+    /* The sums. */
+    long double whole, integral[2], absolute, part[2], touched[2]; /* touched: volume of tetrahedra that have a part of it */
+    double least[2], most[2];
+    int which;                /* the function whose part is being added */
+};
+
+static double error_at(const struct ask_level *level, uint32_t vertex)
+{
+    return level->bounds ? level->bounds[vertex] : level->error;
+}
+
+static double length(const double *vector, uint32_t components)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < components; i++)
+        sum += vector[i] * vector[i];
+    return sqrt(sum);
+}
+
+/* A length is convex: the interpolated lengths of the corners are above it, its tangent at the mean vector is below. */
+static void enclose_length(struct pass *pass)
+{
+    uint32_t components = pass->level->components;
+    double mean[256] = {0};
+    for (uint32_t i = 0; i < components; i++)
+        mean[i] = pass->vectors[0][i] + pass->vectors[1][i] + pass->vectors[2][i] + pass->vectors[3][i];
+    double size = length(mean, components);
+    for (int c = 0; c < 4; c++) {
+        double along = 0;
+        for (uint32_t i = 0; i < components && size > 0; i++)
+            along += pass->vectors[c][i] * (mean[i] / size);
+        pass->ends[LOWER][c] = along - pass->errors[c];
+        pass->ends[UPPER][c] = length(pass->vectors[c], components) + pass->errors[c];
+    }
+}
+
+/* The two functions at the tetrahedron's corners. */
+static void enclose(struct pass *pass, uint32_t tet)
+{
+    const struct ask_level *level = pass->level;
+    int component = pass->question->quantity.component;
+    for (int c = 0; c < 4; c++) {
+        uint32_t vertex = level->corners[4 * (size_t)tet + (size_t)c];
+        const double *value = level->values ? level->values + (size_t)level->components * vertex : NULL;
+        pass->errors[c] = error_at(level, vertex);
+        if (value && component == ASK_LENGTH) {
+            pass->errors[c] *= sqrt((double)level->components);
+            memcpy(pass->vectors[c], value, level->components * sizeof *value);
+        } else {
+            double middle = value ? value[component < 0 ? 0 : component] : 0;
+            pass->ends[LOWER][c] = middle - pass->errors[c];
+            pass->ends[UPPER][c] = middle + pass->errors[c];
+        }
+    }
+    if (level->values && component == ASK_LENGTH)
+        enclose_length(pass);
+}
+
+/* The two functions at a point of the tetrahedron. Of a length the upper one is as near as its error. */
+static void enclose_at(const struct pass *pass, const double weights[4], double out[2])
+{
+    out[LOWER] = out[UPPER] = 0;
+    double error = 0;
+    for (int c = 0; c < 4; c++) {
+        out[LOWER] += weights[c] * pass->ends[LOWER][c];
+        out[UPPER] += weights[c] * pass->ends[UPPER][c];
+        error += weights[c] * pass->errors[c];
+    }
+    if (pass->question->quantity.component != ASK_LENGTH)
+        return;
+    double vector[256];
+    for (uint32_t i = 0; i < pass->level->components; i++) {
+        vector[i] = 0;
+        for (int c = 0; c < 4; c++)
+            vector[i] += weights[c] * pass->vectors[c][i];
+    }
+    double middle = length(vector, pass->level->components);
+    out[UPPER] = middle + error;
+    if (pass->question->function == ASK_MAX || pass->question->function == ASK_AT) // there the length itself is what counts
+        out[LOWER] = middle - error;
+}
+
+static void add_extremes(struct pass *pass, const double weights[4])
+{
+    double values[2];
+    enclose_at(pass, weights, values);
+    for (int e = 0; e < 2; e++) {
+        pass->least[e] = fmin(pass->least[e], values[e]);
+        pass->most[e] = fmax(pass->most[e], values[e]);
+    }
+}
+
+static void add_piece(void *opaque, const double piece[4][4])
+{
+    struct pass *pass = opaque;
+    double volume = pass->volume * clip_share(piece);
+    pass->whole += volume;
+    for (int i = 0; i < 4; i++) {
+        add_extremes(pass, piece[i]);
+        for (int e = 0; e < 2; e++) {
+            double value = 0;
+            for (int c = 0; c < 4; c++)
+                value += piece[i][c] * pass->ends[e][c];
+            pass->integral[e] += volume * value / 4;
+            pass->absolute += volume * fabs(value) / 4;
+        }
+    }
+}
+
+static void add_part(void *opaque, const double piece[4][4])
+{
+    struct pass *pass = opaque;
+    pass->part[pass->which] += pass->volume * clip_share(piece);
+}
+
+/* The volume on the asked side of the threshold, for one end of the answer. Where all of the tetrahedron is *at* the threshold, that
+ * counts if the comparison allows it. */
+static void add_side(struct pass *pass, double planes[][4], unsigned count, int which)
+{
+    bool above = pass->side == ASK_GREATER || pass->side == ASK_AT_LEAST;
+    bool strict = pass->side == ASK_GREATER || pass->side == ASK_LESS, flat = true;
+    const double *ends = pass->ends[above == (which == UPPER) ? UPPER : LOWER];
+    for (int c = 0; c < 4; c++) {
+        planes[count][c] = above ? ends[c] - pass->thresholds[which] : pass->thresholds[which] - ends[c];
+        flat &= planes[count][c] == 0;
+    }
+    pass->which = which;
+    long double before = pass->part[which];
+    if (!flat || !strict)
+        clip_tet((const double(*)[4])planes, count + 1, add_part, pass);
+    pass->touched[which] += pass->part[which] > before ? pass->volume : 0;
+}
+
+/* The sides of the box that pass through the tetrahedron, as functions; false if it is outside. */
+static bool box_planes(const struct ask_question *question, const double *const corners[4], double planes[][4], unsigned *count)
+{
+    *count = 0;
+    for (int i = 0; i < 3 && question->in_box; i++)
+        for (int side = 0; side < 2; side++) {
+            double *plane = planes[*count], least = DBL_MAX, most = -DBL_MAX;
+            for (int c = 0; c < 4; c++) {
+                plane[c] = side ? question->box[1][i] - corners[c][i] : corners[c][i] - question->box[0][i];
+                least = fmin(least, plane[c]);
+                most = fmax(most, plane[c]);
+            }
+            if (most < 0)
+                return false;
+            *count += least < 0;
+        }
+    return true;
+}
+
+static void add_volumes(struct pass *pass, const double *const corners[4])
+{
+    double planes[MAX_CLIP_PLANES][4];
+    unsigned count;
+    if (!box_planes(pass->question, corners, planes, &count))
+        return;
+    pass->volume = fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6;
+    if (pass->side == ASK_NO_LIMIT) {
+        clip_tet((const double(*)[4])planes, count, add_piece, pass);
+        return;
+    }
+    add_side(pass, planes, count, LOWER);
+    add_side(pass, planes, count, UPPER);
+}
+
+static void add_point(struct pass *pass, uint32_t tet)
+{
+    const struct locator mesh = {.positions = pass->level->positions, .corners = pass->level->corners};
+    double weights[4];
+    if (locator_contains(&mesh, tet, pass->question->place[0], weights))
+        add_extremes(pass, weights);
+}
+
+static void add_stretch(struct pass *pass, const double *const corners[4])
+{
+    double at[2], weights[2][4];
+    if (!cut_stretch(corners, pass->question->place[0], pass->question->place[1], at, weights))
+        return;
+    add_extremes(pass, weights[0]);
+    add_extremes(pass, weights[1]);
+}
+
+static void run(struct pass *pass)
+{
+    const struct ask_level *level = pass->level;
+    pass->whole = pass->absolute = 0;
+    for (int e = 0; e < 2; e++) {
+        pass->integral[e] = pass->part[e] = pass->touched[e] = 0;
+        pass->least[e] = INFINITY;
+        pass->most[e] = -INFINITY;
+    }
+    for (uint32_t t = 0; t < level->tets; t++) {
+        const double *corners[4];
+        if (pass->question->over_region && level->regions[t] != pass->question->region)
+            continue;
+        for (int c = 0; c < 4; c++)
+            corners[c] = level->positions + 3 * (size_t)level->corners[4 * (size_t)t + (size_t)c];
+        enclose(pass, t);
+        if (pass->question->function == ASK_AT)
+            add_point(pass, t);
+        else if (pass->question->function == ASK_ALONG)
+            add_stretch(pass, corners);
+        else
+            add_volumes(pass, corners);
+    }
+}
+
+/* The part of the domain that is asked about is all of it where nothing else is said. */
+static enum tetlod_status run_whole(struct pass *pass, struct tetlod_error *error)
+{
+    static const char *const empty[] = {"the point lies outside of the mesh", "the line does not pass through the mesh"};
+    run(pass);
+    if (pass->question->function <= ASK_ALONG && !(pass->least[LOWER] <= pass->most[LOWER]))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s", empty[pass->question->function]);
+    if (pass->question->function > ASK_ALONG && !(pass->whole > 0))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the box, or the region, holds nothing of the mesh");
+    return TETLOD_OK;
+}
+
+/* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the upper. */
+static double quantile(struct pass *pass, int which, double share)
+{
+    enum { MAX_HALVINGS = 100 };
+    double low = pass->least[which], high = pass->most[which];
+    long double slack = ROUNDING * pass->whole, wanted = share * pass->whole + (which == LOWER ? -slack : slack);
+    pass->side = ASK_AT_MOST;
+    for (int k = 0; k < MAX_HALVINGS; k++) {
+        double middle = low + (high - low) / 2;
+        if (!(middle > low && middle < high))
+            break;
+        // of the volume at most a threshold, the upper end is that of the lower function
+        pass->thresholds[LOWER] = pass->thresholds[UPPER] = middle;
+        run(pass);
+        if (pass->part[which == LOWER ? UPPER : LOWER] >= wanted)
+            high = middle;
+        else
+            low = middle;
+    }
+    return which == LOWER ? low : high;
+}
+
+static struct ask_interval find_quantile(struct pass *pass)
+{
+    struct pass whole = *pass, other = *pass;
+    struct ask_interval out = {quantile(&whole, LOWER, pass->question->number), quantile(&other, UPPER, pass->question->number)};
+    return out;
+}
+
+static struct ask_interval widened(long double lower, long double upper, long double by)
+{
+    return (struct ask_interval){(double)(lower - by), (double)(upper + by)};
+}
+
+/* A volume is neither negative nor more than there is. */
+static struct ask_interval find_volume(struct pass *pass)
+{
+    long double whole = pass->whole;
+    if (pass->question->side == ASK_NO_LIMIT)
+        return widened(whole, whole, ROUNDING * whole);
+    pass->side = pass->question->side;
+    pass->thresholds[LOWER] = pass->thresholds[UPPER] = pass->question->number;
+    run(pass);
+    return (struct ask_interval){fmax((double)(pass->part[LOWER] - ROUNDING * pass->touched[LOWER]), 0),
+                                 fmin((double)(pass->part[UPPER] + ROUNDING * pass->touched[UPPER]), (double)(whole * (1 + ROUNDING)))};
+}
+
+static struct ask_interval find(struct pass *pass)
+{
+    long double rounding = ROUNDING * pass->absolute;
+    switch (pass->question->function) {
+    case ASK_MEAN:
+        return widened(pass->integral[LOWER] / pass->whole, pass->integral[UPPER] / pass->whole, 2 * rounding / pass->whole);
+    case ASK_INTEGRAL:
+        return widened(pass->integral[LOWER], pass->integral[UPPER], rounding);
+    case ASK_MIN:
+        return (struct ask_interval){pass->least[LOWER], pass->least[UPPER]};
+    case ASK_MAX:
+        return (struct ask_interval){pass->most[LOWER], pass->most[UPPER]};
+    case ASK_VOLUME:
+        return find_volume(pass);
+    case ASK_QUANTILE:
+        return find_quantile(pass);
+    case ASK_AT:
+    case ASK_ALONG:
+        break;
+    }
+    return (struct ask_interval){pass->least[LOWER], pass->most[UPPER]};
+}
+
+enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level, struct ask_interval *out,
+                              struct tetlod_error *error)
+{
+    struct pass pass = {.question = question, .level = level};
+    TETLOD_TRY(run_whole(&pass, error));
+    *out = find(&pass);
+    if (question->quantity.component == ASK_LENGTH && question->function != ASK_VOLUME)
+        out->lower = fmax(out->lower, 0);
+    return TETLOD_OK;
+}
+
+int ask_decide(const struct ask_question *question, const struct ask_interval *interval)
+{
+    double lower = interval->lower, upper = interval->upper, limit = question->limit;
+    switch (question->compare) {
+    case ASK_LESS:
+        return upper < limit ? 1 : lower >= limit ? 0 : -1;
+    case ASK_AT_MOST:
+        return upper <= limit ? 1 : lower > limit ? 0 : -1;
+    case ASK_GREATER:
+        return lower > limit ? 1 : upper <= limit ? 0 : -1;
+    case ASK_AT_LEAST:
+        return lower >= limit ? 1 : upper < limit ? 0 : -1;
+    case ASK_NO_LIMIT:
+        break;
+    }
+    return -1;
+}

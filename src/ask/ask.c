@@ -1,0 +1,211 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/ask/ask.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+/* A question about one stream. */
+struct asking {
+    struct tetlod_file *file;
+    const struct tetlod_info *info;
+    const struct ask_question *question;
+    uint32_t fields[2], field_count; /* the quantity's field, and its local bound */
+    uint32_t region_field;           /* a cell field */
+    double *regions;
+    uint32_t finest;                 /* that is there */
+};
+
+static enum tetlod_status find_field(struct asking *asking, struct tetlod_error *error)
+{
+    const struct ask_quantity *quantity = &asking->question->quantity;
+    const struct tetlod_info *info = asking->info;
+    if (!quantity->name[0])
+        return TETLOD_OK;
+    uint32_t field = tetlod_field_index(info, quantity->name);
+    if (field == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s'; 'tetlod info' lists the fields", quantity->name);
+    uint32_t components = info->fields[field].components;
+    if (quantity->component == ASK_SCALAR && components > 1)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has %u components: ask for its length |%.60s| or a component %.60s:0",
+                            quantity->name, components, quantity->name, quantity->name);
+    if (quantity->component >= (int)components)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has the components 0 to %u, not %d", quantity->name, components - 1,
+                            quantity->component);
+    asking->fields[asking->field_count++] = field;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (info->fields[f].bounds == field && asking->field_count < 2)
+            asking->fields[asking->field_count++] = f;
+    return TETLOD_OK;
+}
+
+/* What rounding moves of a boundary that keeps its place: of the diagonal (PROOF.md 5). */
+static const double KEPT = 1e-12;
+
+/* A bound of the field's error at any point, in its units; infinite if the level's domain is another one or it has no bound. */
+static double error_of_level(const struct asking *asking, uint32_t level)
+{
+    const struct tetlod_info *info = asking->info;
+    const struct tetlod_level *row = &info->levels[level];
+    bool finest = level + 1 == info->level_count;
+    if (!(row->domain_error <= KEPT) && !finest)
+        return INFINITY;
+    if (!asking->field_count || (finest && info->lossless))
+        return 0;
+    const struct tetlod_field *field = &info->fields[asking->fields[0]];
+    double error = row->errors[asking->fields[0] * TETLOD_MEASURES + TETLOD_MAX];
+    if (isnan(error))
+        return INFINITY;
+    return error * (field->range[1] > field->range[0] ? field->range[1] - field->range[0] : 1) * (1 + 1e-12);
+}
+
+static enum tetlod_status load_regions(struct asking *asking, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = asking->info;
+    if (!asking->question->over_region)
+        return TETLOD_OK;
+    while (asking->region_field < info->cell_field_count && !info->cell_fields[asking->region_field].region)
+        asking->region_field++;
+    if (asking->region_field == info->cell_field_count)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "it has no regions that levels keep; build it with --region");
+    size_t count = (size_t)info->cell_fields[asking->region_field].components * info->tets;
+    asking->regions = array_new(count, sizeof *asking->regions);
+    if (!asking->regions)
+        return tetlodi_fail_nomem(error, "the regions of the tetrahedra", count * sizeof *asking->regions);
+    return tetlod_cells(asking->file, asking->region_field, asking->regions, error);
+}
+
+/* Bytes before the levels, of the levels' frames, and of the regions. */
+static enum tetlod_status count_bytes(const struct asking *asking, uint32_t level, uint64_t *out, struct tetlod_error *error)
+{
+    size_t count = tetlod_spans(asking->file, TETLOD_NONE, level, asking->fields, asking->field_count, NULL, 0);
+    struct tetlod_span *spans = array_new(count, sizeof *spans);
+    if (!spans)
+        return tetlodi_fail_nomem(error, "the places of the levels", count * sizeof *spans);
+    tetlod_spans(asking->file, TETLOD_NONE, level, asking->fields, asking->field_count, spans, count);
+    *out = 0;
+    for (size_t s = 0; s < count; s++)
+        *out += spans[s].size;
+    free(spans);
+    uint32_t section = asking->regions ? tetlod_section_index(asking->info, "CVAL") : TETLOD_NONE;
+    *out += section == TETLOD_NONE ? 0 : asking->info->sections[section].stored;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status answer(const struct asking *asking, const struct tetlod_cursor *cursor, double error_bound,
+                                 struct ask_interval *out, struct tetlod_error *error)
+{
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(cursor, &mesh);
+    struct ask_level level = {mesh.positions, mesh.corners, mesh.tets, NULL, 1, NULL, error_bound, asking->regions};
+    if (asking->field_count) {
+        level.values = mesh.fields[asking->fields[0]];
+        level.components = asking->info->fields[asking->fields[0]].components;
+    }
+    if (asking->field_count > 1 && error_bound > 0)
+        level.bounds = mesh.fields[asking->fields[1]];
+    return ask_answer(asking->question, &level, out, error);
+}
+
+/* What an answer can be at most, from the least to the greatest. */
+static double scale_of(const struct asking *asking, double volume)
+{
+    double range = 1;
+    if (asking->field_count) {
+        const struct tetlod_field *field = &asking->info->fields[asking->fields[0]];
+        range = field->range[1] - field->range[0];
+    }
+    switch (asking->question->function) {
+    case ASK_VOLUME:
+        return volume;
+    case ASK_INTEGRAL:
+        return volume * range;
+    default:
+        return range;
+    }
+}
+
+static bool is_enough(const struct asking *asking, const struct ask_within *within, double volume, const struct ask_interval *interval)
+{
+    if (asking->question->compare != ASK_NO_LIMIT)
+        return ask_decide(asking->question, interval) >= 0;
+    return interval->upper - interval->lower <= within->width * (within->relative ? scale_of(asking, volume) : 1);
+}
+
+/* The volume of what is asked about, at a level whose domain is the original's. */
+static enum tetlod_status measure_volume(const struct asking *asking, const struct tetlod_cursor *cursor, double *out,
+                                         struct tetlod_error *error)
+{
+    struct ask_question question = *asking->question;
+    struct asking volume = *asking;
+    struct ask_interval interval;
+    *out = 0;
+    if (question.function == ASK_AT || question.function == ASK_ALONG)
+        return TETLOD_OK;
+    question.function = ASK_VOLUME;
+    question.side = ASK_NO_LIMIT;
+    volume.question = &question;
+    volume.field_count = 0;
+    TETLOD_TRY(answer(&volume, cursor, 0, &interval, error));
+    *out = interval.upper;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor, const struct ask_within *within,
+                                     struct ask_result *out, struct tetlod_error *error)
+{
+    double volume = -1;
+    for (uint32_t level = 0; level <= asking->finest; level++) {
+        double bound = error_of_level(asking, level);
+        if (isinf(bound))
+            continue;
+        TETLOD_TRY(tetlod_cursor_seek(cursor, level, error));
+        if (volume < 0)
+            TETLOD_TRY(measure_volume(asking, cursor, &volume, error));
+        TETLOD_TRY(answer(asking, cursor, bound, &out->interval, error));
+        out->level = level;
+        out->exact = bound == 0;
+        if (out->exact || is_enough(asking, within, volume, &out->interval))
+            break;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status check_levels(const struct asking *asking, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = asking->info;
+    if (info->inverted_tets && asking->question->function > ASK_ALONG)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%llu of its tetrahedra are inverted: the mesh folds over itself, so that "
+                            "volumes and means of it mean nothing", (unsigned long long)info->inverted_tets);
+    for (uint32_t level = 0; level <= asking->finest && asking->finest != TETLOD_NONE; level++)
+        if (!isinf(error_of_level(asking, level)))
+            return TETLOD_OK;
+    if (asking->finest == TETLOD_NONE || asking->finest + 1 < info->level_count)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off, and no level that is here certifies an answer");
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "no level certifies the error of '%.100s'; build it with --field or --certify-all",
+                        asking->question->quantity.name);
+}
+
+enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const struct ask_question *question,
+                              const struct ask_within *within, struct ask_result *out, struct tetlod_error *error)
+{
+    struct asking asking = {.file = file, .info = tetlod_info(file), .question = question, .finest = finest};
+    struct tetlod_cursor *cursor = NULL;
+    *out = (struct ask_result){0};
+    enum tetlod_status status = find_field(&asking, error);
+    if (status == TETLOD_OK)
+        status = check_levels(&asking, error);
+    if (status == TETLOD_OK)
+        status = load_regions(&asking, error);
+    if (status == TETLOD_OK)
+        status = tetlod_cursor_new(&cursor, file, asking.fields, asking.field_count, error);
+    if (status == TETLOD_OK)
+        status = ask_levels(&asking, cursor, within, out, error);
+    if (status == TETLOD_OK)
+        status = count_bytes(&asking, out->level, &out->bytes, error);
+    tetlod_cursor_free(cursor);
+    free(asking.regions);
+    return status;
+}

@@ -1,0 +1,233 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""`tetlod ask`: intervals against the original's own answers, which are worked out here from its tetrahedra."""
+import itertools
+import json
+
+import numpy as np
+
+import common
+from common import fails, finish, must, note, path, read_grid, report
+
+WITHIN = ('30%', '3%', '0.3%', '0')
+
+
+class Original:
+    """What a question is about, computed without the program."""
+
+    def __init__(self, name):
+        from vtk.util.numpy_support import vtk_to_numpy
+        grid = read_grid(name)
+        self.points = vtk_to_numpy(grid.GetPoints().GetData()).astype(float)
+        self.tets = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
+        data = grid.GetPointData()
+        self.fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)).astype(float) for i in range(data.GetNumberOfArrays())}
+        self.regions = vtk_to_numpy(grid.GetCellData().GetArray('material')) if grid.GetCellData().HasArray('material') else None
+        corners = self.points[self.tets]
+        self.edges = corners[:, 1:] - corners[:, :1]
+        self.volumes = np.abs(np.linalg.det(self.edges)) / 6
+
+    def corner_values(self, name):
+        return self.fields[name][self.tets]
+
+    def above(self, values, threshold, volumes):
+        """The volume where a linear function is above: a sum over corners, after ties are moved apart by a millionth of a millionth."""
+        spread = max(1e-300, np.ptp(values))
+        v = np.sort(values + spread * 1e-7 * np.arange(4), axis=1)
+        share = np.zeros(len(v))
+        for i in range(4):
+            others = [j for j in range(4) if j != i]
+            share += np.maximum(v[:, i] - threshold, 0) ** 3 / np.prod([v[:, i] - v[:, j] for j in others], axis=0)
+        share = np.where(v[:, 0] >= threshold, 1, np.where(v[:, 3] <= threshold, 0, share))
+        return float((np.clip(share, 0, 1) * volumes).sum())
+
+    def quantile(self, values, share):
+        low, high = values.min(), values.max()
+        for _ in range(60):
+            middle = (low + high) / 2
+            if self.volumes.sum() - self.above(values, middle, self.volumes) >= share * self.volumes.sum():
+                high = middle
+            else:
+                low = middle
+        return low
+
+    def at(self, name, point):
+        weights = np.linalg.solve(self.edges.transpose(0, 2, 1), (point - self.points[self.tets[:, 0]])[..., None])[..., 0]
+        weights = np.column_stack([1 - weights.sum(axis=1), weights])
+        inside = np.where(weights.min(axis=1) >= -1e-9)[0]
+        return [np.tensordot(weights[t], self.fields[name][self.tets[t]], 1) for t in inside]
+
+    def in_box(self, name, box, samples=4000):
+        """Points of the box with their values: what a mean lies between cannot be told from them, extremes can."""
+        random = np.random.default_rng(7)
+        places = box[0] + random.random((samples, 3)) * (np.array(box[1]) - box[0])
+        return [value for p in places for value in self.at(name, p)[:1]]
+
+
+def answer(stream, question, within):
+    done = common.tetlod('ask', path(stream), question, '--within', within, '--json')
+    if done.returncode:
+        raise RuntimeError('%s: %s' % (question, done.stderr.decode()))
+    return json.loads(done.stdout)
+
+
+def questions(original, scalar, vector):
+    """Questions with their true answers."""
+    v, volumes = original.corner_values(scalar), original.volumes
+    low, high = v.min(), v.max()
+    yield 'volume()', volumes.sum()
+    yield 'mean(%s)' % scalar, (v.mean(axis=1) * volumes).sum() / volumes.sum()
+    yield 'integral(%s)' % scalar, (v.mean(axis=1) * volumes).sum()
+    yield 'min(%s)' % scalar, low
+    yield 'max(%s)' % scalar, high
+    for share in (0.1, 0.5, 0.8):
+        threshold = float(np.float32(low + share * (high - low)))
+        above = original.above(v, threshold, volumes)
+        yield 'volume(%s > %.17g)' % (scalar, threshold), above
+        yield 'volume(%s <= %.17g)' % (scalar, threshold), volumes.sum() - above
+        yield 'quantile(%s, %g)' % (scalar, share), original.quantile(v, share)
+    box = original.points.min(axis=0), original.points.max(axis=0)
+    for share in (0.21, 0.47, 0.83):
+        place = box[0] + share * (box[1] - box[0])
+        for value in original.at(scalar, place):
+            yield '%s at (%s)' % (scalar, ','.join(map(repr, map(float, place)))), value
+    w = original.fields[vector]
+    yield 'max(|%s|)' % vector, np.sqrt((w ** 2).sum(axis=1)).max()
+    yield 'mean(%s:1)' % vector, (original.corner_values(vector)[..., 1].mean(axis=1) * volumes).sum() / volumes.sum()
+    if original.regions is not None:
+        there = original.regions == 2
+        yield 'mean(%s) over region 2' % scalar, (v.mean(axis=1) * volumes)[there].sum() / volumes[there].sum()
+        yield 'volume() over region 2', volumes[there].sum()
+
+
+def enclosed(name, original, stream, scalar, vector):
+    missed, halved, asked, levels = [], 0, 0, set()
+    for question, truth in questions(original, scalar, vector):
+        for within in WITHIN:
+            found = answer(stream, question, within)
+            slack = 1e-6 * max(1e-3, abs(truth))  # of this judge: ties, float32 thresholds, bisection
+            asked += 1
+            levels.add(found['level'])
+            if not found['lower'] - slack <= truth <= found['upper'] + slack:
+                missed.append((question, within, truth, found))
+            middle, half = (found['lower'] + found['upper']) / 2, (found['upper'] - found['lower']) / 4
+            halved += abs(truth - middle) > half + slack
+    report('%s: %d intervals of %d levels hold the original\'s answer' % (name, asked, len(levels)), not missed, missed[:3])
+    return asked, halved
+
+
+def box_answers(original, stream, scalar):
+    """Extremes in a box against samples; sums of boxes against the whole; a box of everything is the whole."""
+    low, high = original.points.min(axis=0), original.points.max(axis=0)
+    box = low + 0.2 * (high - low), low + 0.65 * (high - low)
+    text = 'box(%s)' % ', '.join(map(repr, map(float, itertools.chain(*box))))
+    values = original.in_box(scalar, box)
+    greatest, least = answer(stream, 'max(%s) in %s' % (scalar, text), '1%'), answer(stream, 'min(%s) in %s' % (scalar, text), '1%')
+    report('extremes in a box enclose its samples', greatest['upper'] >= max(values) and least['lower'] <= min(values), (greatest, least))
+    mean = answer(stream, 'mean(%s) in %s' % (scalar, text), '1%')
+    sure = 6 * np.std(values) / np.sqrt(len(values))
+    report('a mean in a box is that of its samples', mean['lower'] - sure <= np.mean(values) <= mean['upper'] + sure, (mean, np.mean(values)))
+    middle = (low + high) / 2
+    for what in ('integral(%s)' % scalar, 'volume(%s > %.17g)' % (scalar, float(np.median(values)))):
+        whole, parts = answer(stream, what, '0'), 0
+        for side in itertools.product((0, 1), repeat=3):
+            corner = [(low[i], middle[i]) if s == 0 else (middle[i], high[i]) for i, s in enumerate(side)]
+            text = 'box(%s)' % ', '.join(repr(float(corner[i][k])) for k in (0, 1) for i in (0, 1, 2))
+            one = answer(stream, '%s in %s' % (what, text), '0')
+            parts += (one['lower'] + one['upper']) / 2
+        report('%s: eight boxes make the whole' % what, abs(parts - whole['lower']) <= 1e-9 * (1 + abs(parts)), (parts, whole))
+
+
+def kuhn(n, random):
+    """A cube of n^3 cells of six tetrahedra; points inside are moved a little."""
+    grid = np.array(list(itertools.product(range(n + 1), repeat=3)), float)
+    inner = ((grid > 0) & (grid < n)).all(axis=1)
+    grid[inner] += random.uniform(-0.2, 0.2, (inner.sum(), 3))
+    tets = []
+    for cell in itertools.product(range(n), repeat=3):
+        for axes in itertools.permutations(range(3)):
+            at, corners = list(cell), [tuple(cell)]
+            for axis in axes:
+                at[axis] += 1
+                corners.append(tuple(at))
+            tets.append([(x * (n + 1) + y) * (n + 1) + z for x, y, z in corners])
+    tets = np.array(tets)
+    corners = grid[tets]
+    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
+    tets[turned] = tets[turned][:, [0, 1, 3, 2]]
+    return grid / n, tets
+
+
+def write_mesh(name, n, seed, material):
+    import vtk
+    from meshes import vtk_mesh
+    random = np.random.default_rng(seed)
+    points, tets = kuhn(n, random)
+    points = points.astype(np.float32)
+    x, y, z = points.astype(float).T
+    heat = (np.tanh(6 * (x + 0.4 * y - 0.6)) + 0.3 * np.sin(7 * z)).astype(np.float32)
+    heat[x < 0.2] = np.float32(-1.25)  # a plateau
+    wind = np.column_stack([np.cos(4 * y), np.sin(4 * x) * z, 0.5 - z]).astype(np.float32)
+    cells = {'material': np.where(points[tets][:, :, 2].mean(axis=1) > 0.5, 2, 1).astype(np.int32)} if material else {}
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(path(name))
+    writer.SetInputData(vtk_mesh(points, tets, {'heat': heat, 'wind': wind}, cells))
+    writer.Write()
+
+
+def predicates():
+    for question, code, word in (('max(heat) < 5', 0, b'yes: '), ('max(heat) < 0', 4, b'no: '), ('mean(wind:0) >= -3', 0, b'yes: '),
+                                 ('volume(heat > 9) > 0', 4, b'no: '), ('heat at (0.5,0.5,0.5) > -10', 0, b'yes: ')):
+        done = common.tetlod('ask', path('plain.tetlod'), question)
+        report('%s ends with %d' % (question, code), done.returncode == code and done.stdout.startswith(word), done)
+    coarse = json.loads(must('ask', path('plain.tetlod'), 'max(heat) < 5', '--json').stdout)
+    report('a predicate is decided by a coarse level', coarse['answer'] == 'yes' and coarse['bytes'] < coarse['of_bytes'] / 2, coarse)
+    limit = answer('rounded.tetlod', 'mean(heat)', '0')
+    done = common.tetlod('ask', path('rounded.tetlod'), 'mean(heat) < %.17g' % ((limit['lower'] + limit['upper']) / 2))
+    report('what rounding leaves open is unknown', done.returncode == 5 and done.stdout.startswith(b'unknown: '), done)
+
+
+def refusals():
+    stream = path('plain.tetlod')
+    for question, code, words in (
+            ('mean(heat', 2, ('character 10', "')'")), ('median(heat)', 2, ('functions are', 'quantile')), ('mean(cold)', 3, ("no field 'cold'",)),
+            ('mean(wind)', 3, ('3 components', '|wind|', 'wind:0')), ('mean(wind:3)', 3, ('components 0 to 2',)),
+            ('quantile(heat, 2)', 2, ('fraction from 0 to 1',)), ('heat at (9,9,9)', 2, ('outside',)),
+            ('mean(heat) in box(1,0,0, 0,1,1)', 2, ('least corner',)), ('mean(heat) in box(5,5,5, 6,6,6)', 2, ('holds nothing',)),
+            ('mean(heat) over region 1', 3, ('--region',)), ('mean(heat) < ', 2, ('a number',)), ('mean(heat) 5', 2, ('the end',))):
+        fails('refused: ' + question, code, words, 'ask', stream, question)
+    fails('a width that is none', 2, ('--within',), 'ask', stream, 'mean(heat)', '--within', 'x%')
+    with open(stream, 'rb') as whole:
+        data = whole.read()
+    with open(path('cut.tetlod'), 'wb') as cut:
+        cut.write(data[:len(data) * 2 // 3])
+    done = common.tetlod('ask', path('cut.tetlod'), 'mean(heat)', '--within', '0')
+    report('a file that is cut off answers by what is there', done.returncode == 0 and b'certified' in done.stdout, done)
+
+
+def main():
+    try:
+        import vtk  # noqa: F401
+    except ImportError:
+        note('skipped: VTK for Python is not here')
+        finish()
+        return
+    write_mesh('plain.vtu', 7, 1, False)
+    write_mesh('parts.vtu', 6, 2, True)
+    both = ('--field', 'heat', '--field', 'wind')
+    must('build', path('plain.vtu'), '-o', path('plain.tetlod'), *both)
+    must('build', path('plain.vtu'), '-o', path('local.tetlod'), '--local-bound', '--domain-error', '0', *both)
+    must('build', path('plain.vtu'), '-o', path('rounded.tetlod'), '--field-bits', '10', *both)
+    must('build', path('parts.vtu'), '-o', path('parts.tetlod'), '--region', 'material', *both)
+    totals = [0, 0]
+    for name, mesh in (('plain', 'plain'), ('local', 'plain'), ('rounded', 'plain'), ('parts', 'parts')):
+        for i, n in enumerate(enclosed(name, Original(mesh + '.vtu'), name + '.tetlod', 'heat', 'wind')):
+            totals[i] += n
+    report('intervals of half the width would miss', totals[1] * 100 >= totals[0], totals)
+    box_answers(Original('plain.vtu'), 'plain.tetlod', 'heat')
+    predicates()
+    refusals()
+    finish()
+
+
+main()
