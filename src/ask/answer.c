@@ -13,7 +13,8 @@
 
 enum { LOWER, UPPER }; /* the two functions that enclose the original */
 
-static const double ROUNDING = 4e-12; /* of a sum's absolute terms; a boundary that keeps its place to within rounding is in it */
+/* of a sum's absolute terms; a boundary that keeps its place to within rounding is in it */
+static const double ROUNDING = 4e-12;
 
 /* What is asked of each tetrahedron, and what has come together. */
 struct pass {
@@ -23,8 +24,8 @@ struct pass {
     double thresholds[2];     /* of the answers' lower and upper end */
     /* The tetrahedron that is being looked at: what follows belongs to its corners. */
     double volume, ends[2][4], vectors[4][256], errors[4];
-    /* The sums. */
-    long double whole, integral[2], absolute, part[2], touched[2]; /* touched: volume of tetrahedra that have a part of it */
+    /* The sums. touched: the volume of all tetrahedra that have a part of it. */
+    long double whole, integral[2], absolute, part[2], touched[2];
     double least[2], most[2];
     int which;                /* the function whose part is being added */
 };
@@ -101,7 +102,8 @@ static void enclose_at(const struct pass *pass, const double weights[4], double 
     }
     double middle = length(vector, pass->level->components);
     out[UPPER] = middle + error;
-    if (pass->question->function == ASK_MAX || pass->question->function == ASK_AT) // there the length itself is what counts
+    // there the length itself is what counts
+    if (pass->question->function == ASK_MAX || pass->question->function == ASK_AT)
         out[LOWER] = middle - error;
 }
 
@@ -138,8 +140,8 @@ static void add_part(void *opaque, const double piece[4][4])
     pass->part[pass->which] += pass->volume * clip_share(piece);
 }
 
-/* The volume on the asked side of the threshold, for one end of the answer. Where all of the tetrahedron is *at* the threshold, that
- * counts if the comparison allows it. */
+/* The volume on the asked side of the threshold, for one end of the answer. Where all of the tetrahedron is *at* the
+ * threshold, that counts if the comparison allows it. */
 static void add_side(struct pass *pass, double planes[][4], unsigned count, int which)
 {
     bool above = pass->side == ASK_GREATER || pass->side == ASK_AT_LEAST;
@@ -157,7 +159,8 @@ static void add_side(struct pass *pass, double planes[][4], unsigned count, int 
 }
 
 /* The sides of the box that pass through the tetrahedron, as functions; false if it is outside. */
-static bool box_planes(const struct ask_question *question, const double *const corners[4], double planes[][4], unsigned *count)
+static bool box_planes(const struct ask_question *question, const double *const corners[4], double planes[][4],
+                       unsigned *count)
 {
     *count = 0;
     for (int i = 0; i < 3 && question->in_box; i++)
@@ -235,7 +238,8 @@ static void run(struct pass *pass)
 /* The part of the domain that is asked about is all of it where nothing else is said. */
 static enum tetlod_status run_whole(struct pass *pass, struct tetlod_error *error)
 {
-    static const char *const empty[] = {"the point lies outside of the mesh", "the line does not pass through the mesh"};
+    static const char *const empty[] = {"the point lies outside of the mesh",
+                                        "the line does not pass through the mesh"};
     run(pass);
     if (pass->question->function <= ASK_ALONG && !(pass->least[LOWER] <= pass->most[LOWER]))
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s", empty[pass->question->function]);
@@ -244,7 +248,8 @@ static enum tetlod_status run_whole(struct pass *pass, struct tetlod_error *erro
     return TETLOD_OK;
 }
 
-/* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the upper. */
+/* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
+ * upper. */
 static double quantile(struct pass *pass, int which, double share)
 {
     enum { MAX_HALVINGS = 100 };
@@ -269,7 +274,8 @@ static double quantile(struct pass *pass, int which, double share)
 static struct ask_interval find_quantile(struct pass *pass)
 {
     struct pass whole = *pass, other = *pass;
-    struct ask_interval out = {quantile(&whole, LOWER, pass->question->number), quantile(&other, UPPER, pass->question->number)};
+    struct ask_interval out = {quantile(&whole, LOWER, pass->question->number),
+                               quantile(&other, UPPER, pass->question->number)};
     return out;
 }
 
@@ -288,7 +294,8 @@ static struct ask_interval find_volume(struct pass *pass)
     pass->thresholds[LOWER] = pass->thresholds[UPPER] = pass->question->number;
     run(pass);
     return (struct ask_interval){fmax((double)(pass->part[LOWER] - ROUNDING * pass->touched[LOWER]), 0),
-                                 fmin((double)(pass->part[UPPER] + ROUNDING * pass->touched[UPPER]), (double)(whole * (1 + ROUNDING)))};
+                                 fmin((double)(pass->part[UPPER] + ROUNDING * pass->touched[UPPER]),
+                                      (double)(whole * (1 + ROUNDING)))};
 }
 
 static struct ask_interval find(struct pass *pass)
@@ -296,7 +303,8 @@ static struct ask_interval find(struct pass *pass)
     long double rounding = ROUNDING * pass->absolute;
     switch (pass->question->function) {
     case ASK_MEAN:
-        return widened(pass->integral[LOWER] / pass->whole, pass->integral[UPPER] / pass->whole, 2 * rounding / pass->whole);
+        return widened(pass->integral[LOWER] / pass->whole, pass->integral[UPPER] / pass->whole,
+                       2 * rounding / pass->whole);
     case ASK_INTEGRAL:
         return widened(pass->integral[LOWER], pass->integral[UPPER], rounding);
     case ASK_MIN:
@@ -314,7 +322,8 @@ static struct ask_interval find(struct pass *pass)
     return (struct ask_interval){pass->least[LOWER], pass->most[UPPER]};
 }
 
-enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level, struct ask_interval *out,
+enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
+                              struct ask_interval *out,
                               struct tetlod_error *error)
 {
     struct pass pass = {.question = question, .level = level};

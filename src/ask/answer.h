@@ -2,9 +2,9 @@
 /*
  * What a level says of its original, as an interval that holds the original's own answer.
  *
- * On a level whose domain is the original's, the original's value differs at every point from the level's by at most the certified
- * error (PROOF.md 2). So it lies between two functions, the level's minus and plus its error. Every answer here rises with
- * the function that it is asked of, so the answers for these two enclose it.
+ * On a level whose domain is the original's, the original's value differs at every point from the level's by at most
+ * the certified error (PROOF.md 2). So it lies between two functions, the level's minus and plus its error. Every
+ * answer here rises with the function that it is asked of, so the answers for these two enclose it.
  */
 #ifndef TETLOD_ANSWER_H
 #define TETLOD_ANSWER_H
@@ -27,8 +27,8 @@ struct ask_interval {
     double lower, upper;
 };
 
-/* Rounding is within the interval: 4e-12 of the sum of what is added. ERR_ARGUMENT if the point, line, box or region holds nothing
- * of the mesh. Costs O(tets), a quantile a hundred times that of its narrowest part. */
+/* Rounding is within the interval: 4e-12 of the sum of what is added. ERR_ARGUMENT if the point, line, box or region
+ * holds nothing of the mesh. Costs O(tets), a quantile a hundred times that of its narrowest part. */
 TETLOD_CHECKED enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
                                              struct ask_interval *out, struct tetlod_error *error);
 

@@ -26,13 +26,16 @@ static enum tetlod_status find_field(struct asking *asking, struct tetlod_error 
         return TETLOD_OK;
     uint32_t field = tetlod_field_index(info, quantity->name);
     if (field == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s'; 'tetlod info' lists the fields", quantity->name);
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s'; 'tetlod info' lists the fields",
+                            quantity->name);
     uint32_t components = info->fields[field].components;
     if (quantity->component == ASK_SCALAR && components > 1)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has %u components: ask for its length |%.60s| or a component %.60s:0",
+        return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                            "%.100s has %u components: ask for its length |%.60s| or a component %.60s:0",
                             quantity->name, components, quantity->name, quantity->name);
     if (quantity->component >= (int)components)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has the components 0 to %u, not %d", quantity->name, components - 1,
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has the components 0 to %u, not %d", quantity->name,
+                            components - 1,
                             quantity->component);
     asking->fields[asking->field_count++] = field;
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -44,7 +47,8 @@ static enum tetlod_status find_field(struct asking *asking, struct tetlod_error 
 /* What rounding moves of a boundary that keeps its place: of the diagonal (PROOF.md 5). */
 static const double KEPT = 1e-12;
 
-/* A bound of the field's error at any point, in its units; infinite if the level's domain is another one or it has no bound. */
+/* A bound of the field's error at any point, in its units; infinite if the level's domain is another one or it has no
+ * bound. */
 static double error_of_level(const struct asking *asking, uint32_t level)
 {
     const struct tetlod_info *info = asking->info;
@@ -78,7 +82,8 @@ static enum tetlod_status load_regions(struct asking *asking, struct tetlod_erro
 }
 
 /* Bytes before the levels, of the levels' frames, and of the regions. */
-static enum tetlod_status count_bytes(const struct asking *asking, uint32_t level, uint64_t *out, struct tetlod_error *error)
+static enum tetlod_status count_bytes(const struct asking *asking, uint32_t level, uint64_t *out,
+                                      struct tetlod_error *error)
 {
     size_t count = tetlod_spans(asking->file, TETLOD_NONE, level, asking->fields, asking->field_count, NULL, 0);
     struct tetlod_span *spans = array_new(count, sizeof *spans);
@@ -127,7 +132,8 @@ static double scale_of(const struct asking *asking, double volume)
     }
 }
 
-static bool is_enough(const struct asking *asking, const struct ask_within *within, double volume, const struct ask_interval *interval)
+static bool is_enough(const struct asking *asking, const struct ask_within *within, double volume,
+                      const struct ask_interval *interval)
 {
     if (asking->question->compare != ASK_NO_LIMIT)
         return ask_decide(asking->question, interval) >= 0;
@@ -153,7 +159,8 @@ static enum tetlod_status measure_volume(const struct asking *asking, const stru
     return TETLOD_OK;
 }
 
-static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor, const struct ask_within *within,
+static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor,
+                                     const struct ask_within *within,
                                      struct ask_result *out, struct tetlod_error *error)
 {
     double volume = -1;
@@ -177,15 +184,33 @@ static enum tetlod_status check_levels(const struct asking *asking, struct tetlo
 {
     const struct tetlod_info *info = asking->info;
     if (info->inverted_tets && asking->question->function > ASK_ALONG)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%llu of its tetrahedra are inverted: the mesh folds over itself, so that "
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "%llu of its tetrahedra are inverted: the mesh folds over itself, so that "
                             "volumes and means of it mean nothing", (unsigned long long)info->inverted_tets);
     for (uint32_t level = 0; level <= asking->finest && asking->finest != TETLOD_NONE; level++)
         if (!isinf(error_of_level(asking, level)))
             return TETLOD_OK;
     if (asking->finest == TETLOD_NONE || asking->finest + 1 < info->level_count)
-        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off, and no level that is here certifies an answer");
-    return tetlodi_fail(error, TETLOD_ERR_FIELD, "no level certifies the error of '%.100s'; build it with --field or --certify-all",
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
+                            "it is cut off, and no level that is here certifies an answer");
+    return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                        "no level certifies the error of '%.100s'; build it with --field or --certify-all",
                         asking->question->quantity.name);
+}
+
+/* The index has the extremes of a field of one component. */
+static bool find_in_index(const struct asking *asking, struct ask_result *out)
+{
+    const struct ask_question *question = asking->question;
+    bool extreme = question->function == ASK_MIN || question->function == ASK_MAX;
+    if (!extreme || question->in_box || question->over_region || question->quantity.component == ASK_LENGTH)
+        return false;
+    const struct tetlod_field *field = &asking->info->fields[asking->fields[0]];
+    double value = field->range[question->function == ASK_MAX];
+    out->interval = (struct ask_interval){value, value};
+    out->exact = true;
+    out->bytes = asking->info->levels[0].offset;
+    return field->components == 1;
 }
 
 enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const struct ask_question *question,
@@ -193,8 +218,10 @@ enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const s
 {
     struct asking asking = {.file = file, .info = tetlod_info(file), .question = question, .finest = finest};
     struct tetlod_cursor *cursor = NULL;
-    *out = (struct ask_result){0};
+    *out = (struct ask_result){.level = TETLOD_NONE};
     enum tetlod_status status = find_field(&asking, error);
+    if (status == TETLOD_OK && find_in_index(&asking, out))
+        return status;
     if (status == TETLOD_OK)
         status = check_levels(&asking, error);
     if (status == TETLOD_OK)

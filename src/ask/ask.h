@@ -5,7 +5,8 @@
 
 #include "src/ask/answer.h"
 
-/* How wide an answer may be: in its own units, or relative to what it can be at most: the field's range, the volume, or both. */
+/* How wide an answer may be: in its own units, or relative to what it can be at most: the field's range, the volume, or
+ * both. */
 struct ask_within {
     double width;
     bool relative;
@@ -14,14 +15,16 @@ struct ask_within {
 struct ask_result {
     struct ask_interval interval;
     bool exact;     /* the level is the original in what was asked: only rounding is left */
-    uint32_t level;
+    uint32_t level; /* TETLOD_NONE: the index said it */
     uint64_t bytes; /* that a client reads for it: header, index, levels with the quantity's fields, regions */
 };
 
-/* Levels up to `finest` are there (TETLOD_NONE: none). Of the levels whose domain is the original's, the coarsest with an answer within
- * the width, or that decides the predicate; else the finest. ERR_FIELD if there is no such field or component, or if no level
- * certifies it; ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
-TETLOD_CHECKED enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const struct ask_question *question,
-                                             const struct ask_within *within, struct ask_result *out, struct tetlod_error *error);
+/* Levels up to `finest` are there (TETLOD_NONE: none). Of the levels whose domain is the original's, the coarsest with
+ * an answer within the width, or that decides the predicate; else the finest. ERR_FIELD if there is no such field or
+ * component, or if no level certifies it; ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
+TETLOD_CHECKED enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest,
+                                             const struct ask_question *question,
+                                             const struct ask_within *within, struct ask_result *out,
+                                             struct tetlod_error *error);
 
 #endif

@@ -14,7 +14,8 @@ struct clipping {
 static void clip_from(const struct clipping *clipping, unsigned at, const double piece[4][4]);
 
 /* Where the function is 0 between a corner inside and one outside. */
-static void cut(const double inside[4], double value_inside, const double outside[4], double value_outside, double out[4])
+static void cut(const double inside[4], double value_inside, const double outside[4], double value_outside,
+                double out[4])
 {
     double t = value_inside / (value_inside - value_outside);
     for (int i = 0; i < 4; i++)

@@ -15,7 +15,8 @@ struct text {
 
 static enum tetlod_status wrong(const struct text *text, const char *expected)
 {
-    return tetlodi_fail(text->error, TETLOD_ERR_ARGUMENT, "the question '%.80s': character %d: expected %s", text->whole,
+    return tetlodi_fail(text->error, TETLOD_ERR_ARGUMENT, "the question '%.80s': character %d: expected %s",
+                        text->whole,
                         (int)(text->at - text->whole) + 1, expected);
 }
 
@@ -84,7 +85,7 @@ static enum tetlod_status parse_name(struct text *text, char name[256])
     while (!quoted && in_name(text->at[length]))
         length++;
     if (length == 0 || length > 255)
-        return wrong(text, "the name of a field, in \"quotes\" if it has other signs than letters, digits, '_' and '.'");
+        return wrong(text, "the name of a field, in \"quotes\" if it has signs other than letters, digits, '_', '.'");
     memcpy(name, text->at, length);
     name[length] = 0;
     text->at += length;
@@ -202,8 +203,8 @@ static enum tetlod_status parse_place(struct text *text, struct ask_question *ou
         return parse_numbers(text, 3, out->place[0]);
     }
     if (!take_word(text, "along"))
-        return wrong(text, "'at (x,y,z)' or 'along line(x0,y0,z0, x1,y1,z1)'; functions are mean, integral, min, max, volume "
-                           "and quantile");
+        return wrong(text, "'at (x,y,z)' or 'along line(x0,y0,z0, x1,y1,z1)'; "
+                           "functions are mean, integral, min, max, volume and quantile");
     out->function = ASK_ALONG;
     if (!take_word(text, "line"))
         return wrong(text, "line(x0,y0,z0, x1,y1,z1)");

@@ -15,8 +15,8 @@
 static const char help[] =
     "usage: tetlod ask FILE.tetlod QUESTION [--within WIDTH] [--json]\n"
     "\n"
-    "Answers a question about the original with an interval that certainly holds the answer, from the coarsest level that\n"
-    "is fine enough. Only that level's bytes are read.\n"
+    "Answers a question about the original with an interval that certainly holds the answer, from the\n"
+    "coarsest level that is fine enough. Only that level's bytes are read.\n"
     "\n"
     "  'mean(p)'  'integral(p)'  'min(p)'  'max(p)'     over the domain\n"
     "  'volume()'  'volume(T > 400)'                    also <, <=, >=\n"
@@ -28,41 +28,66 @@ static const char help[] =
     "\n"
     "A field's name with other signs than letters, digits, '_' and '.' stands in \"quotes\".\n"
     "\n"
-    "      --within W  the interval may be so wide, in the answer's units; or 1% of the field's range (of the volume, of\n"
-    "                  the volume times the range) (default: 1%; 0: the finest level)\n"
+    "      --within W  how wide the interval may be, in the answer's units; or a percentage of the field's range\n"
+    "                  (of the volume; of the volume times the range) (default: 1%; 0: the finest level)\n"
     "      --json      as JSON\n"
     "\n"
     "Exit status: 0 answered, or yes; 4 no; 5 unknown even at the finest level.\n";
 
-static const char *const verdicts[] = {"unknown", "no", "yes"};
+/* What is asked about has the field's unit, unless it is a volume or an integral. */
+static const char *unit_of(const json_t *metadata, const struct ask_question *question)
+{
+    bool of_field = question->function != ASK_VOLUME && question->function != ASK_INTEGRAL;
+    return of_field ? metadata_unit(metadata, question->quantity.name) : "";
+}
+
+static int print_as_json(const struct tetlod_info *info, const char *text, const char *unit, const char *verdict,
+                         const struct ask_result *result)
+{
+    json_t *object = json_pack("{s:s, s:f, s:f, s:s, s:s, s:I, s:I}", "question", text,
+                               "lower", result->interval.lower, "upper", result->interval.upper, "unit", unit,
+                               "bound", result->exact ? "exact" : "certified",
+                               "bytes", (json_int_t)result->bytes, "of_bytes", (json_int_t)info->bytes);
+    if (object && result->level != TETLOD_NONE) {
+        json_object_set_new(object, "level", json_integer(result->level));
+        json_object_set_new(object, "tets", json_integer(info->levels[result->level].tets));
+    }
+    if (verdict && object)
+        json_object_set_new(object, "answer", json_string(verdict));
+    return cli_print_json(object);
+}
+
+/* Nine digits, rounded outwards. */
+static int print_as_text(const struct tetlod_info *info, const char *unit, const char *verdict,
+                         const struct ask_result *result)
+{
+    double lower = result->interval.lower, upper = result->interval.upper;
+    if (verdict)
+        printf("%s: ", verdict);
+    printf("from %.9g to %.9g%s%s\n", lower - 5e-9 * fabs(lower), upper + 5e-9 * fabs(upper), *unit ? " " : "", unit);
+    printf("%s: ", result->exact ? "exact but for rounding" : "certified");
+    if (result->level == TETLOD_NONE)
+        printf("the index");
+    else
+        printf("level %u of 0..%u, %u of %u tetrahedra", result->level, info->level_count - 1,
+               info->levels[result->level].tets, info->tets);
+    printf(", %llu of %llu bytes\n", (unsigned long long)result->bytes, (unsigned long long)info->bytes);
+    return EXIT_DONE;
+}
 
 static int print_answer(const struct tetlod_info *info, const char *text, const struct ask_question *question,
                         const struct ask_result *result, bool json)
 {
-    const struct ask_interval *interval = &result->interval;
-    int verdict = ask_decide(question, interval);
+    static const char *const verdicts[] = {"unknown", "no", "yes"};
+    static const int statuses[] = {EXIT_UNDECIDED, EXIT_NO, EXIT_DONE};
+    bool predicate = question->compare != ASK_NO_LIMIT;
+    int which = ask_decide(question, &result->interval) + 1;
+    const char *verdict = predicate ? verdicts[which] : NULL;
     json_t *metadata = metadata_json(info);
-    const char *unit = question->function == ASK_VOLUME || question->function == ASK_INTEGRAL
-                           ? "" : metadata_unit(metadata, question->quantity.name);
-    if (json) {
-        json_t *object = json_pack("{s:s, s:f, s:f, s:s, s:s, s:I, s:I, s:I, s:I}", "question", text, "lower", interval->lower,
-                                   "upper", interval->upper, "unit", unit, "bound", result->exact ? "exact" : "certified",
-                                   "level", (json_int_t)result->level, "tets", (json_int_t)info->levels[result->level].tets,
-                                   "bytes", (json_int_t)result->bytes, "of_bytes", (json_int_t)info->bytes);
-        if (question->compare != ASK_NO_LIMIT && object)
-            json_object_set_new(object, "answer", json_string(verdicts[verdict + 1]));
-        json_decref(metadata);
-        int status = cli_print_json(object);
-        return status != EXIT_DONE || question->compare == ASK_NO_LIMIT || verdict > 0 ? status : verdict < 0 ? EXIT_UNDECIDED : EXIT_NO;
-    }
-    if (question->compare != ASK_NO_LIMIT)
-        printf("%s: ", verdicts[verdict + 1]);
-    printf("from %.9g to %.9g%s%s\n", interval->lower, interval->upper, *unit ? " " : "", unit);
+    const char *unit = unit_of(metadata, question);
+    int status = json ? print_as_json(info, text, unit, verdict, result) : print_as_text(info, unit, verdict, result);
     json_decref(metadata);
-    printf("%s: level %u of 0..%u, %u of %u tetrahedra, %llu of %llu bytes\n",
-           result->exact ? "exact but for rounding" : "certified", result->level, info->level_count - 1,
-           info->levels[result->level].tets, info->tets, (unsigned long long)result->bytes, (unsigned long long)info->bytes);
-    return question->compare == ASK_NO_LIMIT || verdict > 0 ? EXIT_DONE : verdict < 0 ? EXIT_UNDECIDED : EXIT_NO;
+    return predicate && status == EXIT_DONE ? statuses[which] : status;
 }
 
 static int ask(const char *path, const char *text, const struct ask_within *within, bool json)
@@ -76,7 +101,8 @@ static int ask(const char *path, const char *text, const struct ask_within *with
         return cli_fail(&error);
     if (cli_open_stream(path, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
-    enum tetlod_status status = ask_stream(file, cli_finest_here(tetlod_info(file), fd), &question, within, &result, &inner);
+    enum tetlod_status status = ask_stream(file, cli_finest_here(tetlod_info(file), fd), &question, within, &result,
+                                           &inner);
     if (status == TETLOD_OK) {
         exit = print_answer(tetlod_info(file), text, &question, &result, json);
     } else {
@@ -103,7 +129,8 @@ static bool parse_within(const char *text, struct ask_within *out)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"within", required_argument, NULL, 'w'}, {"json", no_argument, NULL, 'j'}, {0}};
+    static const struct option options[] = {{"within", required_argument, NULL, 'w'}, {"json", no_argument, NULL, 'j'},
+                                            {0}};
     struct ask_within within = {0.01, true};
     bool json = false;
     for (int option; (option = cli_option(&command_ask, argc, argv, "", options)) != -1;) {

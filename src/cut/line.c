@@ -95,7 +95,8 @@ static void drop_overlaps(struct cut_line *line)
     line->count = kept;
 }
 
-bool cut_stretch(const double *const corners[4], const double from[3], const double to[3], double at[2], double weights[2][4])
+bool cut_stretch(const double *const corners[4], const double from[3], const double to[3], double at[2],
+                 double weights[2][4])
 {
     double start[4], end[4];
     if (!near_segment(corners, from, to))
@@ -111,7 +112,8 @@ bool cut_stretch(const double *const corners[4], const double from[3], const dou
     return true;
 }
 
-enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets, const double from[3],
+enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets,
+                             const double from[3],
                              const double to[3], struct cut_line *out, struct tetlod_error *error)
 {
     out->count = 0;
@@ -124,12 +126,14 @@ enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, c
         if (!cut_stretch(corners, from, to, part, weights))
             continue;
         if (!array_reserve((void **)&out->ends, &out->cap, 2 * ((size_t)out->count + 1), sizeof *out->ends))
-            return tetlodi_fail_nomem(error, "the values along a line", 2 * ((uint64_t)out->count + 1) * sizeof *out->ends);
+            return tetlodi_fail_nomem(error, "the values along a line",
+                                      2 * ((uint64_t)out->count + 1) * sizeof *out->ends);
         for (int e = 0; e < 2; e++) {
             double value = 0;
             for (int c = 0; c < 4; c++)
                 value += weights[e][c] * values[ids[c]];
-            out->ends[2 * (size_t)out->count + (size_t)e] = (struct cut_line_end){part[e], of_tets ? of_tets[t] : value};
+            out->ends[2 * (size_t)out->count + (size_t)e] = (struct cut_line_end){part[e], of_tets ? of_tets[t] :
+                                                                                  value};
         }
         out->count++;
     }

@@ -21,7 +21,8 @@ function hashOf({ fields, positions }, series) {
   return hash.digest('hex');
 }
 
-const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
+const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name,
+                                                                                 (event) => resolve(event.detail), { once: true }));
 
 async function everyStep(source, name, order = (count) => [...Array(count).keys()]) {
   const stream = await TetlodStream.open(source);
@@ -40,7 +41,8 @@ async function everyStep(source, name, order = (count) => [...Array(count).keys(
 
 async function ofAServer() {
   const server = await program(names.map(pathOf));
-  for (const name of names) await everyStep(`${server.url}v1/meshes/${name}`, name, (count) => [count - 1, 0, count >> 1]);
+  for (const name of names) await everyStep(`${server.url}v1/meshes/${name}`, name,
+                                            (count) => [count - 1, 0, count >> 1]);
   await server.stop();
 }
 
@@ -57,7 +59,8 @@ async function ofAFileInAnyOrder() {
   for (const name of names) {
     const blob = new Blob([readFileSync(pathOf(name))]);
     await everyStep(blob, name);
-    await everyStep(blob, name, (count) => [...Array(count).keys()].sort((a, b) => ((a * 7919) % count) - ((b * 7919) % count)));
+    await everyStep(blob, name,
+                    (count) => [...Array(count).keys()].sort((a, b) => ((a * 7919) % count) - ((b * 7919) % count)));
   }
 }
 
@@ -118,7 +121,10 @@ async function picturesBlend() {
   }
   assert.ok(between.length > 1 && between.every(({ surface }) => !surface.triangles), `${between.length} pictures`);
   for (const { t, surface } of between)
-    surface.values.forEach((value, i) => assert.ok(Math.abs(value - (from[i] + t * (to.surface.values[i] - from[i]))) < 1e-5 * (1 + Math.abs(value))));
+    surface.values.forEach((value,
+                            i) => assert.ok(Math.abs(value - (from[i] +
+                                                              t * (to.surface.values[i] - from[i]))) < 1e-5 * (1 +
+                                                                                                               Math.abs(value))));
   assert.ok(to.surface.values.some((value, i) => value !== from[i]));
   stream.close();
 }
@@ -154,9 +160,11 @@ async function aGroupThatDoesNotCome() {
   await assert.rejects(step, { name: 'AbortError' });
   host.fault = null;
   assert.ok((await stream.seekStep(1, finest)).reached);
-  assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[finest.band * stream.series.times.length + 1]);
+  assert.equal(hashOf(await stream.mesh(), stream.series),
+               expected('series_float32')[finest.band * stream.series.times.length + 1]);
   stream.close();
   host.close();
 }
 
-await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound, aGroupThatDoesNotCome]);
+await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound,
+           aGroupThatDoesNotCome]);
