@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a level says of its original, as an interval that holds the original's own answer.
+ * What a level tells about its original: an interval that holds the original's own answer.
  *
  * On a level whose domain is the original's, the original's value differs at every point from the level's by at most
  * the certified error (PROOF.md 2). So it lies between two functions, the level's minus and plus its error. Every
