@@ -91,7 +91,7 @@ LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.
 # What builds a stream out of arrays: libtetlod-build
 BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/%,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
-SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/answer/*.c server/store/*.c))
+SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c server/store/*.c))
 ALONE := $(if $(filter 0,$(SERVER)),-alone)
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
 UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
@@ -154,7 +154,7 @@ FORCE:
 $(B)/src/cli/main-alone.o: private CPPFLAGS += -DTETLOD_NO_SERVER
 $(B)/src/cli/main-alone.o: src/cli/main.c $(B)/flags
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
-CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/serve_request.c %/cmd_explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
+CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/serve_request.c %/cmd_explode.c %/explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
 OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
@@ -193,7 +193,7 @@ build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 $(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,$(WEB_STAMP)) server/api/openapi.json
 	$(Q)python3 server/embed.py $(@D) $(if $(filter 0,$(WEB)),,$(WEB_OUT)) server/api
 
-$(EMBEDDED): $(EMBEDDED_SRC) server/answer/assets.h $(B)/flags
+$(EMBEDDED): $(EMBEDDED_SRC) server/routes/assets.h $(B)/flags
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 

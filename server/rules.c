@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/answer/buffer.h"
+#include "server/http/buffer.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 

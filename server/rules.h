@@ -3,7 +3,7 @@
 #ifndef TETLOD_SERVER_RULES_H
 #define TETLOD_SERVER_RULES_H
 
-#include "server/answer/policy.h"
+#include "server/http/policy.h"
 #include "server/options.h"
 
 /* Reads the token's file and puts CORS, hosts and token in place. On failure nothing changes. */

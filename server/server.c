@@ -23,10 +23,10 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/answer/buffer.h"
-#include "server/answer/routes.h"
+#include "server/http/buffer.h"
 #include "server/net/http.h"
 #include "server/net/listener.h"
+#include "server/routes/routes.h"
 #include "server/rules.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"

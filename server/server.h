@@ -26,16 +26,4 @@ TETLOD_CHECKED enum tetlod_status server_reload(struct server *server, const str
  * nothing that they use was freed; the process should end now. */
 bool server_stop(struct server *server);
 
-struct explode_options {
-    const char *folder;       /* made if it is not there */
-    const char *const *paths; /* as for a server */
-    size_t path_count;
-    int meshes; /* also every level as VTU */
-    int viewer; /* also the page */
-};
-
-/* Writes what a server over these paths would answer as files at the same paths below the folder, for plain file servers:
- * descriptions (as index.json), streams, base meshes, records from each level to the next. */
-TETLOD_CHECKED enum tetlod_status server_explode(const struct explode_options *options, struct tetlod_error *error);
-
 #endif

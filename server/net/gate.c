@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "server/answer/message.h"
+#include "server/http/message.h"
 #include "src/util/array.h"
 
 enum { BUCKETS = 4096, SLOWEST = 16 << 10 /* bytes a second that a reader must take */ };

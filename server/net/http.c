@@ -26,9 +26,9 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/answer/buffer.h"
-#include "server/answer/params.h"
-#include "server/answer/routes.h"
+#include "server/http/buffer.h"
+#include "server/http/params.h"
+#include "server/routes/routes.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 

@@ -5,7 +5,7 @@
 
 #include <sys/socket.h>
 
-#include "server/answer/exchange.h"
+#include "server/http/exchange.h"
 #include "server/net/gate.h"
 
 

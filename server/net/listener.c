@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/answer/params.h"
+#include "server/http/params.h"
 
 enum { BACKLOG = 1024 };
 

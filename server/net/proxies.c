@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/answer/params.h"
+#include "server/http/params.h"
 #include "src/util/array.h"
 
 /* An address of IPv4 is one of IPv6, as in ::ffff:1.2.3.4. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/server.h"
 #include "src/cli/cli.h"
+#include "src/cli/explode.h"
 
 static const char help[] =
     "usage: tetlod explode PATH... -o FOLDER [--meshes] [--viewer]\n"
@@ -19,26 +19,26 @@ static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {"viewer", no_argument, NULL, 'v'}, {0}};
-    struct explode_options explode = {0};
+    struct explode_options request = {0};
     struct tetlod_error error = {0};
     int option;
     while ((option = cli_option(&command_explode, argc, argv, "o:", options)) != -1) {
         if (option == 'o')
-            explode.folder = optarg;
+            request.folder = optarg;
         else if (option == 'm')
-            explode.meshes = 1;
+            request.meshes = 1;
         else if (option == 'v')
-            explode.viewer = 1;
+            request.viewer = 1;
         else
             return EXIT_USAGE;
     }
-    if (!explode.folder)
+    if (!request.folder)
         return cli_usage("explode", "it needs -o FOLDER");
     if (optind == argc)
         return cli_usage("explode", "missing operand: it takes streams, or folders of *.tetlod");
-    explode.paths = (const char *const *)(argv + optind);
-    explode.path_count = (size_t)(argc - optind);
-    return server_explode(&explode, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+    request.paths = (const char *const *)(argv + optind);
+    request.path_count = (size_t)(argc - optind);
+    return explode(&request, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
 const struct command command_explode = {"explode", "lay streams out as files for a plain web server", help, run};

@@ -12,7 +12,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "server/answer/routes.h"
+#include "server/routes/routes.h"
 #include "tests/gen.h"
 
 static char cid[64];

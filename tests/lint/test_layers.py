@@ -32,12 +32,17 @@ LAYERS = {
     'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'format/topologies.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h'],
     'src/report': MESHES + ['src/level/'],
-    'server': MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
-    'server/net': ARRAYS + ['server/answer/'],
-    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
+    'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
+    'server/net': ARRAYS + ['server/routes/', 'server/http/'],
+    'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/',
+                               'src/measure/region_error.h', 'format/reader.h', 'server/jobs/', 'server/http/',
+                               'server/store/'],
+    'server/jobs': MESHES + ['src/io/io.h', 'src/level/', 'src/forest/', 'server/http/', 'server/store/'],
+    'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/ask/ask.h', 'server/server.h'],
+    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/ask/ask.h', 'server/server.h',
+                'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())
@@ -45,7 +50,7 @@ SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/rando
 # header: the folders that may know the library, or the files
 PACKAGES = {
     'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/services/contain.c'],
-    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/answer/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/answer/'],
+    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/http/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/http/'],
     'jansson.h': ['src/level/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
 }

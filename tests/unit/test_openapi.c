@@ -2,8 +2,8 @@
 /* The description and the routes name the same paths, and it lists the parameters that the handlers know. */
 #include <jansson.h>
 
-#include "server/answer/assets.h"
-#include "server/answer/routes.h"
+#include "server/routes/assets.h"
+#include "server/routes/routes.h"
 #include "tests/test.h"
 
 static json_t *load(void)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/answer/params.h"
+#include "server/http/params.h"
 #include "tests/test.h"
 
 static void test_percent_decode(void)

@@ -5,7 +5,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "server/answer/routes.h"
+#include "server/routes/routes.h"
 #include "src/util/clock.h"
 #include "tests/gen.h"
 #include "tests/test.h"

@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/http/buffer.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+#include <zstd.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+#include "src/util/put.h"
+
+enum {
+    GZIP_LEVEL = 4,  // 6 takes twice the time for 1 % less on mesh arrays
+    ZSTD_LEVEL = 3,
+};
+
+void buffer_fini(struct buffer *buffer)
+{
+    free(buffer->bytes);
+    *buffer = (struct buffer){0};
+}
+
+unsigned char *buffer_extend(struct buffer *buffer, size_t size)
+{
+    if (size > SIZE_MAX - buffer->size ||
+        !array_reserve((void **)&buffer->bytes, &buffer->capacity, buffer->size + size, 1))
+        return NULL;
+    unsigned char *place = buffer->bytes + buffer->size;
+    buffer->size += size;
+    return place;
+}
+
+enum tetlod_status buffer_append(struct buffer *buffer, const void *bytes, size_t size)
+{
+    unsigned char *place = buffer_extend(buffer, size);
+    if (!place)
+        return TETLOD_ERR_NOMEM;
+    if (size)
+        memcpy(place, bytes, size);
+    return TETLOD_OK;
+}
+
+enum tetlod_status buffer_append_escaped(struct buffer *buffer, const char *text)
+{
+    for (; *text; text++) {
+        const char *escape = xml_escape(*text);
+        TETLOD_TRY(buffer_append(buffer, escape ? escape : text, escape ? strlen(escape) : 1));
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status buffer_printf(struct buffer *buffer, const char *format, ...)
+{
+    va_list arguments, again;
+    va_start(arguments, format);
+    va_copy(again, arguments);
+    int size = vsnprintf(NULL, 0, format, arguments);
+    va_end(arguments);
+    unsigned char *place = size >= 0 ? buffer_extend(buffer, (size_t)size + 1) : NULL;
+    if (place) {
+        vsnprintf((char *)place, (size_t)size + 1, format, again);
+        buffer->size--; // without the NUL
+    }
+    va_end(again);
+    return place ? TETLOD_OK : TETLOD_ERR_NOMEM;
+}
+
+static enum tetlod_status sink_write(void *opaque, const void *bytes, size_t size)
+{
+    return buffer_append(opaque, bytes, size);
+}
+
+struct tetlodi_sink buffer_sink(struct buffer *buffer)
+{
+    return (struct tetlodi_sink){sink_write, buffer};
+}
+
+static bool gzip(const struct buffer *in, struct buffer *out)
+{
+    z_stream stream = {0};
+    if (deflateInit2(&stream, GZIP_LEVEL, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+        return false;
+    bool done = false;
+    unsigned char *place = in->size <= INT32_MAX ? buffer_extend(out, deflateBound(&stream, (uLong)in->size)) : NULL;
+    if (place) {
+        stream.next_in = in->bytes;
+        stream.avail_in = (uInt)in->size;
+        stream.next_out = place;
+        stream.avail_out = (uInt)out->size;
+        done = deflate(&stream, Z_FINISH) == Z_STREAM_END;
+        out->size = stream.total_out;
+    }
+    deflateEnd(&stream);
+    return done;
+}
+
+static bool zstd(const struct buffer *in, struct buffer *out)
+{
+    unsigned char *place = buffer_extend(out, ZSTD_compressBound(in->size));
+    if (!place)
+        return false;
+    size_t size = ZSTD_compress(place, out->size, in->bytes, in->size, ZSTD_LEVEL); // windows of at most 2 MiB: RFC 9659 allows 8
+    out->size = ZSTD_isError(size) ? 0 : size;
+    return !ZSTD_isError(size);
+}
+
+enum tetlod_status buffer_encode(struct buffer *buffer, enum coding coding, struct tetlod_error *error)
+{
+    struct buffer encoded = {0};
+    if (coding == CODING_IDENTITY)
+        return TETLOD_OK;
+    if (!(coding == CODING_GZIP ? gzip : zstd)(buffer, &encoded)) {
+        buffer_fini(&encoded);
+        return tetlodi_fail_nomem(error, "compressing an answer", buffer->size);
+    }
+    unsigned char *exact = array_resize(encoded.bytes, encoded.size, 1);
+    if (exact) {
+        encoded.bytes = exact;
+        encoded.capacity = encoded.size;
+    }
+    buffer_fini(buffer);
+    *buffer = encoded;
+    return TETLOD_OK;
+}

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Bytes that grow, and their compression for Content-Encoding. */
+#ifndef TETLOD_SERVER_BUFFER_H
+#define TETLOD_SERVER_BUFFER_H
+
+#include "format/writer.h"
+#include "server/http/params.h"
+
+struct buffer {
+    unsigned char *bytes; /* owned */
+    size_t size, capacity;
+};
+
+void buffer_fini(struct buffer *buffer);
+
+TETLOD_CHECKED enum tetlod_status buffer_append(struct buffer *buffer, const void *bytes, size_t size);
+/* As XML and HTML want it. */
+TETLOD_CHECKED enum tetlod_status buffer_append_escaped(struct buffer *buffer, const char *text);
+TETLOD_CHECKED enum tetlod_status buffer_printf(struct buffer *buffer, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* Makes room for `size` more bytes and gives where they go. NULL: out of memory. */
+unsigned char *buffer_extend(struct buffer *buffer, size_t size);
+
+/* The buffer as a sink. */
+struct tetlodi_sink buffer_sink(struct buffer *buffer);
+
+/* Replaces the contents by their encoded form (nothing to do for identity). */
+TETLOD_CHECKED enum tetlod_status buffer_encode(struct buffer *buffer, enum coding coding, struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/jobs/made.h"
+
+#include <inttypes.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/http/respond.h"
+#include "server/jobs/obtain.h"
+#include "src/forest/forest.h"
+#include "src/level/level_mesh.h"
+#include "src/util/array.h"
+#include "src/util/clock.h"
+
+/* One of them on its way to a worker. */
+struct making {
+    struct site *site;
+    struct dataset *dataset; /* held */
+    struct cache_entry *forest; /* held */
+    struct level_answer answer; /* but for what it borrows */
+    enum coding coding;
+    _Alignas(max_align_t) unsigned char choice[]; /* a copy */
+};
+
+static void making_free(void *opaque)
+{
+    struct making *making = opaque;
+    cache_release(making->site->memory, making->forest);
+    dataset_release(making->dataset);
+    free(making);
+}
+
+/* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any more. */
+static enum tetlod_status write_answer(const struct making *making, const struct job *job, struct buffer *out, struct region_note *note, double *extracted,
+                                       struct tetlod_error *error)
+{
+    const struct level_answer *answer = &making->answer;
+    const struct forest *forest = forest_of(making->forest);
+    struct tetmesh mesh;
+    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, note, error) : forest_mesh(forest, answer->level, &mesh, error));
+    *extracted = monotonic_seconds();
+    enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
+    if (status == TETLOD_OK && !job_wanted(job))
+        status = fail_unwanted(error);
+    if (status == TETLOD_OK)
+        status = answer->write(making->choice, &mesh, out, error);
+    tetmesh_fini(&mesh);
+    return status;
+}
+
+static enum tetlod_status make(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+{
+    struct making *making = opaque;
+    struct region_note note = {0};
+    struct buffer buffer = {0};
+    double started = monotonic_seconds(), extracted = started;
+    enum tetlod_status status = write_answer(making, job, &buffer, &note, &extracted, error);
+    if (status == TETLOD_OK && !job_wanted(job))
+        status = fail_unwanted(error);
+    if (status == TETLOD_OK)
+        status = buffer_encode(&buffer, making->coding, error);
+    if (status == TETLOD_OK)
+        status = body_take(&buffer, started, extracted, out, error);
+    if (status == TETLOD_OK)
+        ((struct body *)out->data)->note = note;
+    buffer_fini(&buffer);
+    metrics_count(making->site->metrics, METRIC_LEVELS_MADE);
+    return status;
+}
+
+/* Memory that making takes: the level as arrays, with a number for each slot of the stream, and its file, which grows by half
+ * at a time and may be there encoded as well. */
+static uint64_t making_bytes(const struct tetlod_info *info, const struct level_answer *answer)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return info->levels[answer->level].vertices * components * 8 + info->levels[answer->level].tets * (uint64_t)16 +
+           info->vertices * (uint64_t)4 + answer->file_bytes * 5 / 2 + answer->mesh_bytes + 65536;
+}
+
+bool fits_cache(const struct site *site, const struct tetlod_info *info, const struct level_answer *answer)
+{
+    return cache_for(site, making_bytes(info, answer)) == site->cache;
+}
+
+/* The value is NULL if it is not there yet, or the response says why it will not be. */
+static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
+                                  enum coding coding, struct cache *cache, const char *key, const struct cache_value **out)
+{
+    struct cache_entry *forest;
+    *out = NULL;
+    enum outcome outcome = obtain_forest(exchange, dataset, answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
+    if (!forest)
+        return outcome;
+    struct making *making = malloc(sizeof *making + answer->choice_size);
+    if (!making) {
+        cache_release(exchange->site->memory, forest);
+        return respond_no_memory(exchange);
+    }
+    *making = (struct making){exchange->site, dataset_hold(dataset), forest, *answer, coding};
+    memcpy(making->choice, answer->choice, answer->choice_size);
+    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE, NULL};
+    return obtain(exchange, cache, key, &recipe, out);
+}
+
+enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer)
+{
+    struct response *response = exchange->response;
+    enum outcome outcome = ANSWERED;
+    char name[ETAG_CAPACITY - 8], key[ETAG_CAPACITY];
+    struct representation representation = {
+        .media_type = answer->media_type,
+        .coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE),
+        .etag = name,
+    };
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
+    struct cache *cache = cache_for(exchange->site, making_bytes(dataset_info(dataset), answer));
+    const struct cache_value *value = obtain_cached(exchange, cache, key);
+    if (!value && respond_unchanged(exchange, &representation, SIZE_UNKNOWN))
+        cache_forever(exchange);
+    else if (!value)
+        outcome = obtain_answer(exchange, dataset, answer, representation.coding, cache, key, &value);
+    if (value) {
+        respond_body(exchange, value, &representation);
+        cache_forever(exchange);
+    }
+    if (outcome == ANSWERED && response->status == 200 && answer->headers)
+        answer->headers(response, dataset, answer->choice, value ? &((const struct body *)value->data)->note : NULL);
+    else if (outcome == ANSWERED && response->status == 200)
+        level_headers(response, dataset, answer->level);
+    return outcome;
+}

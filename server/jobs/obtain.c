@@ -1,0 +1,346 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/jobs/obtain.h"
+
+#include <inttypes.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/http/respond.h"
+#include "src/forest/forest.h"
+#include "src/util/array.h"
+#include "src/util/clock.h"
+
+struct job {
+    struct site *site;
+    struct cache *cache;
+    struct cache_entry *entry; /* held */
+    struct recipe recipe;
+    struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
+    double until;      /* when it gives up waiting for room */
+    struct waiter seeker; /* of room */
+    bool counted;         /* among those of its client */
+    size_t client;
+};
+
+enum { KEY_CAPACITY = 80 };
+
+/* Says why there is no room. */
+static enum tetlod_status fail_room(const struct job *job, enum tetlod_status status, struct tetlod_error *failure)
+{
+    if (status == TETLOD_ERR_ARGUMENT)
+        return tetlodi_fail(failure, status, "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
+                                             "(format=tetlod, records, stream) are served at any size",
+                            (unsigned long long)(job->recipe.bytes >> 20));
+    return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
+}
+
+static void end_job(struct job *job, enum tetlod_status status, const struct cache_value *value, struct tetlod_error *failure)
+{
+    if (status != TETLOD_OK && !failure->status)
+        failure->status = status;
+    job->recipe.free(job->recipe.context);
+    if (job->counted)
+        quota_give(&job->site->jobs, job->client);
+    cache_finish(job->cache, job->entry, status == TETLOD_OK ? value : NULL, failure);
+    cache_release(job->cache, job->entry);
+    free(job);
+}
+
+bool job_wanted(const struct job *job)
+{
+    return !job->pool || (!pool_stopping(job->pool) && cache_wanted(job->cache, job->entry));
+}
+
+enum tetlod_status fail_unwanted(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping, or nobody waits for this any more");
+}
+
+/* Makes room for a value and makes it. What nobody waits for any more is not made. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
+ * outside the threads, until readers have let go of enough. */
+static void run_job(void *context)
+{
+    struct job *job = context;
+    struct cache_value value = {0};
+    struct tetlod_error failure = {0};
+    if (job->pool && (pool_stopping(job->pool) || cache_drop_unwanted(job->cache, job->entry))) {
+        end_job(job, fail_unwanted(&failure), NULL, &failure);
+        return;
+    }
+    enum tetlod_status status = cache_reserve(job->cache, job->entry, job->recipe.bytes);
+    bool waits = status == TETLOD_ERR_LIMIT && job->pool && monotonic_seconds() < job->until;
+    if (waits)
+        cache_seek_room(job->cache, &job->seeker);
+    else if (status == TETLOD_OK)
+        end_job(job, job->recipe.make(job->recipe.context, job, &value, &failure), &value, &failure);
+    else
+        end_job(job, fail_room(job, status, &failure), NULL, &failure);
+}
+
+/* There may be room now. Called from whichever thread let go of some: the work goes to its own. */
+static void go_on(struct waiter *seeker)
+{
+    struct job *job = (struct job *)(void *)((char *)seeker - offsetof(struct job, seeker));
+    struct tetlod_error failure = {0};
+    if (pool_submit(job->pool, run_job, job))
+        return;
+    if (pool_stopping(job->pool))
+        end_job(job, fail_room(job, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
+    else
+        cache_seek_room(job->cache, seeker); // its queue is full: the next time
+}
+
+static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe, enum tetlod_status status,
+                    const char *message)
+{
+    struct tetlod_error failure = {.status = status};
+    snprintf(failure.message, sizeof failure.message, "%s", message);
+    recipe->free(recipe->context);
+    cache_finish(cache, entry, NULL, &failure);
+}
+
+/* Reading stored bytes is no job of the client's: it takes no time that others wait for. */
+static bool is_counted(const struct site *site, const struct request *request, const struct recipe *recipe)
+{
+    return request->client && request->waiter && site->jobs_per_client && (!recipe->pool || recipe->pool != site->readers);
+}
+
+static void start(struct site *site, const struct request *request, struct cache *cache, struct cache_entry *entry, const struct recipe *recipe)
+{
+    bool here = !request->waiter || !site->pool;
+    struct job *job = array_new(1, sizeof *job);
+    if (!job) {
+        give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
+        return;
+    }
+    struct pool *pool = recipe->pool ? recipe->pool : site->pool;
+    *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL},
+                        is_counted(site, request, recipe), 0};
+    cache_hold(cache, entry);
+    if (job->counted) {
+        job->client = quota_place(request->client);
+        quota_take(&site->jobs, job->client);
+    }
+    if (here)
+        run_job(job);
+    else if (!pool_submit(pool, run_job, job)) {
+        struct tetlod_error failure = {0};
+        end_job(job, tetlodi_fail(&failure, TETLOD_ERR_LIMIT, "the server has too much to do"), NULL, &failure);
+    }
+}
+
+static struct cache_entry *find_pin(struct request *request, const struct cache *cache, const char *key)
+{
+    for (size_t i = 0; i < REQUEST_PINS; i++)
+        if (request->pins[i].entry && request->pins[i].cache == cache &&
+            strcmp(cache_key(request->pins[i].entry), key) == 0)
+            return request->pins[i].entry;
+    return NULL;
+}
+
+static bool has_free_pin(const struct request *request)
+{
+    for (size_t i = 0; i < REQUEST_PINS; i++)
+        if (!request->pins[i].entry)
+            return true;
+    return false;
+}
+
+static void add_pin(struct request *request, struct cache *cache, struct cache_entry *entry)
+{
+    size_t i = 0;
+    while (request->pins[i].entry)
+        i++;
+    request->pins[i].cache = cache;
+    request->pins[i].entry = entry;
+}
+
+/* The entry of a key, pinned; NULL: answered. Nothing is begun that this request could not hold, or that is one job too many. */
+static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe, bool *mine)
+{
+    struct request *request = exchange->request;
+    const struct site *site = exchange->site;
+    struct cache_entry *entry = has_free_pin(request) ? cache_find(cache, key) : NULL;
+    if (!entry && is_counted(site, request, recipe) && !quota_has_room(&site->jobs, request->client, (unsigned)site->jobs_per_client)) {
+        response_problem(exchange->response, 429, request->target, "%zu answers for this address are being made; ask again when there are fewer",
+                         site->jobs_per_client);
+        return NULL;
+    }
+    if (!entry && has_free_pin(request))
+        entry = cache_fetch(cache, key, mine);
+    if (entry)
+        add_pin(request, cache, entry);
+    else
+        respond_no_memory(exchange);
+    return entry;
+}
+
+enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
+                    const struct cache_value **out)
+{
+    struct request *request = exchange->request;
+    struct cache_entry *entry = find_pin(request, cache, key);
+    struct tetlod_error failure;
+    bool mine = false;
+    *out = NULL;
+    if (!entry && !(entry = pin_entry(exchange, cache, key, recipe, &mine))) {
+        recipe->free(recipe->context);
+        return ANSWERED;
+    }
+    request->awaited = entry;
+    request->awaited_in = cache;
+    /* The waiter is registered before the work starts: from then on the request may be resumed at any time. */
+    bool waits = !cache_finished(entry) && request->waiter && cache_wait(cache, entry, request->waiter);
+    if (mine)
+        start(exchange->site, request, cache, entry, recipe);
+    else
+        recipe->free(recipe->context);
+    if (waits) {
+        request->waited = true;
+        return WAITING;
+    }
+    if (!cache_finished(entry)) { // only for a caller without waiter
+        response_problem(exchange->response, 503, request->target, "this answer is being made");
+        return ANSWERED;
+    }
+    *out = cache_value(entry, &failure);
+    if (!*out)
+        respond_failure(exchange, &failure);
+    return ANSWERED;
+}
+
+const struct cache_value *obtain_cached(struct exchange *exchange, struct cache *cache, const char *key)
+{
+    struct tetlod_error ignored;
+    struct cache_entry *entry = find_pin(exchange->request, cache, key);
+    if (entry) // it was waited for, or is still coming
+        return cache_finished(entry) ? cache_value(entry, &ignored) : NULL;
+    entry = cache_find(cache, key);
+    if (!entry)
+        return NULL;
+    if (!cache_finished(entry) || !has_free_pin(exchange->request)) {
+        cache_release(cache, entry);
+        return NULL;
+    }
+    add_pin(exchange->request, cache, entry);
+    return cache_value(entry, &ignored);
+}
+
+/* ---- the stream in memory ---- */
+
+struct decode {
+    struct site *site;
+    struct dataset *dataset; /* held */
+    uint32_t level;
+};
+
+/* A decoded stream, which needs its file. */
+struct decoded {
+    struct forest *forest;
+    struct dataset *dataset; /* held */
+    uint64_t serial;
+};
+
+static void free_decode(void *opaque)
+{
+    struct decode *decode = opaque;
+    dataset_release(decode->dataset);
+    free(decode);
+}
+
+static void free_decoded(void *opaque)
+{
+    struct decoded *decoded = opaque;
+    forest_free(decoded->forest);
+    dataset_release(decoded->dataset);
+    free(decoded);
+}
+
+static enum tetlod_status make_forest(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+{
+    struct decode *decode = opaque;
+    struct decoded *decoded = array_zero(1, sizeof *decoded);
+    if (!decoded)
+        return tetlodi_fail_nomem(error, "a stream in memory", sizeof *decoded);
+    decoded->dataset = dataset_hold(decode->dataset);
+    decoded->serial = atomic_fetch_add(&decode->site->forests, 1);
+    enum tetlod_status status = forest_new(&decoded->forest, dataset_file(decode->dataset), decode->level, error);
+    while (status == TETLOD_OK && forest_levels(decoded->forest) <= decode->level)
+        status = job_wanted(job) ? forest_grow(decoded->forest, error) : fail_unwanted(error);
+    if (status != TETLOD_OK) {
+        free_decoded(decoded);
+        return status;
+    }
+    metrics_count(decode->site->metrics, METRIC_STREAMS_DECODED);
+    *out = (struct cache_value){decoded, sizeof *decoded + forest_bytes(decoded->forest), free_decoded};
+    return TETLOD_OK;
+}
+
+static void print_key(const struct tetlod_info *info, uint32_t last, char out[static KEY_CAPACITY])
+{
+    snprintf(out, KEY_CAPACITY, "%s/forest/%" PRIu32, info->cid, last);
+}
+
+/* One that is there already and has the level, be it for a finer one. */
+static const struct cache_value *find_forest(struct exchange *exchange, const struct tetlod_info *info, uint32_t level)
+{
+    const struct cache_value *value = NULL;
+    char key[KEY_CAPACITY];
+    for (uint32_t last = level; !value && last < info->level_count; last++) {
+        last = forest_last_level(info, last);
+        print_key(info, last, key);
+        value = obtain_cached(exchange, exchange->site->memory, key);
+    }
+    return value;
+}
+
+struct cache_entry *obtain_take(struct request *request, const struct cache_value *value)
+{
+    for (size_t i = 0; i < REQUEST_PINS; i++) {
+        struct cache_entry *entry = request->pins[i].entry;
+        struct tetlod_error ignored;
+        if (entry && cache_finished(entry) && cache_value(entry, &ignored) == value) {
+            request->pins[i].entry = NULL;
+            return entry;
+        }
+    }
+    return NULL;
+}
+
+uint64_t forest_serial(const struct cache_entry *entry)
+{
+    struct tetlod_error ignored;
+    return ((const struct decoded *)cache_value(entry, &ignored)->data)->serial;
+}
+
+const struct forest *forest_of(const struct cache_entry *entry)
+{
+    struct tetlod_error ignored;
+    return ((const struct decoded *)cache_value(entry, &ignored)->data)->forest;
+}
+
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, struct cache_entry **out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct cache_value *value = find_forest(exchange, info, level);
+    enum outcome outcome = ANSWERED;
+    *out = NULL;
+    if (!value && dataset_hangs(dataset))
+        return respond_hanging(exchange, dataset);
+    if (!value) {
+        struct decode *decode = array_new(1, sizeof *decode);
+        char key[KEY_CAPACITY];
+        if (!decode)
+            return respond_no_memory(exchange);
+        *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
+        print_key(info, forest_last_level(info, level), key);
+        const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE, exchange->site->decoders};
+        outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+    }
+    if (value)
+        *out = obtain_take(exchange->request, value);
+    return outcome;
+}

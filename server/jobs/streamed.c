@@ -1,0 +1,238 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The size of such a file is known before, and any range of it can be made by itself; what is kept for it are two numbers a vertex, and the
+ * values of cells that were chosen, which are decoded all at once. */
+#include "server/jobs/streamed.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "server/http/respond.h"
+#include "server/jobs/obtain.h"
+#include "src/forest/forest.h"
+#include "src/level/level_mesh.h"
+#include "src/util/array.h"
+
+/* A view on its way to a worker. */
+struct viewing {
+    struct site *site;
+    struct cache_entry *forest; /* held */
+    uint32_t level;
+};
+
+/* Values of cells on their way to a worker. */
+struct celling {
+    struct site *site;
+    struct dataset *dataset; /* held */
+    uint32_t level;
+    struct cell_choice choice;
+};
+
+/* What a file is written from; all held. The view reads the forest. `cells` is NULL if none were chosen. */
+struct held {
+    struct cache_entry *forest, *view, *cells;
+};
+
+/* A file on its way to a client. */
+struct file {
+    struct cache *cache;
+    struct held held;
+    struct io_layout *layout;
+    struct io_rows rows;
+};
+
+static void free_viewing(void *opaque)
+{
+    struct viewing *viewing = opaque;
+    cache_release(viewing->site->memory, viewing->forest);
+    free(viewing);
+}
+
+static void free_view(void *opaque)
+{
+    forest_view_free(opaque);
+}
+
+static enum tetlod_status make_view(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+{
+    struct viewing *viewing = opaque;
+    (void)job;
+    const struct forest *forest = forest_of(viewing->forest);
+    struct forest_view *view;
+    TETLOD_TRY(forest_view_new(&view, forest, viewing->level, error));
+    metrics_count(viewing->site->metrics, METRIC_LEVELS_MADE);
+    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest, viewing->level), free_view};
+    return TETLOD_OK;
+}
+
+static void free_celling(void *opaque)
+{
+    struct celling *celling = opaque;
+    dataset_release(celling->dataset);
+    free(celling);
+}
+
+static void free_cells(void *opaque)
+{
+    tetmesh_fini(opaque);
+    free(opaque);
+}
+
+static enum tetlod_status make_cells(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+{
+    const struct celling *celling = opaque;
+    (void)job;
+    const struct tetlod_info *info = dataset_info(celling->dataset);
+    struct tetmesh *cells = array_zero(1, sizeof *cells);
+    if (!cells)
+        return tetlodi_fail_nomem(error, "values of cells", sizeof *cells);
+    cells->tet_count = info->levels[celling->level].tets;
+    enum tetlod_status status = cell_choice_add(&celling->choice, dataset_file(celling->dataset), NULL, cells, error);
+    if (status == TETLOD_OK)
+        *out = (struct cache_value){cells, sizeof *cells + (size_t)cell_choice_bytes(&celling->choice, info, cells->tet_count), free_cells};
+    else
+        free_cells(cells);
+    return status;
+}
+
+static void release(struct cache *cache, const struct held *held)
+{
+    cache_release(cache, held->cells);
+    cache_release(cache, held->view);
+    cache_release(cache, held->forest);
+}
+
+static void free_file(void *opaque)
+{
+    struct file *file = opaque;
+    release(file->cache, &file->held);
+    io_layout_free(file->layout);
+    free(file);
+}
+
+static ptrdiff_t read_file(void *opaque, uint64_t begin, size_t size, unsigned char *out)
+{
+    struct file *file = opaque;
+    io_layout_read(file->layout, &file->rows, begin, size, out);
+    return (ptrdiff_t)size;
+}
+
+/* The view of a level as an entry that the caller releases. A view that is kept does not keep its forest: its key names the one
+ * forest that it reads. */
+static enum outcome obtain_view(struct exchange *exchange, const struct streamed_answer *answer, const struct tetlod_info *info,
+                                struct cache_entry *forest, struct cache_entry **out)
+{
+    struct site *site = exchange->site;
+    struct viewing *viewing = array_new(1, sizeof *viewing);
+    const struct cache_value *value;
+    char key[120];
+    *out = NULL;
+    if (!viewing)
+        return respond_no_memory(exchange);
+    cache_hold(site->memory, forest);
+    *viewing = (struct viewing){site, forest, answer->level};
+    snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
+    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(forest_of(forest), answer->level), PATIENCE, NULL};
+    enum outcome outcome = obtain(exchange, site->memory, key, &recipe, &value);
+    if (value)
+        *out = obtain_take(exchange->request, value);
+    return outcome;
+}
+
+/* The chosen values of cells as an entry that the caller releases. */
+static enum outcome obtain_cells(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct cache_entry **out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct celling *celling = array_new(1, sizeof *celling);
+    const struct cache_value *value;
+    char name[MOST_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
+    *out = NULL;
+    if (!celling)
+        return respond_no_memory(exchange);
+    *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
+    cell_choice_name(answer->cells, name);
+    snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
+    const struct recipe recipe = {make_cells, free_celling, celling, cell_choice_decoding(answer->cells, info, answer->level) + 65536,
+                                  PATIENCE, NULL};
+    enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+    if (value)
+        *out = obtain_take(exchange->request, value);
+    return outcome;
+}
+
+/* All that the file is written from. False: *outcome says what came of it, and nothing is held. */
+static bool obtain_all(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct held *out, enum outcome *outcome)
+{
+    *out = (struct held){NULL, NULL, NULL};
+    *outcome = obtain_forest(exchange, dataset, answer->level, &out->forest);
+    if (out->forest)
+        *outcome = obtain_view(exchange, answer, dataset_info(dataset), out->forest, &out->view);
+    if (out->view && answer->cells->any)
+        *outcome = obtain_cells(exchange, dataset, answer, &out->cells);
+    if (out->view && (out->cells || !answer->cells->any))
+        return true;
+    release(exchange->site->memory, out);
+    return false;
+}
+
+/* The file with its place for everything. The shape borrows the values of cells. */
+static enum tetlod_status lay_out(struct file *file, const struct streamed_answer *answer, struct tetlod_error *error)
+{
+    struct tetmesh shape;
+    TETLOD_TRY(forest_shape(forest_of(file->held.forest), answer->level, &shape, error));
+    enum tetlod_status status = level_mesh_units(forest_info(forest_of(file->held.forest)), &shape, error);
+    if (status == TETLOD_OK && file->held.cells) {
+        const struct tetmesh *cells = cache_value(file->held.cells, error)->data;
+        shape.cell_fields = cells->cell_fields;
+        shape.cell_field_count = cells->cell_field_count;
+    }
+    if (status == TETLOD_OK)
+        status = answer->lay_out(&file->layout, &shape, error);
+    shape.cell_fields = NULL;
+    shape.cell_field_count = 0;
+    tetmesh_fini(&shape);
+    return status;
+}
+
+/* Takes over what is held, also on failure. */
+static bool respond(struct exchange *exchange, const struct streamed_answer *answer, const struct held *held)
+{
+    struct tetlod_error error = {0};
+    struct file *file = array_zero(1, sizeof *file);
+    struct cache *memory = exchange->site->memory;
+    if (!file) {
+        release(memory, held);
+        respond_no_memory(exchange);
+        return false;
+    }
+    *file = (struct file){memory, *held, NULL, {cache_value(held->view, &error)->data, forest_view_values, forest_view_corners}};
+    if (lay_out(file, answer, &error) != TETLOD_OK) {
+        free_file(file);
+        respond_failure(exchange, &error);
+        return false;
+    }
+    response_pieces(exchange->response, answer->media_type, io_layout_size(file->layout), read_file, free_file, file);
+    return true;
+}
+
+enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer)
+{
+    char name[MOST_CELL_FIELDS / 4 + 96];
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
+    const struct representation representation = {.media_type = answer->media_type, .etag = name};
+    if (!respond_unchanged(exchange, &representation, SIZE_UNKNOWN)) {
+        struct held held;
+        enum outcome outcome;
+        if (!obtain_all(exchange, dataset, answer, &held, &outcome))
+            return outcome;
+        if (!respond(exchange, answer, &held))
+            return ANSWERED;
+        respond_representation(exchange->response, &representation);
+        response_header_text(exchange->response, "Server-Timing", "cache;desc=none");
+    }
+    cache_forever(exchange);
+    if (exchange->response->status == 200)
+        level_headers(exchange->response, dataset, answer->level);
+    return ANSWERED;
+}

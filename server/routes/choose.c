@@ -1,0 +1,332 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/routes/choose.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "server/http/respond.h"
+#include "server/jobs/cell_choice.h"
+#include "server/routes/boxes.h"
+#include "server/routes/frames.h"
+#include "server/routes/groups.h"
+#include "server/routes/level_file.h"
+
+enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
+
+static const char *const budget_names[BUDGETS] = {"error", "abs_error", "level", "tets", "bytes"};
+
+struct choice {
+    enum budget budget;
+    char text[80];
+    double number;
+    uint64_t count;
+    uint32_t field; /* TETLOD_NONE: all controlled ones */
+    enum tetlod_measure measure;
+    char format[16];
+    size_t box_count; /* 0: no box, or none that is finer */
+    uint32_t box_level;
+    struct region_box boxes[MOST_BOXES];
+    struct cell_choice cells;
+};
+
+static const char redirected[] = "The mesh is at the address of the Location header.\n";
+
+static const char *target_of(const struct exchange *exchange)
+{
+    return exchange->request->target;
+}
+
+static bool field_has(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
+{
+    return info->level_count && !isnan(info->levels[0].errors[field * TETLOD_MEASURES + measure]);
+}
+
+/* Whether the index knows a measure for the asked field, or for all that were controlled. */
+static bool measure_known(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
+{
+    if (field != TETLOD_NONE)
+        return field_has(info, field, measure);
+    bool any = false;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        if (info->fields[f].controlled && !field_has(info, f, measure))
+            return false;
+        any |= info->fields[f].controlled != 0;
+    }
+    return any;
+}
+
+static json_t *known_measures(const struct tetlod_info *info, uint32_t field)
+{
+    json_t *array = json_array();
+    for (int m = 0; m < TETLOD_MEASURES; m++)
+        if (measure_known(info, field, (enum tetlod_measure)m))
+            json_array_append_new(array, json_string(tetlod_measure_name((enum tetlod_measure)m)));
+    return array;
+}
+
+static bool parse_budget(struct exchange *exchange, struct choice *choice)
+{
+    int given = 0;
+    for (int b = 0; b < BUDGETS; b++) {
+        char text[sizeof choice->text];
+        enum query_result result = query_value(exchange->query, budget_names[b], text, sizeof text);
+        if (result == QUERY_BAD) {
+            response_problem(exchange->response, 400, target_of(exchange),
+                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", budget_names[b]);
+            return false;
+        }
+        if (result == QUERY_ABSENT)
+            continue;
+        given++;
+        choice->budget = (enum budget)b;
+        memcpy(choice->text, text, sizeof text);
+    }
+    if (given == 1)
+        return true;
+    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters", json_texts(budget_names, BUDGETS),
+                             given ? "give one of error, abs_error, level, tets and bytes, once"
+                                   : "say which mesh: error=0.01 or another of error, abs_error, level, tets and bytes");
+    return false;
+}
+
+static bool parse_amount(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    const char *name = budget_names[choice->budget];
+    if (choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR) {
+        if (text_number(choice->text, choice->budget == BY_ERROR, &choice->number) && choice->number >= 0)
+            return true;
+        response_problem(exchange->response, 400, target_of(exchange), "%s is a finite number of at least 0, such as %s, not '%s'",
+                         name, choice->budget == BY_ERROR ? "0.01 or 1%25" : "0.5", choice->text);
+        return false;
+    }
+    if (choice->budget == BY_LEVEL) {
+        if (text_count(choice->text, false, &choice->count) && choice->count < info->level_count)
+            return true;
+        response_problem(exchange->response, 400, target_of(exchange), "level is a whole number from 0 to %" PRIu32 ", not '%s'",
+                         info->level_count - 1, choice->text);
+        return false;
+    }
+    if (text_count(choice->text, true, &choice->count))
+        return true;
+    response_problem(exchange->response, 400, target_of(exchange), "%s is a whole number such as 50000 or 4M, not '%s'", name,
+                     choice->text);
+    return false;
+}
+
+static bool parse_field(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    char name[256] = "";
+    enum query_result result = query_form_value(exchange->query, "field", name, sizeof name);
+    choice->field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
+    query_value(exchange->query, "field", name, sizeof name);
+    if (result == QUERY_FOUND && tetlod_field_index(info, name) != TETLOD_NONE)
+        choice->field = tetlod_field_index(info, name);
+    if (result == QUERY_ABSENT || choice->field != TETLOD_NONE)
+        return true;
+    response_problem_choices(exchange->response, 400, target_of(exchange), "fields", field_names(info),
+                             "there is no field '%.128s'", result == QUERY_FOUND ? name : "");
+    return false;
+}
+
+static bool parse_measure(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    char name[32] = "max";
+    int m = TETLOD_MEASURES;
+    if (query_value(exchange->query, "measure", name, sizeof name) != QUERY_BAD)
+        for (m = 0; m < TETLOD_MEASURES && strcmp(name, tetlod_measure_name((enum tetlod_measure)m)) != 0; m++)
+            ;
+    choice->measure = (enum tetlod_measure)m;
+    bool needed = choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR;
+    if (m < TETLOD_MEASURES && (!needed || measure_known(info, choice->field, choice->measure)))
+        return true;
+    json_t *measures = known_measures(info, choice->field);
+    char known[80] = "";
+    for (size_t i = 0; i < json_array_size(measures); i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "",
+                 json_string_value(json_array_get(measures, i)));
+    response_problem_choices(exchange->response, 400, target_of(exchange), "measures", measures,
+                             m < TETLOD_MEASURES
+                                 ? "this stream does not hold the measure '%s' of that error; add measure= with one of: %s"
+                                 : "there is no measure '%s'; add measure= with one of: %s",
+                             name, known);
+    return false;
+}
+
+static bool parse_format(struct exchange *exchange, struct choice *choice, bool from_mesh)
+{
+    snprintf(choice->format, sizeof choice->format, "vtu");
+    if (query_value(exchange->query, "format", choice->format, sizeof choice->format) == QUERY_BAD)
+        choice->format[0] = 0;
+    return take_mesh_format(exchange, choice->format, from_mesh) != NULL;
+}
+
+static uint32_t choose_level(const struct tetlod_info *info, const struct choice *choice)
+{
+    switch (choice->budget) {
+    case BY_ERROR:
+        return tetlod_level_for_error(info, choice->number, choice->field, choice->measure);
+    case BY_ABS_ERROR:
+        return tetlod_level_for_abs_error(info, choice->number, choice->field, choice->measure);
+    case BY_TETS:
+        return tetlod_level_for_tets(info, choice->count);
+    case BY_BYTES:
+        return tetlod_level_for_bytes(info, choice->count);
+    default:
+        return (uint32_t)choice->count;
+    }
+}
+
+static void redirect(struct exchange *exchange, const struct dataset *dataset, const struct choice *choice, uint32_t level)
+{
+    struct response *response = exchange->response;
+    const struct tetlod_info *info = dataset_info(dataset);
+    char boxes[BOXES_CAPACITY];
+    const char *cells = choice->cells.any ? choice->cells.text : "";
+    if (choice->box_count && !print_boxes(exchange, choice->boxes, choice->box_count, boxes))
+        return;
+    response_static(response, 303, "text/plain; charset=utf-8", redirected);
+    if (choice->box_count) // from .../mesh
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,
+                        choice->format, choice->box_level, boxes, choice->cells.any ? "&cells=" : "", cells);
+    else
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
+                        choice->cells.any ? "?cells=" : "", cells);
+    level_headers(response, dataset, level);
+    cache_revalidate(response);
+}
+
+static void respond_no_level(struct exchange *exchange, const struct dataset *dataset, const char *error)
+{
+    response_problem(exchange->response, 422, target_of(exchange),
+                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
+                     error, dataset_level_texts(dataset, dataset_info(dataset)->level_count - 1)->errors);
+}
+
+/* The level that the query asks for; false: answered. */
+static bool ask_level(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t *out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) || !parse_field(exchange, info, choice) ||
+        !parse_measure(exchange, info, choice))
+        return false;
+    *out = choose_level(info, choice);
+    if (*out != TETLOD_NONE)
+        return true;
+    respond_no_level(exchange, dataset, choice->text);
+    return false;
+}
+
+/* Boxes, and the level in them, by the same field, measure and kind of error; false: answered. */
+static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t level)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct choice fine = *choice;
+    fine.budget = choice->budget == BY_ABS_ERROR ? BY_ABS_ERROR : BY_ERROR;
+    snprintf(fine.text, sizeof fine.text, "0");
+    enum query_result result = query_value(exchange->query, "box_error", fine.text, sizeof fine.text);
+    if (!parse_boxes(exchange, choice->boxes, &choice->box_count))
+        return false;
+    if (result == QUERY_BAD || (result == QUERY_FOUND && !choice->box_count)) {
+        response_problem(exchange->response, 400, target_of(exchange), "box_error is one number, and goes with box");
+        return false;
+    }
+    if (!choice->box_count)
+        return true;
+    if (!parse_amount(exchange, info, &fine) || !parse_measure(exchange, info, &fine))
+        return false;
+    choice->box_level = choose_level(info, &fine);
+    if (choice->box_level == TETLOD_NONE) {
+        respond_no_level(exchange, dataset, fine.text);
+        return false;
+    }
+    if (choice->box_level <= level)
+        choice->box_count = 0;
+    return true;
+}
+
+/* To the step's immutable URL. */
+static enum outcome redirect_to_step(struct exchange *exchange, const struct step_choice *step)
+{
+    const struct tetlod_info *info = dataset_info(step->dataset);
+    struct choice choice = {0};
+    if (!parse_format(exchange, &choice, true) || !query_cells(exchange, info, &choice.cells))
+        return ANSWERED;
+    response_static(exchange->response, 303, "text/plain; charset=utf-8", redirected);
+    response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid, step->band, step->step,
+                    choice.format, choice.cells.any ? "?cells=" : "", choice.cells.any ? choice.cells.text : "");
+    step_headers(exchange->response, step);
+    cache_revalidate(exchange->response);
+    return ANSWERED;
+}
+
+static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const of_step[] = {"error", "abs_error", "time", "step", "format", "cells", NULL};
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
+    struct choice choice = {0};
+    struct step_choice step;
+    uint32_t level;
+    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    if (asked != QUERY_ABSENT)
+        return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
+    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
+        redirect(exchange, dataset, &choice, level);
+    return ANSWERED;
+}
+
+static enum outcome answer_step_prefix(struct exchange *exchange, const struct step_choice *step)
+{
+    enum outcome outcome = respond_step_prefix(exchange, step);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        step_headers(exchange->response, step);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+/* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
+static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const of_step[] = {"error", "abs_error", "time", "step", "fields", NULL};
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "fields", NULL};
+    struct choice choice = {0};
+    struct step_choice step;
+    uint32_t level;
+    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    if (asked != QUERY_ABSENT)
+        return asked == QUERY_FOUND ? answer_step_prefix(exchange, &step) : ANSWERED;
+    if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
+        return ANSWERED;
+    enum outcome outcome = respond_prefix(exchange, dataset, level);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        level_headers(exchange->response, dataset, level);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+static enum outcome of_dataset(struct exchange *exchange, enum outcome (*answer)(struct exchange *, struct dataset *))
+{
+    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!dataset) {
+        respond_no_mesh(exchange);
+        return ANSWERED;
+    }
+    enum outcome outcome = answer(exchange, dataset);
+    dataset_release(dataset);
+    return outcome;
+}
+
+enum outcome handle_mesh(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_mesh);
+}
+
+enum outcome handle_prefix(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_prefix);
+}

@@ -1,0 +1,161 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A level as a mesh file. */
+#include "server/routes/level_file.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/http/respond.h"
+#include "server/jobs/cell_choice.h"
+#include "server/jobs/made.h"
+#include "server/jobs/streamed.h"
+#include "server/routes/frames.h"
+#include "server/routes/steps.h"
+#include "src/io/io.h"
+
+/* A file format of an answer. `write` is NULL for the stream's own prefix. */
+struct mesh_format {
+    const char *name, *media_type;
+    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+    enum tetlod_status (*lay_out)(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
+};
+
+static const struct mesh_format mesh_formats[] = {
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain, io_layout_vtu},
+    {"vtk", "application/vnd.vtk", io_write_vtk, io_layout_vtk},
+    {"tetlod", "application/vnd.tetlod", NULL, NULL},
+    {NULL, NULL, NULL, NULL},
+};
+
+const struct mesh_format *take_mesh_format(struct exchange *exchange, const char *name, bool from_mesh)
+{
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        if (strcmp(format->name, name) == 0 && (!from_mesh || format->write))
+            return format;
+    json_t *names = json_array();
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        if (!from_mesh || format->write)
+            json_array_append_new(names, json_string(format->name));
+    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names, "there is no format '%.64s' here", name);
+    return NULL;
+}
+
+const char *mesh_format_name(const struct mesh_format *format)
+{
+    return format->name;
+}
+
+const char *mesh_format_type(const struct mesh_format *format)
+{
+    return format->media_type;
+}
+
+enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh, struct buffer *out,
+                                     struct tetlod_error *error)
+{
+    struct tetlodi_sink sink = buffer_sink(out);
+    return format->write(mesh, &sink, error);
+}
+
+/* A file with the values of cells that are asked for. */
+struct mesh_choice {
+    struct step_choice step; /* first: step_answer */
+    const struct mesh_format *format;
+    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+    struct cell_choice cells;
+};
+
+static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+{
+    const struct mesh_choice *choice = opaque;
+    struct tetmesh with = *mesh; // all but the values of cells is borrowed
+    enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, NULL, &with, error);
+    if (status == TETLOD_OK)
+        status = mesh_format_write(choice->format, &with, out, error);
+    for (uint32_t f = 0; f < with.cell_field_count; f++)
+        point_field_fini(&with.cell_fields[f]);
+    free(with.cell_fields);
+    return status;
+}
+
+/* Both formats are binary. */
+uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25 + 4096;
+}
+
+static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_choice *choice)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    char name[16 + STEP_NAME + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
+    cell_choice_name(&choice->cells, cells);
+    step_name(&choice->step, of_step);
+    snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
+    struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
+                                  .file_bytes = mesh_format_bytes(info, level) + cell_choice_decoding(&choice->cells, info, level), .write = write_mesh, .choice = choice,
+                                  .choice_size = sizeof *choice};
+    if (choice->step.any)
+        step_answer(&answer, info);
+    if (choice->step.any || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
+        return answer_from_level(exchange, dataset, &answer);
+    return answer_streamed(exchange, dataset, &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out, &choice->cells});
+}
+
+static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
+{
+    struct mesh_choice choice = {.format = format, .file = dataset_file(dataset)};
+    if (!query_cells(exchange, dataset_info(dataset), &choice.cells))
+        return ANSWERED;
+    if (format->write)
+        return answer_made(exchange, dataset, level, &choice);
+    if (choice.cells.any) {
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "cells is for mesh files; those of a stream lie behind its last level, in the section CVAL");
+        return ANSWERED;
+    }
+    enum outcome outcome = answer_immutable(exchange, respond_level_prefix(exchange, dataset, level));
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        level_headers(exchange->response, dataset, level);
+    return outcome;
+}
+
+enum outcome handle_step_mesh(struct exchange *exchange)
+{
+    static const char *const names[] = {"cells", NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    if (!dataset)
+        return ANSWERED;
+    struct mesh_choice choice = {.file = dataset_file(dataset)};
+    if (check_parameters(exchange, names) && captured_step(exchange, dataset, &choice.step) &&
+        (choice.format = take_mesh_format(exchange, exchange->captures[4], true)) &&
+        query_cells(exchange, dataset_info(dataset), &choice.cells))
+        outcome = answer_made(exchange, dataset, choice.step.level, &choice);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step), exchange->captures[2], exchange->captures[4]);
+    dataset_release(dataset);
+    return outcome;
+}
+
+enum outcome handle_level_mesh(struct exchange *exchange)
+{
+    static const char *const names[] = {"cells", NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    uint32_t level;
+    if (!dataset)
+        return ANSWERED;
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct mesh_format *format = take_mesh_format(exchange, exchange->captures[3], false);
+    if (format && check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
+        outcome = answer_file(exchange, dataset, level, format);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);
+    dataset_release(dataset);
+    return outcome;
+}
