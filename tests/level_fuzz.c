@@ -89,7 +89,7 @@ static void check_region(const struct forest *forest, uint32_t fine)
         box.high[i] = high + (low + high) / 2;
     }
     const struct region region = {.fine = fine, .boxes = &box, .box_count = 1};
-    if (region_mesh(forest, &region, &mesh, &tets, &counts, NULL) != TETLOD_OK)
+    if (region_mesh(forest, &region, NULL, &mesh, &tets, &counts, NULL) != TETLOD_OK)
         return;
     check(&mesh);
     for (uint32_t t = 0; t < mesh.tet_count; t++)

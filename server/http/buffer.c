@@ -33,6 +33,14 @@ unsigned char *buffer_extend(struct buffer *buffer, size_t size)
     return place;
 }
 
+enum tetlod_status buffer_reserve(struct buffer *buffer, uint64_t size, struct tetlod_error *error)
+{
+    if (size <= SIZE_MAX - buffer->size &&
+        array_reserve((void **)&buffer->bytes, &buffer->capacity, buffer->size + (size_t)size, 1))
+        return TETLOD_OK;
+    return tetlodi_fail_nomem(error, "an answer", size);
+}
+
 enum tetlod_status buffer_append(struct buffer *buffer, const void *bytes, size_t size)
 {
     unsigned char *place = buffer_extend(buffer, size);
@@ -105,6 +113,14 @@ static bool zstd(const struct buffer *in, struct buffer *out)
     size_t size = ZSTD_compress(place, out->size, in->bytes, in->size, ZSTD_LEVEL); // windows of at most 2 MiB: RFC 9659 allows 8
     out->size = ZSTD_isError(size) ? 0 : size;
     return !ZSTD_isError(size);
+}
+
+uint64_t buffer_encoding_bytes(uint64_t size, enum coding coding)
+{
+    enum { GZIP_BYTES = 300 << 10, ZSTD_BYTES = 4 << 20 }; // of the encoders themselves
+    if (coding == CODING_IDENTITY)
+        return 0;
+    return coding == CODING_GZIP ? size + size / 1000 + GZIP_BYTES : ZSTD_compressBound((size_t)size) + ZSTD_BYTES;
 }
 
 enum tetlod_status buffer_encode(struct buffer *buffer, enum coding coding, struct tetlod_error *error)

@@ -22,10 +22,16 @@ TETLOD_CHECKED enum tetlod_status buffer_printf(struct buffer *buffer, const cha
 /* Makes room for `size` more bytes and gives where they go. NULL: out of memory. */
 unsigned char *buffer_extend(struct buffer *buffer, size_t size);
 
+/* The same for bytes to come: they fit without growth. */
+TETLOD_CHECKED enum tetlod_status buffer_reserve(struct buffer *buffer, uint64_t size, struct tetlod_error *error);
+
 /* The buffer as a sink. */
 struct tetlodi_sink buffer_sink(struct buffer *buffer);
 
 /* Replaces the contents by their encoded form (nothing to do for identity). */
 TETLOD_CHECKED enum tetlod_status buffer_encode(struct buffer *buffer, enum coding coding, struct tetlod_error *error);
+
+/* Memory that encoding so many bytes takes beside them, at most. */
+uint64_t buffer_encoding_bytes(uint64_t size, enum coding coding);
 
 #endif

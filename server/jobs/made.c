@@ -15,6 +15,9 @@
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
+/* What work begins with that asks for memory as it goes on. */
+enum { FIRST_BYTES = 1 << 16 };
+
 /* One of them on its way to a worker. */
 struct making {
     struct site *site;
@@ -33,25 +36,40 @@ static void making_free(void *opaque)
     free(making);
 }
 
+/* Reserves what the file of a mesh takes, encoded as well if it will be. */
+static enum tetlod_status reserve_file(const struct making *making, const struct tetmesh *mesh, struct room *room,
+                                       struct buffer *out, struct tetlod_error *error)
+{
+    uint64_t size = 0;
+    if (!making->answer.measure)
+        return TETLOD_OK;
+    TETLOD_TRY(making->answer.measure(making->choice, mesh, &size, error));
+    TETLOD_TRY(room_take(room, size + buffer_encoding_bytes(size, making->coding), error));
+    return buffer_reserve(out, size, error);
+}
+
 /* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any more. */
-static enum tetlod_status write_answer(const struct making *making, const struct job *job, struct buffer *out, struct region_note *note, double *extracted,
-                                       struct tetlod_error *error)
+static enum tetlod_status write_answer(const struct making *making, struct job *job, struct buffer *out,
+                                       struct region_note *note, double *extracted, struct tetlod_error *error)
 {
     const struct level_answer *answer = &making->answer;
     const struct forest *forest = forest_of(making->forest);
     struct tetmesh mesh;
-    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, note, error) : forest_mesh(forest, answer->level, &mesh, error));
+    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, job_room(job), &mesh, note, error)
+                            : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
     enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
     if (status == TETLOD_OK && !job_wanted(job))
         status = fail_unwanted(error);
+    if (status == TETLOD_OK)
+        status = reserve_file(making, &mesh, job_room(job), out, error);
     if (status == TETLOD_OK)
         status = answer->write(making->choice, &mesh, out, error);
     tetmesh_fini(&mesh);
     return status;
 }
 
-static enum tetlod_status make(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct making *making = opaque;
     struct region_note note = {0};
@@ -71,8 +89,8 @@ static enum tetlod_status make(void *opaque, const struct job *job, struct cache
     return status;
 }
 
-/* Memory that making takes: the level as arrays, with a number for each slot of the stream, and its file, which grows by half
- * at a time and may be there encoded as well. */
+/* Memory that making takes at most: the level as arrays, with a number for each slot of the stream, and its file, which
+ * grows by half at a time and may be there encoded as well. */
 static uint64_t making_bytes(const struct tetlod_info *info, const struct level_answer *answer)
 {
     uint64_t components = 3;
@@ -103,7 +121,9 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
     }
     *making = (struct making){exchange->site, dataset_hold(dataset), forest, *answer, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);
-    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE, NULL};
+    uint64_t bytes = answer->measure ? FIRST_BYTES : making_bytes(dataset_info(dataset), answer);
+    const struct recipe recipe = {make, making_free, making, bytes, PATIENCE, NULL,
+                                  cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
     return obtain(exchange, cache, key, &recipe, out);
 }
 

@@ -8,6 +8,7 @@
 #include "server/http/respond.h"
 #include "src/forest/forest.h"
 #include "src/mesh/tetmesh.h"
+#include "src/util/room.h"
 
 struct level_answer {
     uint32_t level;
@@ -18,9 +19,13 @@ struct level_answer {
     const void *choice; /* copied */
     size_t choice_size;
     bool finest; /* making it needs the stream up to its finest level, not only up to `level` */
-    /* Of a region, which gets a note, or a step; NULL: the mesh is the level's. It needs `mesh_bytes` more. */
-    enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct tetmesh *out, struct region_note *note,
-                               struct tetlod_error *error);
+    /* Of a region, which gets a note, or a step; NULL: the mesh is the level's. It needs up to `mesh_bytes` more. */
+    enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct room *room, struct tetmesh *out,
+                               struct region_note *note, struct tetlod_error *error);
+    /* What `write` writes of a mesh. Where this is there, `mesh` asks the room for its memory as it goes on, and
+     * nothing is reserved before; NULL: all of it is. */
+    enum tetlod_status (*measure)(const void *choice, const struct tetmesh *mesh, uint64_t *out,
+                                  struct tetlod_error *error);
     void (*headers)(struct response *response, struct dataset *dataset, const void *choice, const struct region_note *note); /* note: may be NULL */
     uint64_t mesh_bytes;
 };

@@ -23,17 +23,19 @@ struct job {
     struct waiter seeker; /* of room */
     bool counted;         /* among those of its client */
     size_t client;
+    struct room room;
+    enum tetlod_status refused; /* why the room did not grant the recipe's bytes, which it raised */
 };
 
 enum { KEY_CAPACITY = 80 };
 
 /* Says why there is no room. */
-static enum tetlod_status fail_room(const struct job *job, enum tetlod_status status, struct tetlod_error *failure)
+static enum tetlod_status fail_room(struct job *job, enum tetlod_status status, struct tetlod_error *failure)
 {
     if (status == TETLOD_ERR_ARGUMENT)
         return tetlodi_fail(failure, status, "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
                                              "(format=tetlod, records, stream) are served at any size",
-                            (unsigned long long)(job->recipe.bytes >> 20));
+                            (unsigned long long)((job->recipe.bytes + job->recipe.beside) >> 20));
     return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
 
@@ -49,7 +51,7 @@ static void end_job(struct job *job, enum tetlod_status status, const struct cac
     free(job);
 }
 
-bool job_wanted(const struct job *job)
+bool job_wanted(struct job *job)
 {
     return !job->pool || (!pool_stopping(job->pool) && cache_wanted(job->cache, job->entry));
 }
@@ -59,23 +61,66 @@ enum tetlod_status fail_unwanted(struct tetlod_error *error)
     return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping, or nobody waits for this any more");
 }
 
+struct room *job_room(struct job *job)
+{
+    return &job->room;
+}
+
+static enum tetlod_status reserve(struct job *job)
+{
+    const uint64_t bytes = job->recipe.bytes, most = cache_capacity(job->cache);
+    if (job->recipe.beside > most || bytes > most - job->recipe.beside)
+        return TETLOD_ERR_ARGUMENT;
+    return cache_reserve(job->cache, job->entry, bytes);
+}
+
+static enum tetlod_status grant(struct room *room, uint64_t bytes, struct tetlod_error *error)
+{
+    struct job *job = (struct job *)(void *)((char *)room - offsetof(struct job, room));
+    if (!job_wanted(job))
+        return fail_unwanted(error);
+    job->recipe.bytes = bytes;
+    job->refused = reserve(job);
+    if (job->refused != TETLOD_OK)
+        return fail_room(job, job->refused, error);
+    room->granted = bytes;
+    return TETLOD_OK;
+}
+
+/* Makes it in the room that is reserved; false: it needs more, and has nothing. */
+static bool make_value(struct job *job)
+{
+    struct cache_value value = {0};
+    struct tetlod_error failure = {0};
+    job->room = (struct room){grant, 0, job->recipe.bytes};
+    job->refused = TETLOD_OK;
+    enum tetlod_status status = job->recipe.make(job->recipe.context, job, &value, &failure);
+    if (status != TETLOD_OK && job->refused == TETLOD_ERR_LIMIT &&
+        cache_reserve(job->cache, job->entry, 0) == TETLOD_OK)
+        return false;
+    end_job(job, status, &value, &failure);
+    return true;
+}
+
 /* Makes room for a value and makes it. What nobody waits for any more is not made. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
  * outside the threads, until readers have let go of enough. */
 static void run_job(void *context)
 {
     struct job *job = context;
-    struct cache_value value = {0};
     struct tetlod_error failure = {0};
     if (job->pool && (pool_stopping(job->pool) || cache_drop_unwanted(job->cache, job->entry))) {
         end_job(job, fail_unwanted(&failure), NULL, &failure);
         return;
     }
-    enum tetlod_status status = cache_reserve(job->cache, job->entry, job->recipe.bytes);
+    enum tetlod_status status = TETLOD_OK;
+    while (status == TETLOD_OK) {
+        status = reserve(job);
+        if (status == TETLOD_OK && make_value(job))
+            return;
+    }
     bool waits = status == TETLOD_ERR_LIMIT && job->pool && monotonic_seconds() < job->until;
     if (waits)
         cache_seek_room(job->cache, &job->seeker);
-    else if (status == TETLOD_OK)
-        end_job(job, job->recipe.make(job->recipe.context, job, &value, &failure), &value, &failure);
     else
         end_job(job, fail_room(job, status, &failure), NULL, &failure);
 }
@@ -118,7 +163,7 @@ static void start(struct site *site, const struct request *request, struct cache
     }
     struct pool *pool = recipe->pool ? recipe->pool : site->pool;
     *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL},
-                        is_counted(site, request, recipe), 0};
+                        is_counted(site, request, recipe), 0, {NULL, 0, 0}, TETLOD_OK};
     cache_hold(cache, entry);
     if (job->counted) {
         job->client = quota_place(request->client);
@@ -259,7 +304,8 @@ static void free_decoded(void *opaque)
     free(decoded);
 }
 
-static enum tetlod_status make_forest(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_forest(void *opaque, struct job *job, struct cache_value *out,
+                                      struct tetlod_error *error)
 {
     struct decode *decode = opaque;
     struct decoded *decoded = array_zero(1, sizeof *decoded);
@@ -337,7 +383,8 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
             return respond_no_memory(exchange);
         *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
         print_key(info, forest_last_level(info, level), key);
-        const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE, exchange->site->decoders};
+        const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE,
+                                      exchange->site->decoders, 0};
         outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
     }
     if (value)

@@ -4,24 +4,31 @@
 #define TETLOD_SERVER_OBTAIN_H
 
 #include "server/http/exchange.h"
+#include "src/util/room.h"
 
-/* How a value that is not cached is made. `context` is freed after use whether it was made or not. */
+/* How a value that is not cached is made, and may be made again where its memory was not granted. `context` is freed
+ * after use whether it was made or not. */
 struct job;
 
 struct recipe {
-    enum tetlod_status (*make)(void *context, const struct job *job, struct cache_value *out, struct tetlod_error *error);
+    enum tetlod_status (*make)(void *context, struct job *job, struct cache_value *out, struct tetlod_error *error);
     void (*free)(void *context);
     void *context;
-    uint64_t bytes;  /* memory that making it takes */
+    uint64_t bytes;  /* memory that making it takes, or that it begins with if it asks job_room for more */
     double patience; /* seconds from now until readers must have let go of enough */
     struct pool *pool; /* that makes it; NULL: the one for answers */
+    uint64_t beside;   /* what `context` holds in the same cache: it does not make room */
 };
 
 #define PATIENCE 30.0
 
 /* Whether what is being made is still asked for; else making it should end with fail_unwanted. */
-bool job_wanted(const struct job *job);
+bool job_wanted(struct job *job);
 enum tetlod_status fail_unwanted(struct tetlod_error *error);
+
+/* The memory that is reserved for what is being made. Work that is not granted more must end; it begins anew as soon as
+ * there is as much. So no two jobs wait for each other's memory. */
+struct room *job_room(struct job *job);
 
 /* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
  * context is taken over. */

@@ -101,7 +101,8 @@ static enum tetlod_status read_window(const struct stored *stored, const struct 
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_window(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_window(void *opaque, struct job *job, struct cache_value *out,
+                                      struct tetlod_error *error)
 {
     const struct lasting *lasting = opaque;
     (void)job;
@@ -145,7 +146,7 @@ static enum outcome obtain_window(struct exchange *exchange, const struct stored
         return respond_no_memory(exchange);
     reading->window = *window;
     double patience = window->size > STEP ? 0 : PATIENCE; // what is larger can do without
-    const struct recipe recipe = {make_window, free_lasting, reading, bytes, patience, site->readers};
+    const struct recipe recipe = {make_window, free_lasting, reading, bytes, patience, site->readers, 0};
     return obtain(exchange, cache, key, &recipe, out);
 }
 

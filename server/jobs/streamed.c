@@ -54,7 +54,7 @@ static void free_view(void *opaque)
     forest_view_free(opaque);
 }
 
-static enum tetlod_status make_view(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_view(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct viewing *viewing = opaque;
     (void)job;
@@ -79,7 +79,7 @@ static void free_cells(void *opaque)
     free(opaque);
 }
 
-static enum tetlod_status make_cells(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_cells(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct celling *celling = opaque;
     (void)job;
@@ -133,7 +133,9 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
     cache_hold(site->memory, forest);
     *viewing = (struct viewing){site, forest, answer->level};
     snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
-    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(forest_of(forest), answer->level), PATIENCE, NULL};
+    const uint64_t bytes = forest_view_bytes(forest_of(forest), answer->level);
+    const uint64_t beside = forest_bytes(forest_of(forest));
+    const struct recipe recipe = {make_view, free_viewing, viewing, bytes, PATIENCE, NULL, beside};
     enum outcome outcome = obtain(exchange, site->memory, key, &recipe, &value);
     if (value)
         *out = obtain_take(exchange->request, value);
@@ -154,7 +156,7 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     cell_choice_name(answer->cells, name);
     snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
     const struct recipe recipe = {make_cells, free_celling, celling, cell_choice_decoding(answer->cells, info, answer->level) + 65536,
-                                  PATIENCE, NULL};
+                                  PATIENCE, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
     if (value)
         *out = obtain_take(exchange->request, value);

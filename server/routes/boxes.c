@@ -92,14 +92,14 @@ bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size
 /* ---- the answer ---- */
 
 /* What is known of the transition; its local bounds are made true. */
-static enum tetlod_status measure(const struct forest *forest, struct tetmesh *mesh, const uint32_t *tets, struct region_note *out,
-                                  struct tetlod_error *error)
+static enum tetlod_status measure(const struct forest *forest, struct tetmesh *mesh, const uint32_t *tets,
+                                  struct room *room, struct region_note *out, struct tetlod_error *error)
 {
     const struct tetlod_info *info = forest_info(forest);
     double *errors = array_new(info->field_count, sizeof *errors);
     if (!errors)
         return tetlodi_fail_nomem(error, "a region's error", info->field_count * sizeof *errors);
-    enum tetlod_status status = region_measure(forest, mesh, tets, 1, errors, error);
+    enum tetlod_status status = region_measure(forest, mesh, tets, 1, room, errors, error);
     for (uint32_t f = 0; status == TETLOD_OK && f < info->field_count; f++) {
         double range = info->fields[f].range[1] - info->fields[f].range[0];
         if (info->fields[f].controlled && range > 0)
@@ -109,19 +109,31 @@ static enum tetlod_status measure(const struct forest *forest, struct tetmesh *m
     return status;
 }
 
-static enum tetlod_status make_mesh(const void *opaque, const struct forest *forest, struct tetmesh *out, struct region_note *note,
-                                    struct tetlod_error *error)
+/* The values of cells, of the mesh and while they are decoded. */
+static enum tetlod_status add_cells(const struct region_choice *choice, const uint32_t *tets, struct room *room,
+                                    struct tetmesh *mesh, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(choice->file);
+    const uint64_t held = room_held(room);
+    TETLOD_TRY(room_take(room, cell_choice_bytes(&choice->cells, info, (uint64_t)mesh->tet_count + info->tets), error));
+    TETLOD_TRY(cell_choice_add(&choice->cells, choice->file, tets, mesh, error));
+    room_back_to(room, held + cell_choice_bytes(&choice->cells, info, mesh->tet_count));
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_mesh(const void *opaque, const struct forest *forest, struct room *room,
+                                    struct tetmesh *out, struct region_note *note, struct tetlod_error *error)
 {
     const struct region_choice *choice = opaque;
     struct region region = region_of(choice);
     struct region_counts counts;
     uint32_t *tets;
-    enum tetlod_status status = region_mesh(forest, &region, out, &tets, &counts, error);
+    enum tetlod_status status = region_mesh(forest, &region, room, out, &tets, &counts, error);
     *note = (struct region_note){out->vertex_count, out->tet_count, counts.tets[REGION_TRANSITION], 0};
     if (status == TETLOD_OK)
-        status = measure(forest, out, tets, note, error);
+        status = measure(forest, out, tets, room, note, error);
     if (status == TETLOD_OK)
-        status = cell_choice_add(&choice->cells, choice->file, tets, out, error);
+        status = add_cells(choice, tets, room, out, error);
     if (status != TETLOD_OK)
         tetmesh_fini(out);
     free(tets);
@@ -132,6 +144,13 @@ static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *m
 {
     const struct region_choice *choice = opaque;
     return mesh_format_write(choice->format, mesh, out, error);
+}
+
+static enum tetlod_status measure_file(const void *opaque, const struct tetmesh *mesh, uint64_t *out,
+                                       struct tetlod_error *error)
+{
+    const struct region_choice *choice = opaque;
+    return mesh_format_measure(choice->format, mesh, out, error);
 }
 
 static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
@@ -170,12 +189,14 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
         .media_type = mesh_format_type(choice->format),
         .file_bytes = mesh_format_bytes(info, choice->fine) + values,
         .write = write_mesh,
+        .measure = measure_file,
         .choice = choice,
         .choice_size = sizeof *choice,
         .finest = true,
         .mesh = make_mesh,
         .headers = put_headers,
-        .mesh_bytes = region_estimate(info, &region) + region_error_bytes(info) + cell_choice_decoding(&choice->cells, info, choice->fine),
+        .mesh_bytes = region_most_bytes(info, &region) + region_error_most_bytes(info) +
+                      cell_choice_decoding(&choice->cells, info, choice->fine),
     };
     return answer_from_level(exchange, dataset, &answer);
 }

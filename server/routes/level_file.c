@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/fail.h"
 #include "server/http/respond.h"
 #include "server/jobs/cell_choice.h"
 #include "server/jobs/made.h"
@@ -57,6 +58,16 @@ enum tetlod_status mesh_format_write(const struct mesh_format *format, const str
 {
     struct tetlodi_sink sink = buffer_sink(out);
     return format->write(mesh, &sink, error);
+}
+
+enum tetlod_status mesh_format_measure(const struct mesh_format *format, const struct tetmesh *mesh, uint64_t *out,
+                                       struct tetlod_error *error)
+{
+    struct io_layout *layout;
+    TETLOD_TRY(format->lay_out(&layout, mesh, error));
+    *out = io_layout_size(layout);
+    io_layout_free(layout);
+    return TETLOD_OK;
 }
 
 /* A file with the values of cells that are asked for. */

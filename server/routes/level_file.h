@@ -16,6 +16,10 @@ const char *mesh_format_type(const struct mesh_format *format);
 TETLOD_CHECKED enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh, struct buffer *out,
                                                     struct tetlod_error *error);
 
+/* The bytes that mesh_format_write writes. */
+TETLOD_CHECKED enum tetlod_status mesh_format_measure(const struct mesh_format *format, const struct tetmesh *mesh,
+                                                      uint64_t *out, struct tetlod_error *error);
+
 /* Of a level's file, at most. */
 uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level);
 

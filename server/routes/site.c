@@ -171,7 +171,7 @@ static void free_info_context(void *opaque)
     free(context);
 }
 
-static enum tetlod_status make_info(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_info(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct info_context *context = opaque;
     (void)job;
@@ -214,7 +214,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL};
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
         respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
@@ -239,7 +239,7 @@ static void free_list_context(void *opaque)
     free(context);
 }
 
-static enum tetlod_status make_list(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_list(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct list_context *context = opaque;
     json_t *meshes = json_array();
@@ -271,7 +271,8 @@ static enum outcome obtain_list(struct exchange *exchange, enum coding coding, c
     }
     context->coding = coding;
     name_list(digest, coding, etag, key);
-    const struct recipe recipe = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count), PATIENCE, NULL};
+    const struct recipe recipe = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count),
+                                  PATIENCE, NULL, 0};
     return obtain(exchange, cache_for(site, recipe.bytes), key, &recipe, out);
 }
 

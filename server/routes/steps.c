@@ -133,10 +133,11 @@ static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_s
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct region_note *note,
-                                    struct tetlod_error *error)
+static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct room *room,
+                                    struct tetmesh *out, struct region_note *note, struct tetlod_error *error)
 {
     const struct step_choice *choice = opaque;
+    (void)room;
     (void)note;
     struct tetlod_series *series; // one that decodes is for one thread
     TETLOD_TRY(forest_mesh(forest, choice->level, out, error));

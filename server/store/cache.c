@@ -231,13 +231,16 @@ enum tetlod_status cache_reserve(struct cache *cache, struct cache_entry *entry,
 {
     enum tetlod_status status = TETLOD_OK;
     pthread_mutex_lock(&cache->lock);
+    const uint64_t before = entry->bytes - ENTRY_BYTES;
+    assert(!bytes || bytes >= before);
     if (bytes > cache->capacity || ENTRY_BYTES > cache->capacity - bytes)
         status = TETLOD_ERR_ARGUMENT;
-    else if (!make_room(cache, bytes))
+    else if (bytes && !make_room(cache, bytes - before))
         status = TETLOD_ERR_LIMIT;
     else {
-        entry->bytes += bytes;
-        cache->used += bytes;
+        entry->bytes = ENTRY_BYTES + bytes;
+        cache->used = cache->used - before + bytes;
+        cache->released |= bytes < before;
     }
     unlock(cache);
     return status;

@@ -42,8 +42,9 @@ struct cache_entry *cache_find(struct cache *cache, const char *key);
 void cache_hold(struct cache *cache, struct cache_entry *entry);
 void cache_release(struct cache *cache, struct cache_entry *entry);
 
-/* Makes room for work on an entry of mine. ERR_LIMIT if readers hold what would have to go (try later), ERR_ARGUMENT if it is
- * more than the capacity (never). */
+/* Makes room for work on an entry of mine, so much in all: more than before, or nothing. ERR_LIMIT if readers hold what
+ * would have to go (try later), ERR_ARGUMENT if it is more than the capacity (never); then what was reserved before
+ * stays. */
 TETLOD_CHECKED enum tetlod_status cache_reserve(struct cache *cache, struct cache_entry *entry, uint64_t bytes);
 
 /* Registers a waiter for the next time that there may be more room. */

@@ -43,9 +43,9 @@ static enum tetlod_status make(const struct forest *forest, struct tetlod_file *
     double *errors = array_new(info->field_count, sizeof *errors);
     if (!errors)
         return tetlodi_fail_nomem(error, "a region", info->field_count * sizeof *errors);
-    enum tetlod_status status = region_mesh(forest, region, out, &tets, &counts, error);
+    enum tetlod_status status = region_mesh(forest, region, NULL, out, &tets, &counts, error);
     if (status == TETLOD_OK)
-        status = region_measure(forest, out, tets, parallel_cores(), errors, error);
+        status = region_measure(forest, out, tets, parallel_cores(), NULL, errors, error);
     if (status == TETLOD_OK)
         status = level_mesh_cells_here(file, REGION_FIELD, tets, out, error);
     if (status == TETLOD_OK)

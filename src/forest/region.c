@@ -25,14 +25,23 @@ struct lists {
     uint32_t *first, *numbers;
 };
 
+/* Of the table of faces. */
+struct face {
+    uint32_t corners[3], tets;
+};
+
 /* A tetrahedron with four different corners. */
 struct cell {
     uint32_t tet, slots[4];
 };
 
+/* What is too little to be counted one by one: names, descriptions. */
+enum { SMALL_BYTES = 1 << 14 };
+
 struct cut {
     const struct forest *forest;
     const struct region *region;
+    struct room *room;
     const struct stage *stage;
     uint32_t slots, coarse_slots, fine_tets;
     uint32_t *fine_of;     /* [slots of the stage] the slot of the fine level that it stands for; NULL: itself */
@@ -55,6 +64,12 @@ struct cut {
     size_t count, capacity, fresh; /* from `fresh` on they are of this round */
     uint32_t rounds;
 };
+
+/* More than the faces of so many tetrahedra. */
+static size_t face_places(size_t tets)
+{
+    return 6 * tets + 64;
+}
 
 static void lists_fini(struct lists *lists)
 {
@@ -83,11 +98,31 @@ static void cut_fini(struct cut *cut)
     free(cut->cells);
 }
 
-uint64_t region_estimate(const struct tetlod_info *info, const struct region *region)
+/* What is there from the start to the end: the arrays of allocate(), and the children. */
+static uint64_t fixed_bytes(uint64_t slots, uint64_t coarse_slots, uint64_t stage_slots, uint64_t tets)
+{
+    uint64_t of_slot = 10 * sizeof(uint32_t) + 3 * sizeof(double) + 1;
+    return slots * of_slot + (slots - coarse_slots + (stage_slots > slots ? stage_slots : 0) + tets) * sizeof(uint32_t);
+}
+
+/* A mesh and the numbers of its tetrahedra. */
+static uint64_t mesh_bytes(const struct tetlod_info *info, uint64_t vertices, uint64_t tets)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return vertices * components * sizeof(double) + tets * (5 * sizeof(uint32_t) + sizeof(double));
+}
+
+/* Every list of tetrahedra at its longest, beside the larger of what is there for a while. */
+uint64_t region_most_bytes(const struct tetlod_info *info, const struct region *region)
 {
     const struct tetlod_level *fine = &info->levels[region->fine];
-    return fine->vertices * (uint64_t)(11 * 4 + 24 + 2 + region->box_count) + info->vertices * (uint64_t)4 +
-           fine->tets * (uint64_t)(4 + 16 + 30 + 6) + 65536;
+    uint64_t cell = sizeof(struct cell), for_a_while = face_places(fine->tets) * sizeof(struct face);
+    uint64_t mesh = mesh_bytes(info, fine->vertices, fine->tets);
+    return SMALL_BYTES + fixed_bytes(fine->vertices, 0, info->vertices, fine->tets) +
+           fine->tets * (5 * sizeof(uint32_t) + 2 * cell) + (for_a_while > mesh ? for_a_while : mesh) +
+           fine->vertices * (uint64_t)(region->box_count + 1);
 }
 
 /* ---- slots ---- */
@@ -113,6 +148,8 @@ static enum tetlod_status allocate(struct cut *cut, struct tetlod_error *error)
 {
     size_t slots = cut->slots;
     bool finest = cut->slots == cut->stage->vertices;
+    const uint64_t fixed = fixed_bytes(slots, cut->coarse_slots, cut->stage->vertices, cut->fine_tets);
+    TETLOD_TRY(room_take(cut->room, SMALL_BYTES + fixed, error));
     cut->fine_of = finest ? NULL : array_new(cut->stage->vertices, sizeof *cut->fine_of);
     cut->arrival = array_new(slots, sizeof *cut->arrival);
     cut->place = array_new(slots, sizeof *cut->place);
@@ -179,14 +216,15 @@ static void place_slots(struct cut *cut)
 }
 
 /* Lists the tetrahedra at each slot, by the places of slots. */
-static bool list_tets(struct cut *cut)
+static enum tetlod_status list_tets(struct cut *cut, struct tetlod_error *error)
 {
     const uint32_t *corners = cut->stage->corners;
     const size_t count = 4 * (size_t)cut->fine_tets;
     uint32_t next = 0;
+    TETLOD_TRY(room_take(cut->room, count * sizeof *cut->tets, error));
     cut->tets = array_new(count, sizeof *cut->tets);
     if (!cut->tets)
-        return false;
+        return tetlodi_fail_nomem(error, "a region", count * sizeof *cut->tets);
     for (size_t c = 0; c < count; c++)
         cut->tets_end[fine_slot(cut, corners[c])]++;
     for (uint32_t place = 0; place < cut->slots; place++) {
@@ -196,7 +234,7 @@ static bool list_tets(struct cut *cut)
     }
     for (size_t c = 0; c < count; c++)
         cut->tets[cut->tets_end[fine_slot(cut, corners[c])]++] = (uint32_t)(c / 4);
-    return true;
+    return TETLOD_OK;
 }
 
 static void corners_of(const struct cut *cut, size_t tet, uint32_t out[4])
@@ -417,6 +455,8 @@ static void raise_wanted(struct cut *cut, unsigned char *wanted)
 
 static enum tetlod_status raise_boxes(struct cut *cut, struct tetlod_error *error)
 {
+    const uint64_t held = room_held(cut->room);
+    TETLOD_TRY(room_take(cut->room, (uint64_t)cut->slots * (cut->region->box_count + 1), error));
     unsigned char *sides = array_new(cut->slots, cut->region->box_count);
     unsigned char *wanted = array_zero(cut->slots, 1);
     bool there = sides && wanted;
@@ -428,13 +468,14 @@ static enum tetlod_status raise_boxes(struct cut *cut, struct tetlod_error *erro
     }
     free(sides);
     free(wanted);
+    room_back_to(cut->room, held);
     return there ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", (uint64_t)cut->slots * (cut->region->box_count + 1));
 }
 
 /* ---- the mesh of a cut ---- */
 
 /* Adds a tetrahedron if its corners stand for four different slots, once in a round. */
-static bool add_cell(struct cut *cut, uint32_t tet)
+static enum tetlod_status add_cell(struct cut *cut, uint32_t tet, struct tetlod_error *error)
 {
     uint32_t slots[4];
     corners_of(cut, tet, slots);
@@ -442,12 +483,12 @@ static bool add_cell(struct cut *cut, uint32_t tet)
         slots[c] = cut->standing[slots[c]];
     if (slots[0] == slots[1] || slots[0] == slots[2] || slots[0] == slots[3] || slots[1] == slots[2] || slots[1] == slots[3] ||
         slots[2] == slots[3] || (cut->rounds && cut->round_of[tet] == cut->rounds))
-        return true;
-    if (!array_reserve((void **)&cut->cells, &cut->capacity, cut->count + 1, sizeof *cut->cells))
-        return false;
+        return TETLOD_OK;
+    TETLOD_TRY(room_reserve(cut->room, (void **)&cut->cells, &cut->capacity, cut->count + 1, cut->fine_tets,
+                            sizeof *cut->cells, error));
     cut->round_of[tet] = cut->rounds;
     cut->cells[cut->count++] = (struct cell){tet, {slots[0], slots[1], slots[2], slots[3]}};
-    return true;
+    return TETLOD_OK;
 }
 
 static bool lives(const struct cut *cut, uint32_t v)
@@ -481,12 +522,12 @@ static void bear_children(struct cut *cut, uint32_t v)
 }
 
 /* Takes out the tetrahedra that have a corner that was split. */
-static bool take_renewed(struct cut *cut)
+static enum tetlod_status take_renewed(struct cut *cut, struct tetlod_error *error)
 {
     size_t kept = 0;
     cut->renewed_count = 0;
-    if (!array_reserve((void **)&cut->renewed, &cut->renewed_capacity, cut->count, sizeof *cut->renewed))
-        return false;
+    TETLOD_TRY(room_reserve(cut->room, (void **)&cut->renewed, &cut->renewed_capacity, cut->count, cut->fine_tets,
+                            sizeof *cut->renewed, error));
     for (size_t i = 0; i < cut->count; i++) {
         const uint32_t *slots = cut->cells[i].slots;
         if (cut->done[slots[0]] | cut->done[slots[1]] | cut->done[slots[2]] | cut->done[slots[3]])
@@ -495,17 +536,16 @@ static bool take_renewed(struct cut *cut)
             cut->cells[kept++] = cut->cells[i];
     }
     cut->count = cut->fresh = kept;
-    return true;
+    return TETLOD_OK;
 }
 
 /* A tetrahedron that was not there has a corner that stands for a slot that was not living. */
-static bool add_born(struct cut *cut, uint32_t v)
+static enum tetlod_status add_born(struct cut *cut, uint32_t v, struct tetlod_error *error)
 {
     const uint32_t place = cut->place[v], last = cut->tets_end[cut->order[piece_end(cut, v) - 1]];
-    bool room = true;
-    for (uint32_t i = place ? cut->tets_end[cut->order[place - 1]] : 0; room && i < last; i++)
-        room = add_cell(cut, cut->tets[i]);
-    return room;
+    for (uint32_t i = place ? cut->tets_end[cut->order[place - 1]] : 0; i < last; i++)
+        TETLOD_TRY(add_cell(cut, cut->tets[i], error));
+    return TETLOD_OK;
 }
 
 /* Takes up what was split. */
@@ -513,20 +553,22 @@ static enum tetlod_status renew(struct cut *cut, struct tetlod_error *error)
 {
     if (!cut->split_count)
         return TETLOD_OK;
-    bool room = (cut->tets || list_tets(cut)) && take_renewed(cut);
+    if (!cut->tets)
+        TETLOD_TRY(list_tets(cut, error));
+    TETLOD_TRY(take_renewed(cut, error));
     for (size_t i = 0; i < cut->split_count; i++)
         if (lives(cut, cut->split[i]))
             bear_children(cut, cut->split[i]);
     for (size_t i = 0; i < cut->born_count; i++)
         bear_children(cut, cut->born[i]);
-    for (size_t i = 0; room && i < cut->renewed_count; i++)
-        room = add_cell(cut, cut->renewed[i]);
-    for (size_t i = 0; room && i < cut->born_count; i++)
-        room = add_born(cut, cut->born[i]);
+    for (size_t i = 0; i < cut->renewed_count; i++)
+        TETLOD_TRY(add_cell(cut, cut->renewed[i], error));
+    for (size_t i = 0; i < cut->born_count; i++)
+        TETLOD_TRY(add_born(cut, cut->born[i], error));
     for (size_t i = 0; i < cut->split_count; i++)
         cut->done[cut->split[i]] = 0;
     cut->split_count = cut->born_count = 0;
-    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)20);
+    return TETLOD_OK;
 }
 
 static enum region_part part_of(const struct cut *cut, const uint32_t *slots)
@@ -599,10 +641,6 @@ static bool repair_tets(struct cut *cut)
     return any;
 }
 
-struct face {
-    uint32_t corners[3], tets;
-};
-
 static void sort_three(uint32_t a[3])
 {
     for (int i = 0; i < 2; i++)
@@ -614,13 +652,12 @@ static void sort_three(uint32_t a[3])
             }
 }
 
-/* The face's place in a table of a power of two places, twice as many as faces. */
-static struct face *find_face(struct face *table, size_t mask, const uint32_t corners[3])
+static struct face *find_face(struct face *table, size_t places, const uint32_t corners[3])
 {
     uint64_t hash = corners[0] * 0x9e3779b97f4a7c15u ^ corners[1] * 0xc2b2ae3d27d4eb4fu ^ corners[2] * 0x165667b19e3779f9u;
-    size_t place = (size_t)(hash ^ hash >> 29) & mask;
+    size_t place = (size_t)((hash ^ hash >> 29) % places);
     while (table[place].tets && memcmp(table[place].corners, corners, sizeof table[place].corners) != 0)
-        place = (place + 1) & mask;
+        place = place + 1 < places ? place + 1 : 0;
     return &table[place];
 }
 
@@ -634,25 +671,26 @@ static void face_of(const uint32_t *slots, int f, uint32_t out[3])
 /* Splits where three or more tetrahedra share a face: two of them, at least, are in one place. */
 static enum tetlod_status repair_faces(struct cut *cut, bool *any, struct tetlod_error *error)
 {
-    size_t places = 64;
+    const size_t places = face_places(cut->count);
+    const uint64_t held = room_held(cut->room);
     uint32_t corners[3];
-    while (places < 8 * cut->count)
-        places *= 2;
+    TETLOD_TRY(room_take(cut->room, places * sizeof(struct face), error));
     struct face *table = array_zero(places, sizeof *table);
     if (!table)
         return tetlodi_fail_nomem(error, "a region", places * sizeof *table);
     for (size_t i = 0; i < 4 * cut->count; i++) {
         face_of(cut->cells[i / 4].slots, (int)(i % 4), corners);
-        struct face *face = find_face(table, places - 1, corners);
+        struct face *face = find_face(table, places, corners);
         memcpy(face->corners, corners, sizeof corners);
         face->tets++;
     }
     for (size_t i = 0; i < 4 * cut->count; i++) {
         face_of(cut->cells[i / 4].slots, (int)(i % 4), corners);
-        if (find_face(table, places - 1, corners)->tets > 2 && part_of(cut, cut->cells[i / 4].slots) == REGION_TRANSITION)
+        if (find_face(table, places, corners)->tets > 2 && part_of(cut, cut->cells[i / 4].slots) == REGION_TRANSITION)
             *any |= split_one(cut, cut->cells[i / 4].slots);
     }
     free(table);
+    room_back_to(cut->room, held);
     return TETLOD_OK;
 }
 
@@ -693,6 +731,7 @@ static enum tetlod_status allocate_mesh(const struct cut *cut, uint32_t vertices
 {
     const struct forest *forest = cut->forest;
     *out = (struct tetmesh){.vertex_count = vertices, .tet_count = (uint32_t)cut->count, .position_type = forest->columns[0].type};
+    TETLOD_TRY(room_take(cut->room, mesh_bytes(forest_info(forest), vertices, cut->count), error));
     out->positions = array_new(vertices, 3 * sizeof *out->positions);
     out->corners = array_new(cut->count, 4 * sizeof *out->corners);
     if (!out->positions || !out->corners)
@@ -736,17 +775,21 @@ static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
     place_slots(cut);
     for (uint32_t v = 0; v < cut->coarse_slots; v++)
         take_position(cut, v, cut->region->coarse);
-    for (uint32_t t = 0; t < tetlod_info(cut->forest->file)->levels[cut->region->coarse].tets; t++)
-        if (!add_cell(cut, t))
-            return tetlodi_fail_nomem(error, "a region", cut->count * sizeof *cut->cells);
+    const uint32_t tets = tetlod_info(cut->forest->file)->levels[cut->region->coarse].tets;
+    TETLOD_TRY(room_reserve(cut->room, (void **)&cut->cells, &cut->capacity, tets, tets, sizeof *cut->cells, error));
+    for (uint32_t t = 0; t < tets; t++)
+        TETLOD_TRY(add_cell(cut, t, error));
     return TETLOD_OK;
 }
 
-enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out, uint32_t **tets,
-                               struct region_counts *counts, struct tetlod_error *error)
+enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct room *room,
+                               struct tetmesh *out, uint32_t **tets, struct region_counts *counts,
+                               struct tetlod_error *error)
 {
     const struct tetlod_level *levels = tetlod_info(forest->file)->levels;
-    struct cut cut = {.forest = forest, .region = region, .stage = forest->stages, .slots = levels[region->fine].vertices,
+    const uint64_t held = room_held(room);
+    struct cut cut = {.forest = forest, .region = region, .room = room, .stage = forest->stages,
+                      .slots = levels[region->fine].vertices,
                       .coarse_slots = levels[region->coarse].vertices, .fine_tets = levels[region->fine].tets};
     assert(region->coarse < region->fine && region->fine < forest_levels(forest));
     while (cut.stage->level < region->fine)
@@ -770,6 +813,7 @@ enum tetlod_status region_mesh(const struct forest *forest, const struct region 
     else
         tetmesh_fini(out);
     counts->rounds = cut.rounds;
+    room_back_to(room, held + SMALL_BYTES + mesh_bytes(forest_info(forest), out->vertex_count, out->tet_count));
     cut_fini(&cut);
     return status;
 }

@@ -12,6 +12,7 @@
 #define TETLOD_REGION_H
 
 #include "src/forest/forest.h"
+#include "src/util/room.h"
 
 struct region_box {
     double low[3], high[3];
@@ -33,12 +34,15 @@ struct region_counts {
 /* The name of the cell field that says each tetrahedron's part. */
 #define REGION_FIELD "Region"
 
-/* The mesh; its vertices and tetrahedra are in the order of the levels'. *tets: their numbers in the fine level, the caller's to free. */
-TETLOD_CHECKED enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out, uint32_t **tets,
+/* The mesh; its vertices and tetrahedra are in the order of the levels'. *tets: their numbers in the fine level, the
+ * caller's to free. The room (NULL: no limit) is asked for memory as the region grows, and holds both afterwards.
+ * ERR_NOMEM, and what the room says. */
+TETLOD_CHECKED enum tetlod_status region_mesh(const struct forest *forest, const struct region *region,
+                                              struct room *room, struct tetmesh *out, uint32_t **tets,
                                               struct region_counts *counts, struct tetlod_error *error);
 
-/* Memory that making takes beside the forest. */
-uint64_t region_estimate(const struct tetlod_info *info, const struct region *region);
+/* Memory that making takes beside the forest at most: as if the boxes held everything. */
+uint64_t region_most_bytes(const struct tetlod_info *info, const struct region *region);
 
 /* Whether a closed tetrahedron and a closed box have a point in common, or nearly so. */
 bool region_meets(const double *const corners[4], const struct region_box *box);

@@ -53,6 +53,12 @@ void clusters_fini(struct clusters *clusters)
     *clusters = (struct clusters){0};
 }
 
+uint64_t clusters_building_bytes(uint32_t tets)
+{
+    uint64_t own = (uint64_t)(tets / CLUSTER_TETS + 2) * sizeof(uint32_t) + tets * (uint64_t)(4 * sizeof(uint32_t) + 4);
+    return bvh_building_bytes(tets, CLUSTER_TETS) + own;
+}
+
 uint64_t clusters_bytes(uint32_t tets)
 {
     return (uint64_t)tets * (4 + 4 + 5) + (uint64_t)tets / CLUSTER_TETS * (4 + 4 * 24);

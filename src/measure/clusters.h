@@ -25,4 +25,7 @@ void clusters_fini(struct clusters *clusters);
 /* About what they take for so many tetrahedra. */
 uint64_t clusters_bytes(uint32_t tets);
 
+/* Memory that building them takes at most. */
+uint64_t clusters_building_bytes(uint32_t tets);
+
 #endif

@@ -759,6 +759,13 @@ static void gather(const struct overlay *overlay, unsigned threads, double *out,
     }
 }
 
+uint64_t overlay_bytes(uint32_t a_tets, uint32_t b_tets)
+{
+    enum { SMALL = 4096 }; // the fields and the worker
+    return (uint64_t)a_tets + b_tets * (uint64_t)(1 + 6 * sizeof(double)) +
+        clusters_building_bytes(a_tets > b_tets ? a_tets : b_tets) + SMALL;
+}
+
 enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields, const struct tetmesh *b,
                                const uint32_t *b_fields, uint32_t count, const struct overlay_options *options,
                                double *out, struct overlay_report *report, struct tetlod_error *error)

@@ -42,4 +42,7 @@ TETLOD_CHECKED enum tetlod_status overlay_max(const struct tetmesh *a, const uin
                                               const struct overlay_options *options, double *out,
                                               struct overlay_report *report, struct tetlod_error *error);
 
+/* Memory that it takes on one thread, at most, of meshes with so many tetrahedra, where b does not overlap itself. */
+uint64_t overlay_bytes(uint32_t a_tets, uint32_t b_tets);
+
 #endif

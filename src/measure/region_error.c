@@ -36,26 +36,35 @@ struct measuring {
     double *guess;           /* [compared field] */
 };
 
-uint64_t region_error_bytes(const struct tetlod_info *info)
+/* What is too little to be counted one by one: numbers of fields. */
+enum { SMALL_BYTES = 1 << 14 };
+
+uint64_t region_error_most_bytes(const struct tetlod_info *info)
 {
     const struct tetlod_level *finest = &info->levels[info->level_count - 1];
-    uint64_t width = 3;
+    const uint64_t grid_cells = 1 << 18, corners = 4 * sizeof(uint32_t), of_bound = 2 * sizeof(double);
+    uint32_t width = 0;
     for (uint32_t f = 0; f < info->field_count; f++)
         width += info->fields[f].components;
-    return finest->vertices * (16 * width + 3 + 4 + 4 + 4 + 12) + finest->tets * (uint64_t)(16 + 2 * 112 + 48 + 1 + 32 + 16 * width) + ((uint64_t)48 << 20);
+    uint64_t of_vertex = 3 * (3 + width) * sizeof(double) + 8 * sizeof(uint32_t) + (2 * width + 1) * sizeof(double);
+    return SMALL_BYTES + value_grid_bytes(finest->tets, width) + grid_cells * sizeof(uint32_t) +
+           finest->vertices * of_vertex + finest->tets * (5 * corners + 1 + of_bound) +
+           overlay_bytes(finest->tets, finest->tets);
 }
 
 /* ---- the guess ---- */
 
-static bool list_vertices(struct measuring *m)
+static enum tetlod_status list_vertices(struct measuring *m, struct tetlod_error *error)
 {
     const struct value_grid *grid = &m->transition->grid;
     const struct finest *finest = &m->transition->finest;
     size_t cells = grid->cell_count;
+    const uint64_t bytes = (cells + 1 + finest->vertices) * sizeof(uint32_t);
+    TETLOD_TRY(room_take(m->transition->room, bytes, error));
     m->first = array_zero(cells + 1, sizeof *m->first);
     m->order = array_new(finest->vertices, sizeof *m->order);
     if (!m->first || !m->order)
-        return false;
+        return tetlodi_fail_nomem(error, "a region's error", bytes);
     for (uint32_t v = 0; v < finest->vertices; v++)
         m->first[grid_number(grid, finest->cells[v][0], finest->cells[v][1], finest->cells[v][2])]++;
     for (size_t c = 0, before = 0; c <= cells; c++) {
@@ -64,7 +73,7 @@ static bool list_vertices(struct measuring *m)
     }
     for (uint32_t v = finest->vertices; v-- > 0;)
         m->order[--m->first[grid_number(grid, finest->cells[v][0], finest->cells[v][1], finest->cells[v][2])]] = v;
-    return true;
+    return TETLOD_OK;
 }
 
 static void guess_at(struct measuring *m, const uint32_t *corners, const struct grid_tet *tet, uint32_t vertex)
@@ -119,14 +128,18 @@ static void guess_tet(struct measuring *m, uint32_t number)
 static enum tetlod_status overlay_above(const struct measuring *m, double *most, struct tetlod_error *error)
 {
     const struct transition *t = m->transition;
+    const uint64_t held = room_held(t->room);
     struct finest_part far;
     struct overlay_report report;
     enum tetlod_status status = transition_far(t, m->guess, &far, error);
+    if (status == TETLOD_OK)
+        status = room_take(t->room, overlay_bytes(far.mesh.tet_count, t->near.tet_count), error);
     const struct overlay_options options = {
         .threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted = t->wanted, .floors = m->guess};
     if (status == TETLOD_OK)
         status = overlay_max(&far.mesh, t->fields.places, &t->near, t->fields.fields, t->fields.count, &options, most, &report, error);
     finest_part_fini(&far);
+    room_back_to(t->room, held);
     return status;
 }
 
@@ -143,8 +156,7 @@ static bool keep_guess(struct measuring *m, const double *most)
 
 static enum tetlod_status find_maximum(struct measuring *m, double *most, struct tetlod_error *error)
 {
-    if (!list_vertices(m))
-        return tetlodi_fail_nomem(error, "a region's error", m->transition->finest.vertices * (uint64_t)4);
+    TETLOD_TRY(list_vertices(m, error));
     for (uint32_t i = 0; i < m->transition->tets.tet_count; i++)
         guess_tet(m, i);
     TETLOD_TRY(overlay_above(m, most, error));
@@ -214,6 +226,9 @@ static enum tetlod_status raise_bound(const struct measuring *m, const struct fi
     double most = largest_bound(t->region, bound), own = finest_error(info, field);
     double floor = most * (1 + SLACK) + 4 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1])) - own;
     size_t count = (size_t)s->components * t->region->vertex_count;
+    const uint64_t held = room_held(t->room);
+    const uint64_t bytes = (2 * (count + t->near.tet_count) + t->region->vertex_count) * sizeof(double);
+    TETLOD_TRY(room_take(t->room, bytes + overlay_bytes(all->mesh.tet_count, t->near.tet_count), error));
     double *values = array_new(count, 2 * sizeof *values), *found = array_new(t->near.tet_count, 2 * sizeof *found);
     double *lack = array_new(t->region->vertex_count, sizeof *lack), unused[2];
     struct point_field fields[2] = {*s, *s};
@@ -221,7 +236,7 @@ static enum tetlod_status raise_bound(const struct measuring *m, const struct fi
     struct overlay_report report;
     enum tetlod_status status = TETLOD_OK;
     if (!values || !found || !lack)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a region's local bounds", (uint64_t)count * 16 + t->near.tet_count * (uint64_t)16));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a region's local bounds", bytes));
     shift(t->region, s, bound->values, most, values);
     for (size_t f = 0; f < 2 * (size_t)t->near.tet_count; f++)
         found[f] = floor;
@@ -236,6 +251,7 @@ done:
     free(values);
     free(found);
     free(lack);
+    room_back_to(t->room, held);
     return status;
 }
 
@@ -243,6 +259,7 @@ static enum tetlod_status raise_bounds(const struct measuring *m, struct tetmesh
 {
     const struct tetlod_info *info = forest_info(m->transition->forest);
     const struct transition_fields *compared = &m->transition->fields;
+    const uint64_t held = room_held(m->transition->room);
     double *all = array_new(compared->count, sizeof *all);
     struct finest_part near = {0};
     bool any = false;
@@ -259,6 +276,7 @@ static enum tetlod_status raise_bounds(const struct measuring *m, struct tetmesh
                 status = raise_bound(m, &near, i, &region->fields[f], error);
     finest_part_fini(&near);
     free(all);
+    room_back_to(m->transition->room, held);
     return status;
 }
 
@@ -285,16 +303,19 @@ static enum tetlod_status measure(struct measuring *m, struct tetmesh *region, d
     return status;
 }
 
-enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *region, const uint32_t *tets, unsigned threads, double *out,
-                                  struct tetlod_error *error)
+enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *region, const uint32_t *tets,
+                                  unsigned threads, struct room *room, double *out, struct tetlod_error *error)
 {
+    const uint64_t held = room_held(room);
+    TETLOD_TRY(room_take(room, SMALL_BYTES, error));
     struct transition transition;
     struct measuring m = {.transition = &transition, .threads = threads};
     for (uint32_t f = 0; f < region->field_count; f++)
         out[f] = 0;
-    enum tetlod_status status = transition_init(&transition, forest, region, tets, error);
+    enum tetlod_status status = transition_init(&transition, forest, region, tets, room, error);
     if (status == TETLOD_OK && transition.tets.tet_count && transition.fields.count)
         status = measure(&m, region, out, error);
     transition_fini(&transition);
+    room_back_to(room, held);
     return status;
 }

@@ -12,11 +12,14 @@
  * The local bounds of the region (SPEC 3.3) are raised where they do not hold in a tetrahedron of the transition: at its four corners by the
  * most that they lack in it. Of a body that overlaps itself they then hold for every value of the original at a place.
  *
- * The forest has the finest level. The same on any number of threads. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *region, const uint32_t *tets, unsigned threads,
+ * The forest has the finest level. The same on any number of threads. The room (NULL: no limit), which counts one
+ * thread, is asked for memory as it goes on, and holds afterwards what it held before. ERR_NOMEM, and what the room
+ * says. */
+TETLOD_CHECKED enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *region,
+                                                 const uint32_t *tets, unsigned threads, struct room *room,
                                                  double *out, struct tetlod_error *error);
 
-/* Memory that it takes, about. */
-uint64_t region_error_bytes(const struct tetlod_info *info);
+/* Memory that it takes at most: as if all were transition. */
+uint64_t region_error_most_bytes(const struct tetlod_info *info);
 
 #endif

@@ -61,24 +61,29 @@ static bool is_of_transition(const struct tetmesh *region, size_t tet)
     return region->cell_fields[tetmesh_find_cell_field(region, REGION_FIELD)].values[tet] == (double)REGION_TRANSITION;
 }
 
-/* Room for some of the region's tetrahedra. */
-static bool borrow(const struct tetmesh *region, struct tetmesh *out)
+/* A mesh for so many of the region's tetrahedra. */
+static enum tetlod_status borrow(const struct transition *t, size_t tets, struct tetmesh *out,
+                                 struct tetlod_error *error)
 {
-    *out = *region;
+    *out = *t->region;
     out->cell_field_count = 0;
     out->tet_count = 0;
-    out->corners = array_new(region->tet_count, 4 * sizeof *out->corners);
-    return out->corners != NULL;
+    out->corners = NULL;
+    TETLOD_TRY(room_take(t->room, tets * 4 * sizeof *out->corners, error));
+    out->corners = array_new(tets, 4 * sizeof *out->corners);
+    return out->corners ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's error", tets * 4 * sizeof *out->corners);
 }
 
-static bool take_tets(struct transition *t)
+static enum tetlod_status take_tets(struct transition *t, struct tetlod_error *error)
 {
-    if (!borrow(t->region, &t->tets))
-        return false;
+    size_t count = 0;
+    for (size_t i = 0; i < t->region->tet_count; i++)
+        count += is_of_transition(t->region, i);
+    TETLOD_TRY(borrow(t, count, &t->tets, error));
     for (size_t i = 0; i < t->region->tet_count; i++)
         if (is_of_transition(t->region, i))
             memcpy(t->tets.corners + 4 * (size_t)t->tets.tet_count++, t->region->corners + 4 * i, 16);
-    return true;
+    return TETLOD_OK;
 }
 
 /* The components of a field into rows of `width`. */
@@ -91,6 +96,8 @@ static void put_columns(const double *values, uint32_t components, size_t count,
 static enum tetlod_status make_grid(struct transition *t, struct tetlod_error *error)
 {
     uint32_t width = t->fields.width, column = 0;
+    const uint64_t held = room_held(t->room), grid = value_grid_bytes(t->tets.tet_count, width);
+    TETLOD_TRY(room_take(t->room, grid + (uint64_t)t->region->vertex_count * width * sizeof(double), error));
     double *rows = array_new(t->region->vertex_count, width * sizeof *rows);
     if (!rows)
         return tetlodi_fail_nomem(error, "a region's error", (uint64_t)t->region->vertex_count * width * 8);
@@ -101,6 +108,7 @@ static enum tetlod_status make_grid(struct transition *t, struct tetlod_error *e
     }
     enum tetlod_status status = value_grid_init(&t->grid, &t->tets, rows, width, error);
     free(rows);
+    room_back_to(t->room, held + grid);
     return status;
 }
 
@@ -122,13 +130,24 @@ static void read_vertices(struct transition *t, const struct forest_view *view, 
         t->finest.cells[first + v / 3][v % 3] = grid_coordinate(&t->grid, p[v], (int)(v % 3));
 }
 
+/* What take_finest leaves. */
+static uint64_t finest_bytes(const struct tetlod_level *finest, uint32_t width)
+{
+    return finest->vertices * (uint64_t)((3 + width) * sizeof(double) + 3 + sizeof(uint32_t)) +
+        finest->tets * (uint64_t)(4 * sizeof(uint32_t));
+}
+
 static enum tetlod_status take_finest(struct transition *t, struct tetlod_error *error)
 {
     enum { BLOCK = 256 };
     const struct tetlod_info *info = forest_info(t->forest);
     const struct tetlod_level *level = &info->levels[info->level_count - 1];
     uint32_t vertices = level->vertices, width = t->fields.width;
+    const uint64_t view_bytes = forest_view_bytes(t->forest,
+                                                  info->level_count - 1) + BLOCK * (uint64_t)width * sizeof(double);
     struct forest_view *view;
+    TETLOD_TRY(room_take(t->room, finest_bytes(level, width) + view_bytes, error));
+    const uint64_t held = room_held(t->room) - view_bytes;
     double *block = array_new(BLOCK * (size_t)width, sizeof *block);
     t->finest = (struct finest){.vertices = vertices,
                                 .tets = level->tets,
@@ -151,6 +170,7 @@ static enum tetlod_status take_finest(struct transition *t, struct tetlod_error 
         forest_view_free(view);
     }
     free(block);
+    room_back_to(t->room, held);
     return status;
 }
 
@@ -197,10 +217,15 @@ static bool is_near(const struct transition *t, size_t tet)
 static enum tetlod_status take_near(struct transition *t, const uint32_t *tets, struct tetlod_error *error)
 {
     const struct tetmesh *region = t->region;
-    t->wanted = array_new(region->tet_count, 1);
+    size_t count = 0;
+    for (size_t i = 0; i < region->tet_count; i++)
+        count += is_of_transition(region, i) || is_near(t, i);
+    TETLOD_TRY(borrow(t, count, &t->near, error));
+    TETLOD_TRY(room_take(t->room, count + region->vertex_count * sizeof *t->bodies, error));
+    t->wanted = array_new(count, 1);
     t->bodies = array_new(region->vertex_count, sizeof *t->bodies);
-    if (!t->wanted || !t->bodies || !borrow(region, &t->near))
-        return tetlodi_fail_nomem(error, "a region's error", region->tet_count * (uint64_t)17);
+    if (!t->wanted || !t->bodies)
+        return tetlodi_fail_nomem(error, "a region's error", count + region->vertex_count * sizeof *t->bodies);
     for (size_t i = 0; i < region->tet_count; i++) {
         bool wanted = is_of_transition(region, i);
         for (size_t c = 0; c < 4; c++)
@@ -213,12 +238,13 @@ static enum tetlod_status take_near(struct transition *t, const uint32_t *tets, 
     return TETLOD_OK;
 }
 
-enum tetlod_status transition_init(struct transition *t, const struct forest *forest, const struct tetmesh *region, const uint32_t *tets,
-                                   struct tetlod_error *error)
+enum tetlod_status transition_init(struct transition *t, const struct forest *forest, const struct tetmesh *region,
+                                   const uint32_t *tets, struct room *room, struct tetlod_error *error)
 {
-    *t = (struct transition){.forest = forest, .region = region};
-    if (!list_fields(forest_info(forest), &t->fields) || !take_tets(t))
-        return tetlodi_fail_nomem(error, "a region's error", region->tet_count * (uint64_t)16);
+    *t = (struct transition){.forest = forest, .room = room, .region = region};
+    if (!list_fields(forest_info(forest), &t->fields))
+        return tetlodi_fail_nomem(error, "a region's error", forest_info(forest)->field_count * sizeof(uint32_t));
+    TETLOD_TRY(take_tets(t, error));
     if (!t->tets.tet_count || !t->fields.count)
         return TETLOD_OK;
     TETLOD_TRY(make_grid(t, error));
@@ -271,8 +297,8 @@ static enum tetlod_status take_far(const struct transition *t, const double *lim
         const uint32_t *corners = t->finest.corners + 4 * tet;
         if (!may_be_far(t, corners, limits))
             continue;
-        if (!array_reserve((void **)&out->corners, &capacity, (size_t)out->tet_count + 1, 4 * sizeof *out->corners))
-            return tetlodi_fail_nomem(error, "a region's error", (uint64_t)out->tet_count * 16);
+        TETLOD_TRY(room_reserve(t->room, (void **)&out->corners, &capacity, (size_t)out->tet_count + 1,
+                                t->finest.tets, 4 * sizeof *out->corners, error));
         for (size_t c = 0; c < 4; c++) {
             uint32_t *number = &numbers[corners[c]];
             if (*number == TETLOD_NONE)
@@ -287,6 +313,9 @@ static enum tetlod_status take_far(const struct transition *t, const double *lim
 static enum tetlod_status take_vertices(const struct transition *t, const uint32_t *numbers, struct finest_part *out, struct tetlod_error *error)
 {
     struct tetmesh *mesh = &out->mesh;
+    TETLOD_TRY(room_take(t->room,
+                         mesh->vertex_count * (uint64_t)((3 + t->fields.width) * sizeof(double) +
+                                                         sizeof *out->bodies), error));
     mesh->position_type = t->region->position_type;
     mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
     out->bodies = array_new(mesh->vertex_count, sizeof *out->bodies);
@@ -311,12 +340,15 @@ static enum tetlod_status take_vertices(const struct transition *t, const uint32
 
 enum tetlod_status transition_far(const struct transition *t, const double *limits, struct finest_part *out, struct tetlod_error *error)
 {
-    uint32_t *numbers = array_new(t->finest.vertices, sizeof *numbers);
+    const uint64_t numbering = t->finest.vertices * sizeof(uint32_t);
     *out = (struct finest_part){0};
+    TETLOD_TRY(room_take(t->room, numbering, error));
+    uint32_t *numbers = array_new(t->finest.vertices, sizeof *numbers);
     enum tetlod_status status = numbers ? take_far(t, limits, numbers, &out->mesh, error)
                                         : tetlodi_fail_nomem(error, "a region's error", t->finest.vertices * (uint64_t)4);
     if (status == TETLOD_OK)
         status = take_vertices(t, numbers, out, error);
     free(numbers);
+    room_back_to(t->room, room_held(t->room) - numbering);
     return status;
 }

@@ -31,6 +31,7 @@ struct finest {
 
 struct transition {
     const struct forest *forest;
+    struct room *room;            /* may be NULL */
     const struct tetmesh *region; /* borrowed */
     struct transition_fields fields;
     struct tetmesh tets;          /* the transition: borrows all but its corners */
@@ -48,12 +49,16 @@ struct finest_part {
 };
 
 /* `tets`: of each of the region's tetrahedra its number in the fine level. The forest has the finest level. Where there is no transition,
- * transition->tets is empty and nothing else is there. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status transition_init(struct transition *transition, const struct forest *forest, const struct tetmesh *region,
-                                                  const uint32_t *tets, struct tetlod_error *error);
+ * transition->tets is empty and nothing else is there. ERR_NOMEM, and what the room says, which then holds what is
+ * there. */
+TETLOD_CHECKED enum tetlod_status transition_init(struct transition *transition, const struct forest *forest,
+                                                  const struct tetmesh *region, const uint32_t *tets,
+                                                  struct room *room, struct tetlod_error *error);
 void transition_fini(struct transition *transition);
 
-/* The finest tetrahedra that may differ from the transition by more than limits[compared field]; a limit below 0: all that lie near. */
+/* The finest tetrahedra that may differ from the transition by more than limits[compared field]; a limit below 0: all
+ * that lie near. The
+ * room holds the part afterwards. */
 TETLOD_CHECKED enum tetlod_status transition_far(const struct transition *transition, const double *limits, struct finest_part *out,
                                                  struct tetlod_error *error);
 void finest_part_fini(struct finest_part *part);

@@ -8,7 +8,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-enum { MOST_SIDE = 64, MOST_RANGES = 1 << 21 };
+enum { MOST_SIDE = 64, MOST_RANGES = 1 << 21, CELLS_OF_TET = 64, LEAST_SIDE = 8 };
 
 /* The cube of the longest edge by six times the volume: above it the gradients are not used. */
 static const double THIN = 1e5;
@@ -139,12 +139,27 @@ static void set_bounds(struct value_grid *grid, const struct tetmesh *mesh)
     }
 }
 
-enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh *mesh, const double *values, uint32_t width,
-                                   struct tetlod_error *error)
+static int choose_side(uint32_t tets, uint32_t width)
 {
+    uint64_t most = MOST_RANGES / (width ? width : 1);
     int side = MOST_SIDE;
-    while (side > 1 && (uint64_t)side * (uint64_t)side * (uint64_t)side * width > MOST_RANGES)
+    while (side > 1 && (uint64_t)side * (uint64_t)side * (uint64_t)side > most)
         side /= 2;
+    while (side > LEAST_SIDE && (uint64_t)side * (uint64_t)side * (uint64_t)side > CELLS_OF_TET * (uint64_t)tets)
+        side /= 2;
+    return side;
+}
+
+uint64_t value_grid_bytes(uint32_t tets, uint32_t width)
+{
+    uint64_t side = (uint64_t)choose_side(tets, width);
+    return side * side * side * (1 + 2 * sizeof(double) * width) + width * sizeof(struct component);
+}
+
+enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh *mesh, const double *values,
+                                   uint32_t width, struct tetlod_error *error)
+{
+    const int side = choose_side(mesh->tet_count, width);
     size_t cells = (size_t)side * (size_t)side * (size_t)side, ranges = cells * width;
     *grid = (struct value_grid){.side = side, .cell_count = cells, .width = width, .ranges = array_new(ranges, 2 * sizeof *grid->ranges),
                                 .marked = array_zero(cells, 1)};

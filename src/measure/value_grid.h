@@ -9,7 +9,7 @@
 #include "src/mesh/tetmesh.h"
 
 struct value_grid {
-    int side; /* cells along an axis, at most 64: fewer where there are many components */
+    int side; /* cells along an axis, at most 64: fewer where there are many components or few tetrahedra */
     size_t cell_count;
     double low[3], scale[3];
     uint32_t width;
@@ -30,6 +30,9 @@ void grid_tet_set(struct grid_tet *tet, const struct tetmesh *mesh, uint32_t num
 TETLOD_CHECKED enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh *mesh, const double *values, uint32_t width,
                                                   struct tetlod_error *error);
 void value_grid_fini(struct value_grid *grid);
+
+/* Memory that a grid takes. */
+uint64_t value_grid_bytes(uint32_t tets, uint32_t width);
 
 /* The coordinate of the cell that holds a number along an axis; that at the end if it is outside. */
 static inline uint8_t grid_coordinate(const struct value_grid *grid, double at, int axis)

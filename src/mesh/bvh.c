@@ -133,12 +133,24 @@ static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t 
                    bvh->boxes + 6 * (2 * (size_t)node + 2));
 }
 
-enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
-                             unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error)
+static uint32_t count_leaves(uint32_t count, uint32_t leaf)
 {
     uint32_t leaves = 1, needed = count / leaf + 1;
     while (leaves < needed)
         leaves *= 2;
+    return leaves;
+}
+
+uint64_t bvh_building_bytes(uint32_t count, uint32_t leaf)
+{
+    const uint64_t boxes = count_leaves(count, leaf) * (uint64_t)(12 * sizeof(float));
+    return count * (uint64_t)(sizeof(struct item) + sizeof(uint32_t)) + boxes;
+}
+
+enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
+                             unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error)
+{
+    const uint32_t leaves = count_leaves(count, leaf);
     struct item *items = array_new(count, sizeof *items);
     *bvh = (struct bvh){.count = count,
                         .leaf_first = leaves - 1,
@@ -148,7 +160,7 @@ enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uin
     if (!items || !bvh->order || !bvh->boxes) {
         free(items);
         bvh_fini(bvh);
-        return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)count * (sizeof *items + 4) + (uint64_t)leaves * 48);
+        return tetlodi_fail_nomem(error, "a box hierarchy", bvh_building_bytes(count, leaf));
     }
     for (uint32_t i = 0; i < count; i++) {
         double box[6];

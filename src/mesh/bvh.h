@@ -23,6 +23,9 @@ TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *posit
                                             unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error);
 void bvh_fini(struct bvh *bvh);
 
+/* Memory that building takes. */
+uint64_t bvh_building_bytes(uint32_t count, uint32_t leaf);
+
 /* Square of the distance of p from a node's box; 0 inside. */
 double bvh_box_distance2(const struct bvh *bvh, uint32_t node, const double p[3]);
 

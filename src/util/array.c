@@ -22,13 +22,17 @@ void *array_zero(size_t count, size_t element_size)
     return calloc(count ? count : 1, element_size);
 }
 
+size_t array_growth(size_t capacity, size_t needed)
+{
+    size_t grown = capacity + capacity / 2 + 16;
+    return grown < needed ? needed : grown;
+}
+
 int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_size)
 {
     if (needed <= *capacity)
         return 1;
-    size_t grown = *capacity + *capacity / 2 + 16;
-    if (grown < needed)
-        grown = needed;
+    size_t grown = array_growth(*capacity, needed);
     void *moved = array_resize(*array, grown, element_size);
     if (!moved)
         return 0;

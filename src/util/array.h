@@ -12,7 +12,10 @@ void *array_resize(void *array, size_t count, size_t element_size); /* the old o
 /* The array with less room; it cannot fail. */
 void *array_shrink(void *array, size_t count, size_t element_size);
 
-/* Doubling growth of an array of *capacity elements so that `needed` fit; 0 on failure, the array unchanged. */
+/* The capacity to which an array grows, by half at least, so that `needed` elements fit. */
+size_t array_growth(size_t capacity, size_t needed);
+
+/* Such growth of an array of *capacity elements; 0 on failure, the array unchanged. */
 int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_size);
 
 #endif

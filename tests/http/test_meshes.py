@@ -528,6 +528,23 @@ def test_small_cache():
         assert small.get(at + '%d/mesh.tetlod' % last)[0] == 200
 
 
+def test_memory_of_regions():
+    """A region that is small beside its stream needs little more memory than the stream. Several that are made at once
+    and need all of it take turns."""
+    stream = os.path.join(SCRATCH, 'roomy.tetlod')
+    make_stream('fin', stream, 24)  # 39,000 tetrahedra
+    with Server(stream, '--cache', '1M', '--memory', '10M', '--threads', '4') as small:
+        shown = small.json('/v1/meshes/roomy')
+        at = '/v1/meshes/roomy/%s/levels/0/region.vtu?box_level=%d&box=' % (shown['cid'], len(shown['levels']) - 1)
+        assert small.get(at + '-4,1,1,-3.9,1.1,1.1')[0] == 200
+        with concurrent.futures.ThreadPoolExecutor(12) as pool:
+            answers = list(pool.map(lambda i: small.get(at + '-3,0,0,0,2,%.3f' % (2 + i / 1000)), range(12)))
+        assert {a[0] for a in answers} == {200}, [a[2] for a in answers if a[0] != 200]
+    with Server(stream, '--cache', '1M', '--memory', '6M') as small:
+        status, _, body = small.get(at + '-9,-9,-9,9,9,9')
+        assert status == 422 and b'needs' in body, (status, body)
+
+
 def test_slow_readers():
     """Who reads slowly holds room, until the deadline of the answer; who needs the room waits for it and gets an answer."""
     stream, path = os.path.join(SCRATCH, 'held.tetlod'), os.path.join(SCRATCH, 'held.sock')
@@ -814,4 +831,7 @@ with Server(FOLDER) as server:
     run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
-         test_small_cache, test_slow_readers, test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])
+         test_small_cache, test_memory_of_regions, test_slow_readers,
+         test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream,
+         test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing,
+         test_what_is_no_stream, test_damaged_stream])

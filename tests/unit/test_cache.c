@@ -88,6 +88,33 @@ static void test_held_stays(void)
     cache_free(cache);
 }
 
+/* Work that needs more than it has gets more or keeps what it has, and can give all of it back. */
+static void test_work_grows(void)
+{
+    struct cache *cache = cache_new(5000);
+    bool mine;
+    struct cache_entry *one = cache_fetch(cache, "one", &mine), *two = cache_fetch(cache, "two", &mine);
+    struct tetlod_error failure = {.status = TETLOD_ERR_LIMIT};
+    struct cache_stats before, after;
+    cache_get_stats(cache, &before);
+    CHECK_INT(cache_reserve(cache, one, 1000), TETLOD_OK);
+    CHECK_INT(cache_reserve(cache, two, 2000), TETLOD_OK);
+    CHECK_INT(cache_reserve(cache, one, 2000), TETLOD_OK);
+    CHECK_INT(cache_reserve(cache, one, 3000), TETLOD_ERR_LIMIT);
+    CHECK_INT(cache_reserve(cache, one, 5000), TETLOD_ERR_ARGUMENT);
+    cache_get_stats(cache, &after);
+    CHECK_INT(after.bytes - before.bytes, 4000);
+    CHECK_INT(cache_reserve(cache, two, 0), TETLOD_OK);
+    CHECK_INT(cache_reserve(cache, one, 3000), TETLOD_OK);
+    cache_finish(cache, one, NULL, &failure);
+    cache_finish(cache, two, NULL, &failure);
+    cache_release(cache, one);
+    cache_release(cache, two);
+    cache_get_stats(cache, &after);
+    CHECK_INT(after.bytes, 0);
+    cache_free(cache);
+}
+
 /* ---- many threads, few keys ---- */
 
 enum { THREADS = 8, ROUNDS = 2000, KEYS = 5 };
@@ -177,6 +204,7 @@ int main(void)
 {
     RUN(test_least_recently_used_goes);
     RUN(test_held_stays);
+    RUN(test_work_grows);
     RUN(test_storm);
     return test_end();
 }

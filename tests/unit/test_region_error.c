@@ -61,9 +61,9 @@ static void check_region(const struct forest *forest, uint64_t *state, const str
         box.high[i] = box.low[i] + size / 5;
     }
     const struct region region = {coarse, fine, &box, 1};
-    REQUIRE(region_mesh(forest, &region, &mesh, &tets, &counts, NULL) == TETLOD_OK);
+    REQUIRE(region_mesh(forest, &region, NULL, &mesh, &tets, &counts, NULL) == TETLOD_OK);
     measure_plainly(forest, &mesh, tets, plain);
-    REQUIRE(region_measure(forest, &mesh, tets, 1 + (unsigned)(gen_random(state) % 2), ours, NULL) == TETLOD_OK);
+    REQUIRE(region_measure(forest, &mesh, tets, 1 + (unsigned)(gen_random(state) % 2), NULL, ours, NULL) == TETLOD_OK);
     if (memcmp(plain, ours, sizeof ours) != 0)
         TEST_FAIL("kind %d, seed %d: %.17g and %.17g, not %.17g and %.17g", (int)options->kind, (int)options->seed, ours[0], ours[1], plain[0], plain[1]);
     apart += ours[0] > 0 && ours[1] > 0;
