@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ParaView plugin in pvpython ($PVPYTHON, or one that is installed): file and URL at three errors, fields, steps in time, and pictures
-where there is a display."""
+"""The ParaView plugin in pvpython ($PVPYTHON, or one that is installed): file and URL at three errors, fields, steps in
+time, and pictures where there is a display; and its messages, also without ParaView."""
 import os
 import re
 import shlex
@@ -29,7 +29,7 @@ def test_plugin():
         subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
     with Server(stream, series) as server:
         done = subprocess.run([*PVPYTHON, '--force-offscreen-rendering', os.path.join(ROOT, 'tests', 'clients', 'paraview_script.py'),
-                               os.path.join(ROOT, 'client-examples', 'paraview', 'tetlod_paraview.py'), stream, server.url + 'v1/meshes/fin',
+                               tetlod.paraview_plugin(), stream, server.url + 'v1/meshes/fin',
                                series, server.url + 'v1/meshes/wake', SCRATCH],
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     found = re.findall(r'^level (\S+) (\d+) (\d+) (.*)$', done.stdout, re.M)
@@ -58,4 +58,54 @@ def check_steps(series, printed):
         assert (int(cells), float(low), float(high), float(shown)) == (len(mesh.tets), values.min(), values.max(), mesh.time), (percent, time, printed)
 
 
-run([test_plugin])
+STUB = """
+import sys, types
+from vtkmodules.util import vtkAlgorithm
+for name in 'paraview', 'paraview.util', 'paraview.util.vtkAlgorithm':
+    sys.modules[name] = types.ModuleType(name)
+place = sys.modules['paraview.util.vtkAlgorithm']
+place.VTKPythonAlgorithmBase = vtkAlgorithm.VTKPythonAlgorithmBase
+place.smdomain = place.smhint = place.smproperty = place.smproxy = type('Marks', (), {
+    '__getattr__': lambda self, name: lambda *a, **k: (lambda thing: thing)})()
+told = []
+sys.modules['paraview'].print_error = lambda text: told.append('error ' + text)
+sys.modules['paraview'].print_warning = lambda text: told.append('warning ' + text)
+import importlib.util
+spec = importlib.util.spec_from_file_location('plugin', sys.argv[1])
+plugin = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(plugin)
+for path, percent in zip(sys.argv[2::2], sys.argv[3::2]):
+    reader = plugin.TetlodReader()
+    reader.SetFileName(path)
+    reader.SetError(float(percent))
+    reader.Update()
+    print(reader.GetOutputDataObject(0).GetNumberOfCells(), told)
+    told.clear()
+"""
+
+
+def test_messages():
+    """The plugin's own code over VTK, without ParaView: a message for what goes wrong; a cut file by its levels."""
+    whole, cut, other = (os.path.join(SCRATCH, name) for name in ('whole.tetlod', 'cut.tetlod', 'other.tetlod'))
+    for arguments in ('sample', 'fin', '--size', '10', '-o', 'whole.vtu'), ('build', 'whole.vtu', '-o', whole,
+                                                                            '--quiet'):
+        subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
+    levels, data = tetlod.open(whole).levels, open(whole, 'rb').read()
+    here = next(level for level in levels if level.errors['Pressure']['max'] <= 0.05)
+    open(cut, 'wb').write(data[:here.bytes + 1])
+    open(other, 'wb').write(b'something else')
+    done = subprocess.run(['/usr/bin/python3', '-c', STUB, tetlod.paraview_plugin(), whole, '5', cut, '5', cut, '0.1',
+                           other, '1', 'none.tetlod', '1'],
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          cwd=SCRATCH)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 0 and len(lines) == 5 and not done.stderr, (lines, done.stderr)
+    assert lines[0] == '%d []' % here.tets and lines[1] == lines[0], lines
+    said = 'warning tetlod: the file is cut off: it holds levels 0 to %d' % here.level
+    assert lines[2].startswith('%d [' % here.tets) and said in lines[2], lines
+    assert lines[3].startswith("0 [") and "error tetlod: " in lines[3] and 'not a tetlod stream' in lines[3], lines
+    assert lines[4].startswith("0 [") and "error tetlod: " in lines[4] and 'none.tetlod' in lines[4], lines
+    return None
+
+
+run([test_plugin, test_messages])

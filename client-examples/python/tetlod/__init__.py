@@ -19,13 +19,23 @@
 Where libtetlod is installed it decodes (TETLOD_LIBRARY names another one); elsewhere a decoder in Python does, with the
 same results and about a hundred times slower.
 """
+import os
+
 from ._build import build
 from ._library import library_path
 from ._mesh import Mesh
-from ._model import Field, Level
+from ._model import Field, FieldError, Level
+from ._series import StepSequence
 from ._stream import Stream, open, read
 from .adapters import register_meshio
 from .reference import StreamError
 
 __version__ = '0.1.0'
-__all__ = ['Field', 'Level', 'Mesh', 'Stream', 'StreamError', 'build', 'library_path', 'open', 'read', 'register_meshio']
+__all__ = ['Field', 'FieldError', 'Level', 'Mesh', 'StepSequence', 'Stream', 'StreamError', 'build', 'library_path',
+           'open',
+           'paraview_plugin', 'read', 'register_meshio']
+
+
+def paraview_plugin() -> str:
+    """The path of the plugin that ParaView loads: Tools > Manage Plugins > Load New."""
+    return os.path.join(os.path.dirname(os.path.abspath(__file__)), 'tetlod_paraview.py')

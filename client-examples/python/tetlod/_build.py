@@ -6,12 +6,13 @@ import os
 import shutil
 import subprocess
 import tempfile
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Type, Union
 
 import numpy as np
 
 from . import _build_library
 from ._mesh import VTK_TETRA, Mesh
+from ._words import speak
 
 Arrays = Tuple[Any, Any, Mapping[str, Any], Mapping[str, Any]]
 
@@ -19,19 +20,28 @@ TYPES = {'f4': 'Float32', 'f8': 'Float64', 'i1': 'Int8', 'u1': 'UInt8', 'i2': 'I
          'i8': 'Int64', 'u8': 'UInt64'}
 
 
-def build(mesh: Any, tets: Any = None, fields: Optional[Mapping[str, Any]] = None, *, cells: Optional[Mapping[str, Any]] = None,
-          output: Any = None, program: Optional[str] = None, **options: Any) -> Optional[bytes]:
+def build(mesh: Any, tets: Any = None, fields: Union[Mapping[str, Any], Sequence[Mapping[str, Any]], None] = None, *,
+          cells: Optional[Mapping[str, Any]] = None, times: Optional[Sequence[float]] = None, output: Any = None,
+          program: Optional[str] = None, **options: Any) -> Optional[bytes]:
     """Builds a stream. Returns its bytes, or writes it to the file `output`.
 
     `mesh` is a Mesh, a meshio mesh, a grid of VTK or PyVista, or an array of points with `tets` (m, 4) and `fields` of the points
     and `cells` of the tetrahedra by name. Options are those of `tetlod build`, with _ for -: field='Pressure', max_error=0.1,
     keep_order=True; lists repeat an option.
 
+    A series: `fields` is a list of such mappings, one a step, or `mesh` is a list of meshes; `times` are the steps'
+    times, 0, 1, 2, ... without. Series are built by the program.
+
     Arrays, a Mesh, and meshio's tetrahedra are built by libtetlod-build where it is installed, without a file between. It also takes
     progress=function(phase, fraction), which cancels by returning False, and metadata=dict or JSON text. Otherwise the program builds: `program`,
     $TETLOD, or `tetlod` of the PATH.
     """
+    if isinstance(fields, (list, tuple)) or isinstance(mesh, (list, tuple)) and tets is None:
+        return build_series(mesh, tets, fields, cells or {}, times, output, program, options)
+    if times is not None:
+        raise TypeError('times= is for a series: give a list of fields, one mapping a step, or a list of meshes')
     library = None if program else _build_library.library_path()
+    assert fields is None or isinstance(fields, Mapping)
     arrays = arrays_of(mesh, tets, fields, cells)
     if library and arrays and set(options) <= _build_library.OPTIONS:
         stream = _build_library.build(library, *arrays, options)
@@ -48,25 +58,61 @@ def build(mesh: Any, tets: Any = None, fields: Optional[Mapping[str, Any]] = Non
 
 
 def build_by_program(mesh: Any, arrays: Optional[Arrays], output: Any, program: Optional[str], options: Mapping[str, Any]) -> Optional[bytes]:
+    with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
+        path = os.path.join(folder, 'mesh.vtu')
+        save_any(path, mesh, arrays)
+        return run_program(program, folder, path, output, options)
+
+
+def build_series(mesh: Any, tets: Any, fields: Any, cells: Mapping[str, Any], times: Optional[Sequence[float]],
+                 output: Any, program: Optional[str], options: Mapping[str, Any]) -> Optional[bytes]:
+    """Steps of one mesh, or of a list of meshes, as files that the program makes a series of."""
+    meshes = mesh if isinstance(mesh, (list, tuple)) and tets is None else [mesh] * len(fields)
+    count = len(meshes)
+    moments = [float(number) for number in range(count)] if times is None else [float(time) for time in times]
+    if not count or len(moments) != count or fields is not None and len(fields) != count:
+        raise ValueError('a series needs as many times as steps, and one at least: %d times, %d steps' % (
+            len(moments), count))
+    if any(later <= time for time, later in zip(moments, moments[1:])):
+        raise ValueError('the times of a series rise')
+    with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
+        entries = []
+        for number, (time, own) in enumerate(zip(moments, meshes)):
+            name = 'step_%d.vtu' % number
+            save_any(os.path.join(folder, name), own, arrays_of(own, tets, fields[number] if fields else None, cells))
+            entries.append('<DataSet timestep="%r" file="%s"/>' % (time, name))
+        path = os.path.join(folder, 'mesh.pvd')
+        with open(path, 'w') as file:
+            file.write('<?xml version="1.0"?><VTKFile type="Collection" version="0.1"><Collection>%s</Collection>'
+                       '</VTKFile>' % ''.join(entries))
+        return run_program(program, folder, path, output, options)
+
+
+def save_any(path: str, mesh: Any, arrays: Optional[Arrays]) -> None:
+    if arrays:
+        write_vtu(path, *arrays)
+    else:
+        save(path, mesh)
+
+
+def run_program(program: Optional[str], folder: str, path: str, output: Any,
+                options: Mapping[str, Any]) -> Optional[bytes]:
     command = program or os.environ.get('TETLOD') or shutil.which('tetlod')
     if not command:
         raise FileNotFoundError('neither libtetlod-build nor the program tetlod is installed (or name it: program=, or $TETLOD)')
-    with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
-        path = os.path.join(folder, 'mesh.vtu')
-        if arrays:
-            write_vtu(path, *arrays)
-        else:
-            save(path, mesh)
-        made = os.path.join(folder, 'mesh.tetlod') if output is None else os.fspath(output)
-        done = subprocess.run([command, 'build', path, '-o', made, '--quiet', *arguments(options)], stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        if done.returncode:
-            message = done.stderr.decode('utf-8', 'replace').strip().replace(path, 'the mesh')
-            raise (ValueError if done.returncode in (2, 3) else OSError)(message or 'tetlod build failed with status %d' % done.returncode)
-        if output is not None:
-            return None
-        with open(made, 'rb') as file:
-            return file.read()
+    made = os.path.join(folder, 'mesh.tetlod') if output is None else os.fspath(output)
+    done = subprocess.run([command, 'build', path, '-o', made, '--quiet', *arguments(options)],
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    if done.returncode:
+        message = speak(done.stderr.decode('utf-8', 'replace').replace(path, 'the mesh').replace(folder + os.sep, ''))
+        kind: Type[Exception] = ValueError if done.returncode in (2, 3) else OSError
+        if message.startswith('there is no option'):
+            kind = TypeError
+        raise kind(message or 'tetlod build failed with status %d' % done.returncode)
+    if output is not None:
+        return None
+    with open(made, 'rb') as file:
+        return file.read()
 
 
 def arguments(options: Mapping[str, Any]) -> List[str]:

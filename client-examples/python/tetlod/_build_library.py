@@ -14,6 +14,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional
 import numpy as np
 
 from ._library import CELL_TYPES, ERR_IO, ERR_NOMEM, CError
+from ._words import speak
 
 ERR_CANCELLED = 13
 # Integers that the library does not have, and the least type that holds them
@@ -148,7 +149,7 @@ def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: M
     if status == ERR_CANCELLED:
         raise InterruptedError('progress returned False: the build was cancelled')
     if status:
-        raise ValueError(error.message.decode('utf-8', 'replace'))
+        raise ValueError(speak(error.message.decode('utf-8', 'replace')))
     for line in lines:
-        warnings.warn('tetlod.build: ' + line, stacklevel=3)
+        warnings.warn('tetlod.build: ' + speak(line), stacklevel=3)
     return b''.join(chunks)

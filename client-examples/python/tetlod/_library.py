@@ -13,9 +13,10 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ._model import MEASURES, Field, Info, Level, Topology
+from ._model import MEASURES, Field, Info, Level, Topology, unknown_field
 from ._sources import Source
 from ._steps import Steps
+from ._words import speak
 from .reference import StreamError
 
 VERSION = '0.1'  # of the library: structs may differ in another one
@@ -156,7 +157,7 @@ class LibraryDecoder:
         names = [f.name for f in self.info.fields]
         for name in fields or ():
             if name not in names:
-                raise KeyError('no field %r; there are %s' % (name, ', '.join(names)))
+                raise unknown_field(name, names)
         self._selected = list(range(len(names))) if fields is None else sorted({names.index(f) for f in fields})
 
     def open_cursor(self, cursor: c_void_p, fields: Sequence[int]) -> None:
@@ -183,7 +184,7 @@ class LibraryDecoder:
         if status == ERR_NOMEM:
             raise MemoryError(error.message.decode())
         if status:
-            raise StreamError('%s: %s' % (self._source.name, error.message.decode('utf-8', 'replace')))
+            raise StreamError('%s: %s' % (self._source.name, speak(error.message.decode('utf-8', 'replace'))))
 
     def _information(self) -> Info:
         c = self._library.tetlod_info(self._file).contents

@@ -2,6 +2,7 @@
 """One level as arrays, and as a mesh of VTK, PyVista and meshio."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterator, Mapping, Optional, Sequence
 
@@ -31,7 +32,13 @@ class Cells(Mapping[str, Any]):
         return len(self._names)
 
 
-@dataclass(frozen=True, eq=False)
+def described(name: str, values: Any) -> str:
+    components = ' (%d)' % values.shape[1] if values.ndim > 1 else ''
+    extent = ' %.4g … %.4g' % (values.min(), values.max()) if values.size else ''
+    return name + components + extent
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """A level. `points` (n, 3), `tets` (m, 4), `fields` by name: (n,) or (n, components). The arrays are read-only.
 
@@ -48,6 +55,15 @@ class Mesh:
     domain_error: float
     cells: Mapping[str, Any]
     time: Optional[float] = None
+
+    def __repr__(self) -> str:
+        """Three lines: what it is, its fields, its cells."""
+        moment = '' if self.time is None else ', time %g' % self.time
+        known = '' if math.isnan(self.error) else ', error %.3g %%' % (100 * self.error)
+        fields = ', '.join(described(name, values) for name, values in self.fields.items()) or 'none'
+        return '<tetlod.Mesh level %d%s: %s points, %s tetrahedra%s\n fields: %s\n cells: %s>' % (
+            self.level, moment, format(len(self.points), ','), format(len(self.tets), ','), known, fields,
+            ', '.join(self.cells) or 'none')
 
     def to_vtk(self) -> Any:
         """A vtkUnstructuredGrid with copies of the arrays. Needs the vtk package."""

@@ -2,6 +2,7 @@
 """What a stream says about itself, and which of its levels a caller wants."""
 from __future__ import annotations
 
+import difflib
 import math
 from dataclasses import dataclass
 from typing import Any, Dict, Optional, Sequence, Tuple, Union
@@ -99,8 +100,26 @@ def fields_meant(fields: Sequence[Field], name: Optional[str]) -> Sequence[Field
     """The named field, or every controlled one."""
     meant = [f for f in fields if (f.controlled if name is None else f.name == name)]
     if name is not None and not meant:
-        raise KeyError('no field %r; there are %s' % (name, ', '.join(f.name for f in fields)))
+        raise unknown_field(name, [f.name for f in fields])
     return meant
+
+
+class FieldError(KeyError):
+    """A field that a stream does not have. As a KeyError, but its message is not in quotes."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def unknown_field(name: Any, names: Sequence[str]) -> FieldError:
+    close = difflib.get_close_matches(str(name), names, 1, 0.5)
+    advice = 'is %r meant?' % close[0] if close else 'there are %s' % ', '.join(names)
+    return FieldError('no field %r; %s' % (name, advice))
+
+
+def names_of(fields: Union[str, Sequence[str], None]) -> Optional[Sequence[str]]:
+    """One name is a list of one."""
+    return [fields] if isinstance(fields, str) else fields
 
 
 def error_of(level: Level, fields: Sequence[Field], choice: Choice) -> float:
@@ -126,4 +145,17 @@ def level_for(fields: Sequence[Field], levels: Sequence[Level], choice: Choice) 
         units = [1.0 if choice.abs_error is None else f.range[1] - f.range[0] for f in meant]
         if meant and all(level.errors[f.name].get(choice.measure, math.nan) * unit <= limit for f, unit in zip(meant, units)):
             return i
-    raise ValueError('no level has an error of at most %g%s' % (limit, '' if meant else ': the stream controls no field; name one'))
+    raise ValueError('no level has an error of at most %g: %s' % (limit, why_none(fields, levels, meant, choice)))
+
+
+def why_none(fields: Sequence[Field], levels: Sequence[Level], meant: Sequence[Field], choice: Choice) -> str:
+    """What to do where no level is within the error."""
+    if not meant:
+        return 'the stream controls no field; name one by field='
+    unknown = [f.name for f in meant if math.isnan(levels[-1].errors[f.name].get(choice.measure, math.nan))]
+    if unknown and choice.measure == 'max':
+        certified = ', '.join(f.name for f in fields if f.controlled)
+        return "%s has no certified error (%s has); measure='sampled' takes the measured one, " \
+            'tetlod.build(..., field=[...]) certifies more' % (', '.join(unknown), certified or 'no field')
+    found = ['%s has %.3g' % (f.name, levels[-1].errors[f.name].get(choice.measure, math.nan)) for f in meant]
+    return '%s at the finest level' % ', '.join(found)

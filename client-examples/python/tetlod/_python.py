@@ -8,7 +8,7 @@ import gc
 from typing import Any, Dict, Iterator, Optional, Sequence, Tuple
 
 from . import reference
-from ._model import Field, Info, Level, Topology
+from ._model import Field, Info, Level, Topology, unknown_field
 from ._sources import Source
 from ._steps import Steps
 
@@ -18,7 +18,8 @@ class PythonDecoder:
         self._stream: Any = reference.Stream(source.read, source.size)
         self._names = [f['name'] for f in self._stream.fields] if fields is None else list(fields)
         for name in self._names:
-            self._stream.field_index(name)
+            if name not in [f['name'] for f in self._stream.fields]:
+                raise unknown_field(name, [f['name'] for f in self._stream.fields])
         self._cursor: Any = None
         self.info = information(self._stream)
         self.cell_ends = tuple(s['offset'] + s['stored'] for s in self._stream.sections if s['tag'] == 'CVAL')

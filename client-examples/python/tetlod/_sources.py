@@ -35,6 +35,7 @@ class Source:
     late: float = math.inf  # where the levels end, once that is known: sections lie behind them
     server: Optional[str] = None  # that has a viewer, too
     page: Optional[str] = None    # where that shows it
+    location: Optional[Location] = None  # what opens the same stream again; None: a part of another source
 
     def read(self, offset: int, size: int) -> bytes:
         raise NotImplementedError
@@ -206,6 +207,15 @@ def explanation(refused: urllib.error.HTTPError) -> str:
 
 
 def open_source(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
+    found = source_at(location, choice, progress)
+    if isinstance(location, (bytes, bytearray, memoryview)):
+        found.location = bytes(location)
+    else:
+        found.location = os.path.abspath(location) if isinstance(found, File) else os.fspath(location)
+    return found
+
+
+def source_at(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
     if isinstance(location, (bytes, bytearray, memoryview)):
         return Memory(location)
     path = os.fspath(location)

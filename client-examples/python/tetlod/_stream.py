@@ -11,9 +11,11 @@ from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Type, Union
 
 from ._library import LibraryDecoder, library_path
 from ._mesh import Cells, Mesh
-from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for
+from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for, names_of
 from ._python import PythonDecoder
+from ._series import GROUP, StepSequence
 from ._sources import Location, Part, Progress, Source, open_source
+from ._steps import Steps
 from .reference import StreamError
 
 Decoder = Union[LibraryDecoder, PythonDecoder]
@@ -61,6 +63,11 @@ class Stream:
         self._choice = Choice(level=level, **choice)
         return self._seek(level_for(self.fields, self.levels, self._choice))
 
+    @property
+    def steps(self) -> StepSequence:
+        """The steps of a series as meshes; none of a stream with one moment."""
+        return StepSequence(self)
+
     def at(self, time: float, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None) -> Mesh:
         """The step whose time is nearest, as a mesh of copies with the fields that have steps. The stream stays at its level.
 
@@ -74,7 +81,31 @@ class Stream:
         steps = self._decoder.steps
         if steps is None:
             raise ValueError('%s is no series: it has one moment only' % self._source.name)
-        band, step = steps.band_for(Choice(error=error, abs_error=abs_error)), steps.step_for(time)
+        return self._step_of(steps, steps.step_for(time), Choice(error=error, abs_error=abs_error))
+
+    def _step_mesh(self, number: int, error: Optional[Fraction]) -> Mesh:
+        """A step by its number through all topology groups."""
+        topology, own = self._place(number)
+        stream = self._topology(topology)
+        steps = stream._decoder.steps
+        assert steps is not None  # there are times
+        return stream._step_of(steps, own, Choice(error=error))
+
+    def _place(self, number: int) -> Tuple[int, int]:
+        """The topology group of a step, and its number there."""
+        for topology, table in enumerate(self.info.topologies):
+            if number < len(table.times):
+                return topology, number
+            number -= len(table.times)
+        return 0, number
+
+    def _group(self, number: int) -> Tuple[int, int]:
+        """The group of steps that a step is stored in."""
+        topology, own = self._place(number)
+        return topology, own // GROUP
+
+    def _step_of(self, steps: Steps, step: int, choice: Choice) -> Mesh:
+        band = steps.band_for(choice)
         level = self.levels[steps.bands[band][1]]
         self._source.expect(level.bytes)
         points, tets, values = self._decoder.seek_step(band, step)
@@ -82,6 +113,15 @@ class Stream:
         errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
         return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
                     level.domain_error, self._cells(len(tets)), steps.times[step])
+
+    def level_for(self, **choice: Any) -> int:
+        """The level that `seek` would move to."""
+        return level_for(self.fields, self.levels, Choice(**choice))
+
+    @property
+    def available(self) -> int:
+        """The finest level of which all bytes are there: that of a stream that is cut off is not the last one."""
+        return max((i for i, level in enumerate(self.levels) if level.bytes <= self._source.size), default=-1)
 
     def refine(self) -> bool:
         """One level finer. False if this is the finest."""
@@ -105,6 +145,13 @@ class Stream:
 
     def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException], trace: Optional[TracebackType]) -> None:
         self.close()
+
+    def __reduce__(self) -> Any:
+        """A stream pickles as where it is and what was asked for: unpickling opens it again, at the same level."""
+        location = self._source.location
+        if location is None:
+            raise TypeError('%s cannot be pickled: it is a part of another stream' % self)
+        return reopen, (location, self._choice, self._selected, self._wanted, self.level)
 
     def __repr__(self) -> str:
         return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
@@ -165,18 +212,23 @@ class Stream:
 
     def _available(self, choice: Choice) -> int:
         """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a finer one."""
-        wanted, missing = level_for(self.fields, self.levels, choice), self._missing_cells()
-        here = [i for i, level in enumerate(self.levels) if level.bytes <= self._source.size]
-        if wanted in here and (choice != Choice() or not missing):
+        wanted, missing, here = level_for(self.fields, self.levels, choice), self._missing_cells(), self.available
+        if wanted <= here and (choice != Choice() or not missing):
             return wanted
         cut = '%s: the stream is cut off' % self._source.name
-        if not here:
+        if here < 0:
             raise StreamError(cut + ' before the end of its coarsest level')
-        message = cut + ': it holds levels 0 to %d of %d' % (here[-1], len(self.levels) - 1)
+        message = cut + ': it holds levels 0 to %d of %d' % (here, len(self.levels) - 1)
         if choice != Choice():
             raise StreamError('%s, not level %d' % (message, wanted))
         warnings.warn(message + (', without values of cells: %s' % ', '.join(missing) if missing else ''), stacklevel=4)
-        return here[-1]
+        return here
+
+
+def reopen(location: Location, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str],
+           level: int) -> Stream:
+    stream = Stream(open_source(location, choice, None), choice, fields, decoder)
+    return stream._seek(level) if level >= 0 else stream
 
 
 def frozen(array: Any) -> Any:
@@ -198,17 +250,18 @@ def choose_decoder(source: Source, fields: Optional[Sequence[str]], decoder: Opt
 
 def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optional[float] = None, level: Optional[int] = None,
          tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
-         fields: Optional[Sequence[str]] = None, decoder: Optional[str] = None, progress: Optional[Progress] = None) -> Stream:
+         fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
+         progress: Optional[Progress] = None) -> Stream:
     """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, or the URL of a stream on any host.
 
     The choice, as in `read`, is the level where iterating ends; what a server sends first goes up to it.
-    `fields` are the fields to decode (default: all), `decoder` is 'library' or 'python' (default: the library where it is
-    installed), `progress(bytes, expected)` is called as bytes arrive.
+    `fields` are the fields to decode, or one (default: all), `decoder` is 'library' or 'python' (default: the library
+    where it is installed), `progress(bytes, expected)` is called as bytes arrive.
     """
     choice = Choice(error, abs_error, level, tets, bytes, field, measure)
     found = open_source(source, choice, progress)
     try:
-        return Stream(found, choice, fields, decoder)
+        return Stream(found, choice, names_of(fields), decoder)
     except BaseException:
         found.close()
         raise
@@ -216,7 +269,8 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
 
 def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None, level: Optional[int] = None,
          tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
-         fields: Optional[Sequence[str]] = None, decoder: Optional[str] = None, progress: Optional[Progress] = None) -> Mesh:
+         fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
+         progress: Optional[Progress] = None) -> Mesh:
     """One level as a mesh. Its arrays are the decoder's own memory, without a copy.
 
     error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of `field`, or of

@@ -2,11 +2,15 @@
 """ParaView plugin: opens tetlod streams, of files and of URLs, at the error that a slider sets; a series has time steps.
 
 Tools > Manage Plugins > Load New, choose this file. Then File > Open knows .tetlod, and Sources has "Tetlod URL".
-The plugin needs the Python package tetlod: installed for ParaView's Python, or at ../python beside this folder.
+The plugin needs the Python package tetlod: installed for ParaView's Python, or the one that this file lies in. What
+goes wrong is a line in View > Output Messages.
 """
+import functools
 import os
 import sys
+import warnings
 
+from paraview import print_error, print_warning
 from paraview.util.vtkAlgorithm import VTKPythonAlgorithmBase, smdomain, smhint, smproperty, smproxy
 from vtkmodules.vtkCommonCore import vtkDataArraySelection
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkUnstructuredGrid
@@ -15,10 +19,37 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline 
 try:
     import tetlod
 except ImportError:
-    sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'python'))
+    sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     import tetlod
 
 TIME_STEPS, TIME_RANGE, UPDATE_TIME = Pipeline.TIME_STEPS(), Pipeline.TIME_RANGE(), Pipeline.UPDATE_TIME_STEP()
+
+
+def says(request):
+    """A request whose failure is a message, not a trace of Python."""
+    @functools.wraps(request)
+    def guarded(self, *arguments):
+        try:
+            with warnings.catch_warnings(record=True) as raised:
+                warnings.simplefilter('always')
+                done = request(self, *arguments)
+            self.tell(print_warning, '; '.join(str(warning.message) for warning in raised))
+            return done
+        except (OSError, ValueError, LookupError, MemoryError) as problem:
+            self.tell(print_error, '%s: %s' % (type(problem).__name__, problem)
+                      if isinstance(problem, MemoryError) else str(problem))
+            return 1  # 0 would have VTK print its own lines about the pipeline
+    return guarded
+
+
+def open_stream(location, error):
+    """A server sends what the error needs at once; a file that is cut off has not all levels."""
+    try:
+        return tetlod.open(location, error=error)
+    except tetlod.StreamError:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # the mesh that is shown says it
+            return tetlod.open(location)
 
 
 class StreamSource(VTKPythonAlgorithmBase):
@@ -26,18 +57,24 @@ class StreamSource(VTKPythonAlgorithmBase):
 
     def __init__(self):
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType='vtkUnstructuredGrid')
-        self._location, self._stream, self._percent = '', None, 1.0
+        self._location, self._stream, self._percent, self._told = '', None, 1.0, ''
         self._selection = vtkDataArraySelection()
         self._selection.AddObserver('ModifiedEvent', lambda *_: self.Modified())
 
     def set_location(self, location):
         if location != self._location:
-            self._location, self._stream = location or '', None
+            self._location, self._stream, self._told = location or '', None, ''
             self.Modified()
+
+    def tell(self, channel, message):
+        """Once, though ParaView asks several times."""
+        if message and message != self._told:
+            channel('tetlod: ' + message)
+            self._told = message
 
     def stream(self):
         if self._stream is None and self._location not in ('', 'None'):
-            self._stream = tetlod.open(self._location, error=self._percent / 100)
+            self._stream = open_stream(self._location, self._percent / 100)
             for field in self._stream.fields:
                 self._selection.AddArray(field.name)
         return self._stream
@@ -46,6 +83,7 @@ class StreamSource(VTKPythonAlgorithmBase):
         stream = self.stream()
         return stream.times if stream else ()
 
+    @says
     def RequestInformation(self, request, inputs, outputs):
         times, information = self.times(), outputs.GetInformationObject(0)
         for key in (TIME_STEPS, TIME_RANGE):
@@ -56,6 +94,7 @@ class StreamSource(VTKPythonAlgorithmBase):
             information.Append(TIME_RANGE, time)
         return 1
 
+    @says
     def RequestData(self, request, inputs, outputs):
         stream = self.stream()
         if stream is None:
@@ -74,7 +113,11 @@ class StreamSource(VTKPythonAlgorithmBase):
         error = self._percent / 100
         if stream.times:  # the step that is nearest to the time that is asked for
             return stream.at(information.Get(UPDATE_TIME) if information.Has(UPDATE_TIME) else stream.times[0], error)
-        return stream.seek(error=error if stream.info.lossless or error > 0 else None).mesh
+        wanted = stream.level_for(error=error if stream.info.lossless or error > 0 else None)
+        if wanted > stream.available:
+            warnings.warn('the file is cut off: it holds levels 0 to %d of %d, and level %d is asked for' % (
+                stream.available, len(stream.levels) - 1, wanted))
+        return stream.seek(min(wanted, stream.available)).mesh
 
     # Properties of both proxies. ParaView looks for them in the class itself: each names them again
 
