@@ -23,6 +23,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "server/http/access_log.h"
 #include "server/http/buffer.h"
 #include "server/net/http.h"
 #include "server/net/listener.h"
@@ -284,6 +285,8 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     site->cache = cache_new(options->cache_bytes);
     site->memory = cache_new(options->memory_bytes);
     site->serve_metrics = !options->metrics;
+    site->access_log = options->access;
+    site->access_log_of = options->log_opaque;
     site->jobs_per_client = options->jobs_per_client;
     site->connections = count_connections;
     site->connections_of = server;
@@ -348,27 +351,37 @@ static enum tetlod_status open_listeners(struct server *server, struct tetlod_er
     return TETLOD_OK;
 }
 
+static enum outcome answer_request(void *opaque, struct request *request, struct response *response)
+{
+    return site_answer(opaque, request, response);
+}
+
+static void finish_request(void *opaque, const struct finished *finished)
+{
+    site_finished(opaque, finished);
+}
+
 static enum tetlod_status start_http(struct server *server, struct tetlod_error *error)
 {
     struct http_options http = {
-        .site = &server->site,
+        .answer = answer_request,
+        .finished = finish_request,
+        .opaque = &server->site,
         .gate = server->gate,
         .proxies = server->proxies,
         .threads = server->options.threads,
         .connections = server->options.connections,
         .header_bytes = server->options.header_bytes,
         .idle_seconds = (unsigned)(server->options.idle_seconds + 0.999),
-        .access = server->options.access,
-        .access_opaque = server->options.log_opaque,
     };
     TETLOD_TRY(http_start(&server->http, &http, error));
     if (!server->options.metrics)
         return TETLOD_OK;
     server->metrics_site = server->site;
     server->metrics_site.serve_metrics = server->metrics_site.only_health = true; // it is for those who run the server
-    http.site = &server->metrics_site;
+    server->metrics_site.access_log = NULL;
+    http.opaque = &server->metrics_site;
     http.threads = 1;
-    http.access = NULL;
     return http_start(&server->metrics_http, &http, error);
 }
 

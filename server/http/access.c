@@ -7,6 +7,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "server/http/params.h"
 #include "src/util/clock.h"
 
 enum { TOKEN_CAPACITY = 256, COOKIE_NAME = 32 };

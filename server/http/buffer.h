@@ -4,7 +4,7 @@
 #define TETLOD_SERVER_BUFFER_H
 
 #include "format/writer.h"
-#include "server/http/params.h"
+#include "server/http/coding.h"
 
 struct buffer {
     unsigned char *bytes; /* owned */

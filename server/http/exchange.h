@@ -29,6 +29,8 @@ struct site {
     struct guesses *guesses; /* NULL: wrong tokens do not wait */
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     bool only_health;   /* it is that address: /metrics, /healthz and /readyz, without token */
+    void (*access_log)(void *opaque, const char *line); /* a JSON object for each answer; may be NULL */
+    void *access_log_of;
     struct quota jobs;      /* answers that are being made */
     size_t jobs_per_client; /* 0: as many as they like */
     atomic_uint_fast64_t forests; /* decoded so far */
@@ -40,8 +42,6 @@ static inline struct cache *cache_for(const struct site *site, uint64_t bytes)
 {
     return bytes > cache_capacity(site->cache) / 2 ? site->memory : site->cache;
 }
-
-enum outcome { ANSWERED, WAITING };
 
 enum { CAPTURES = 5, CAPTURE_CAPACITY = 129 };
 

@@ -222,14 +222,6 @@ const char *request_header(const struct request *request, const char *name)
     return request->header ? request->header(request->opaque, name) : NULL;
 }
 
-enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first, uint64_t *length)
-{
-    const char *if_range = request_header(request, "If-Range");
-    if (request->method != METHOD_GET || (if_range && !etag_same(if_range, etag)))
-        return RANGE_IGNORED;
-    return range_parse(request_header(request, "Range"), size, first, length);
-}
-
 void request_unpin(struct request *request)
 {
     for (size_t i = 0; i < REQUEST_PINS; i++)

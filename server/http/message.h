@@ -4,7 +4,6 @@
 #define TETLOD_SERVER_MESSAGE_H
 
 #include "server/http/guesses.h"
-#include "server/http/params.h"
 #include "server/store/cache.h"
 
 enum method { METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER };
@@ -97,6 +96,20 @@ void response_pieces(struct response *response, const char *media_type, uint64_t
 /* Takes over malloc'ed bytes. */
 void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);
 
+/* WAITING: the request's waiter will be woken; then the same request is to be given again. */
+enum outcome { ANSWERED, WAITING };
+
+/* What is known of a request when its answer was sent, or its client has left. */
+struct finished {
+    const char *method, *id, *remote; /* remote: the client's address */
+    const char *route;                /* the response's */
+    char *target;                     /* as sent; may be changed now */
+    unsigned status;
+    uint64_t bytes;
+    double seconds;
+    bool complete;
+};
+
 struct json_t;
 
 /* Replaces what is there by a problem+json answer (RFC 9457). `target` is the request's. */
@@ -108,9 +121,6 @@ void response_problem_choices(struct response *response, unsigned status, const 
                               struct json_t *choices, const char *format, ...) __attribute__((format(printf, 6, 7)));
 
 const char *status_title(unsigned status);
-
-/* The range of a body of so many bytes, with this entity tag, that a request asks for (RFC 9110, 13.2.2). */
-enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first, uint64_t *length);
 
 /* A request header, or NULL. */
 const char *request_header(const struct request *request, const char *name);

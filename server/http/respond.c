@@ -9,8 +9,11 @@
 
 #include "format/fail.h"
 #include "server/http/access.h"
+#include "server/http/conditions.h"
+#include "server/http/params.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
+#include "src/util/number_text.h"
 
 void cache_forever(struct exchange *exchange)
 {

@@ -17,6 +17,7 @@
 
 #include <arpa/inet.h>
 #include <microhttpd.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,9 +27,6 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/http/buffer.h"
-#include "server/http/params.h"
-#include "server/routes/routes.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -427,7 +425,7 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
     if (response->etag[0])
         added &= MHD_add_response_header(made, "ETag", response->etag) == MHD_YES;
     added &= MHD_add_response_header(made, "X-Request-Id", call->id) == MHD_YES;
-    if (response->close || atomic_load(&call->http->options.site->draining))
+    if (response->close)
         added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
     struct client *client = client_of(call->connection);
     if (client) // after Connection: adding that makes the library forget that there is a date, and it sends a second one
@@ -461,7 +459,7 @@ static enum MHD_Result answer(struct call *call)
     response_init(&response);
     if (call->peer)
         peer_busy(call->peer);
-    if (site_answer(call->http->options.site, &call->request, &response) == ANSWERED)
+    if (call->http->options.answer(call->http->options.opaque, &call->request, &response) == ANSWERED)
         return queue(call, &response);
     suspend(call);
     return MHD_YES;
@@ -491,49 +489,6 @@ static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connectio
 
 /* ---- the end of a request ---- */
 
-static void put_json_text(struct buffer *line, const char *text)
-{
-    for (; *text; text++) {
-        unsigned char c = (unsigned char)*text;
-        enum tetlod_status status = c < 0x20 || c >= 0x7f || c == '"' || c == '\\'
-                                        ? buffer_printf(line, "\\u%04x", c)
-                                        : buffer_append(line, text, 1);
-        if (status != TETLOD_OK)
-            return;
-    }
-}
-
-/* What opens the server does not belong into its log. */
-static void hide_token(char *target)
-{
-    for (char *at = strchr(target, '?'); at && *at; at = strchr(at, '&'))
-        if (query_begins_with(++at, "token"))
-            for (at += strcspn(at, "=&"); *at && *at != '&'; at++)
-                *at = *at == '=' ? '=' : '*';
-}
-
-static void log_access(struct call *call, double seconds, bool complete)
-{
-    struct timespec now;
-    struct tm utc;
-    char when[32];
-    struct buffer line = {0};
-    clock_gettime(CLOCK_REALTIME, &now);
-    gmtime_r(&now.tv_sec, &utc);
-    strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
-    bool made = buffer_printf(&line, "{\"time\": \"%s.%03ldZ\", \"id\": \"%s\", \"remote\": \"%s\", \"method\": \"", when,
-                              now.tv_nsec / 1000000, call->id, call->remote) == TETLOD_OK;
-    put_json_text(&line, call->method);
-    made &= buffer_printf(&line, "\", \"target\": \"") == TETLOD_OK;
-    hide_token(call->target);
-    put_json_text(&line, call->target);
-    made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}", call->status,
-                          (unsigned long long)call->bytes, seconds * 1e3, complete ? "true" : "false") == TETLOD_OK;
-    if (made)
-        call->http->options.access(call->http->options.access_opaque, (const char *)line.bytes);
-    buffer_fini(&line);
-}
-
 static void on_completed(void *opaque, struct MHD_Connection *connection, void **context,
                          enum MHD_RequestTerminationCode code)
 {
@@ -544,9 +499,9 @@ static void on_completed(void *opaque, struct MHD_Connection *connection, void *
         return;
     double now = monotonic_seconds();
     if (call->status) {
-        metrics_request(http->options.site->metrics, call->route, call->status, now - call->started, call->bytes);
-        if (http->options.access)
-            log_access(call, now - call->started, code == MHD_REQUEST_TERMINATED_COMPLETED_OK);
+        const struct finished finished = {call->method, call->id, call->remote, call->route, call->target, call->status,
+                                          call->bytes, now - call->started, code == MHD_REQUEST_TERMINATED_COMPLETED_OK};
+        http->options.finished(http->options.opaque, &finished);
     }
     if (call->registered)
         peer_wait(call->peer, NULL);

@@ -5,22 +5,22 @@
 
 #include <sys/socket.h>
 
-#include "server/http/exchange.h"
+#include "server/http/message.h"
 #include "server/net/gate.h"
-
 
 struct http;
 
 struct http_options {
-    struct site *site; /* borrowed, as the gate */
-    struct gate *gate;
+    /* Answers a request; the response is released here. WAITING: it is asked again when the request's waiter was woken. */
+    enum outcome (*answer)(void *opaque, struct request *request, struct response *response);
+    void (*finished)(void *opaque, const struct finished *finished); /* once for each answer */
+    void *opaque;
+    struct gate *gate; /* borrowed */
     const struct proxies *proxies; /* borrowed */
     unsigned threads;
     size_t connections;
     size_t header_bytes;    /* of a request: its first line and headers */
     unsigned idle_seconds;  /* without a byte in either direction */
-    void (*access)(void *opaque, const char *line); /* a JSON object for each answer; may be NULL */
-    void *access_opaque;
 };
 
 TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct http_options *options,
@@ -29,7 +29,7 @@ TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct htt
 /* Takes over an accepted connection. */
 void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size);
 
-/* Ends all connections; the site's pool must have come to its end before, so that no request is waiting for it. */
+/* Ends all connections; the pool that answers must have come to its end before, so that no request is waiting for it. */
 void http_stop(struct http *http);
 
 #endif

@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/http/params.h"
+#include "src/util/number_text.h"
 
 enum { BACKLOG = 1024 };
 

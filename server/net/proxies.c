@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/http/params.h"
 #include "src/util/array.h"
+#include "src/util/number_text.h"
 
 /* An address of IPv4 is one of IPv6, as in ::ffff:1.2.3.4. */
 struct network {

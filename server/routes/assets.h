@@ -3,7 +3,10 @@
 #ifndef TETLOD_SERVER_ASSETS_H
 #define TETLOD_SERVER_ASSETS_H
 
-#include "server/http/params.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "server/http/coding.h"
 
 struct embedded_bytes {
     const unsigned char *bytes, *end; /* NULL: the coding would be no smaller */

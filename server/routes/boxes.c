@@ -8,12 +8,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/cell_choice.h"
 #include "server/jobs/made.h"
 #include "server/routes/level_file.h"
 #include "src/measure/region_error.h"
 #include "src/util/array.h"
+#include "src/util/number_text.h"
 
 struct region_choice {
     const struct mesh_format *format;

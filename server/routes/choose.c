@@ -7,12 +7,14 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/cell_choice.h"
 #include "server/routes/boxes.h"
 #include "server/routes/frames.h"
 #include "server/routes/groups.h"
 #include "server/routes/level_file.h"
+#include "src/util/number_text.h"
 
 enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
 

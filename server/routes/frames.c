@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/reader.h"
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/stored.h"
 #include "src/util/array.h"

@@ -4,6 +4,7 @@
 #define TETLOD_SERVER_FRAMES_H
 
 #include "server/http/exchange.h"
+#include "server/http/params.h"
 
 /* The stream's bytes up to a level. */
 enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level);

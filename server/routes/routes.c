@@ -8,6 +8,8 @@
 
 #include "server/http/access.h"
 #include "server/http/buffer.h"
+#include "server/http/conditions.h"
+#include "server/http/params.h"
 #include "server/routes/boxes.h"
 #include "server/routes/choose.h"
 #include "server/routes/frames.h"
@@ -179,35 +181,6 @@ static void show_problem(struct exchange *exchange)
     response_header_text(response, "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'");
 }
 
-/* If-None-Match and Range (RFC 9110, 13.2.2) on an answer of 200. */
-static void apply_conditions(const struct request *request, struct response *response)
-{
-    uint64_t first, length;
-    if (response->etag[0] && etag_list_has(request_header(request, "If-None-Match"), response->etag)) {
-        response->status = 304; // the body stays: http.c needs its size
-        return;
-    }
-    if (!response->ranges)
-        return;
-    response_header_text(response, "Accept-Ranges", "bytes");
-    uint64_t size = response->size;
-    switch (request_range(request, response->etag, size, &first, &length)) {
-    case RANGE_IGNORED:
-        return;
-    case RANGE_UNSATISFIABLE:
-        response_release(response);
-        response_problem(response, 416, request->target, "the range lies outside the %llu bytes", (unsigned long long)size);
-        response_header(response, "Content-Range", "bytes */%llu", (unsigned long long)size);
-        return;
-    case RANGE_OK:
-        response->status = 206;
-        response_header(response, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)first,
-                        (unsigned long long)(first + length - 1), (unsigned long long)size);
-        response->size = length;
-        response->offset = first;
-    }
-}
-
 /* Refuses what is no request for this server, whoever sends it. The connection ends: what follows might be a body that nobody reads. */
 static bool refuse(const struct request *request, const char *path, struct response *response)
 {
@@ -237,6 +210,7 @@ static void complete(struct exchange *exchange)
     if (response->status == 404 && exchange->path && accept && strstr(accept, "text/html"))
         show_problem(exchange);
     access_headers(exchange->policy, request, response);
+    response->close |= atomic_load(&exchange->site->draining);
     if (!response->headers_lost)
         return;
     response_problem(response, 414, request->target, "the headers of this answer would be too long; ask for less in one request");

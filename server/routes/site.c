@@ -7,6 +7,8 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/http/conditions.h"
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/obtain.h"
 #include "server/routes/stream_json.h"

@@ -8,9 +8,11 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "src/report/series_json.h"
 #include "src/util/array.h"
+#include "src/util/number_text.h"
 
 /* ---- what is asked for */
 

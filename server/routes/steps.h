@@ -4,6 +4,7 @@
 #define TETLOD_SERVER_STEPS_H
 
 #include "server/http/exchange.h"
+#include "server/http/params.h"
 #include "server/jobs/made.h"
 
 /* A step in a band, or none: then a level is meant. */

@@ -8,12 +8,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/made.h"
 #include "server/routes/steps.h"
 #include "src/cut/cut.h"
 #include "src/io/io.h"
 #include "src/util/array.h"
+#include "src/util/number_text.h"
 
 /* A file format of an answer. */
 struct surface_format {

@@ -12,7 +12,10 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "server/http/conditions.h"
+#include "server/http/params.h"
 #include "server/routes/routes.h"
+#include "src/util/number_text.h"
 #include "tests/gen.h"
 
 static char cid[64];

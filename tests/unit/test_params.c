@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/http/conditions.h"
 #include "server/http/params.h"
+#include "src/util/number_text.h"
 #include "tests/test.h"
 
 static void test_percent_decode(void)
