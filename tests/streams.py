@@ -28,24 +28,27 @@ def plain(data):
 
 
 def with_section(data, tag, content, further=0):
-    """A stream with a plain index, and in the place of a late section (the first of its tag, or a further one) other bytes, which are not
-    packed."""
+    """A stream with a plain index, and in the place of a section (the first of its tag, or a further one) other bytes,
+    which are not packed."""
     stream = tetlod.open(data)
     end, count = 64 + int.from_bytes(data[20:24], 'little'), len(stream.sections)
     number = [i for i, section in enumerate(stream.sections) if section['tag'] == tag][further]
     old, directory, grown = stream.sections[number], bytearray(data[end - 48 * count:end]), 0
+    early = directory[48 * number + 4] & 2
     for i, section in enumerate(stream.sections):
         if i == number:
             flags = int.from_bytes(directory[48 * i + 4:48 * i + 8], 'little') & ~4
             place = directory[48 * i + 8:48 * i + 16]
             directory[48 * i + 4:48 * i + 48] = struct.pack('<I8sQQ16s', flags, bytes(place), len(content), len(content), tetlod.digest(content))
             grown = len(content) - old['stored']
-        elif grown and section['offset'] > old['offset']:
+        elif grown and section['offset'] > old['offset'] and directory[48 * i + 4] & 2 == early:
             at = int.from_bytes(directory[48 * i + 8:48 * i + 16], 'little') + grown
             directory[48 * i + 8:48 * i + 16] = at.to_bytes(8, 'little')
     total = int.from_bytes(data[32:40], 'little') + grown
     body = data[end:old['offset']] + content + data[old['offset'] + old['stored']:]
-    return sealed(data[:32] + total.to_bytes(8, 'little') + data[40:end - 48 * count] + bytes(directory) + body)
+    before = int.from_bytes(data[28:32], 'little') + (grown if early else 0)
+    head = data[:28] + before.to_bytes(4, 'little') + total.to_bytes(8, 'little') + data[40:end - 48 * count]
+    return sealed(head + bytes(directory) + body)
 
 
 def only_ones(count):

@@ -243,9 +243,18 @@ static enum tetlod_status run_whole(struct pass *pass, struct tetlod_error *erro
     run(pass);
     if (pass->question->function <= ASK_ALONG && !(pass->least[LOWER] <= pass->most[LOWER]))
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s", empty[pass->question->function]);
-    if (pass->question->function > ASK_ALONG && !(pass->whole > 0))
+    if (pass->question->function > ASK_ALONG && !(pass->whole > 0) && !(pass->level->swept > 0))
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the box, or the region, holds nothing of the mesh");
     return TETLOD_OK;
+}
+
+/* The volume of the original in what is asked about. */
+static struct ask_interval volume_range(const struct pass *pass)
+{
+    double swept = pass->level->swept, whole = (double)pass->whole;
+    if (!pass->question->in_box && !pass->question->over_region && !isnan(pass->level->volume))
+        return (struct ask_interval){pass->level->volume, pass->level->volume};
+    return (struct ask_interval){fmax(whole * (1 - ROUNDING) - swept, 0), whole * (1 + ROUNDING) + swept};
 }
 
 /* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
@@ -253,8 +262,10 @@ static enum tetlod_status run_whole(struct pass *pass, struct tetlod_error *erro
 static double quantile(struct pass *pass, int which, double share)
 {
     enum { MAX_HALVINGS = 100 };
-    double low = pass->least[which], high = pass->most[which];
-    long double slack = ROUNDING * pass->whole, wanted = share * pass->whole + (which == LOWER ? -slack : slack);
+    struct ask_interval volume = volume_range(pass);
+    double low = fmin(pass->least[which], pass->level->range[0]), high = fmax(pass->most[which], pass->level->range[1]);
+    long double slack = ROUNDING * pass->whole + pass->level->swept;
+    long double wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
     pass->side = ASK_AT_MOST;
     for (int k = 0; k < MAX_HALVINGS; k++) {
         double middle = low + (high - low) / 2;
@@ -279,34 +290,55 @@ static struct ask_interval find_quantile(struct pass *pass)
     return out;
 }
 
-static struct ask_interval widened(long double lower, long double upper, long double by)
-{
-    return (struct ask_interval){(double)(lower - by), (double)(upper + by)};
-}
-
 /* A volume is neither negative nor more than there is. */
 static struct ask_interval find_volume(struct pass *pass)
 {
-    long double whole = pass->whole;
+    struct ask_interval all = volume_range(pass);
+    double swept = pass->level->swept;
     if (pass->question->side == ASK_NO_LIMIT)
-        return widened(whole, whole, ROUNDING * whole);
+        return (struct ask_interval){all.lower * (1 - ROUNDING), all.upper * (1 + ROUNDING)};
     pass->side = pass->question->side;
     pass->thresholds[LOWER] = pass->thresholds[UPPER] = pass->question->number;
     run(pass);
-    return (struct ask_interval){fmax((double)(pass->part[LOWER] - ROUNDING * pass->touched[LOWER]), 0),
-                                 fmin((double)(pass->part[UPPER] + ROUNDING * pass->touched[UPPER]),
-                                      (double)(whole * (1 + ROUNDING)))};
+    return (struct ask_interval){fmax((double)(pass->part[LOWER] - ROUNDING * pass->touched[LOWER]) - swept, 0),
+                                 fmin((double)(pass->part[UPPER] + ROUNDING * pass->touched[UPPER]) + swept,
+                                      all.upper * (1 + ROUNDING))};
+}
+
+/* The integral of what the quantity has more than `middle`. What lies in one of the two domains alone, or has its
+ * partner elsewhere, is counted twice at most, and is no further from the middle than half the range and the error. */
+static struct ask_interval integral_about(const struct pass *pass, double middle)
+{
+    const struct ask_level *level = pass->level;
+    double furthest = fmax(level->range[1] - middle, middle - level->range[0]);
+    furthest = fmax(furthest, (double)fmaxl(pass->most[UPPER] - middle, middle - pass->least[LOWER]));
+    long double slack = ROUNDING * (pass->absolute + fabs(middle) * pass->whole) + 2 * level->swept * furthest;
+    return (struct ask_interval){(double)(pass->integral[LOWER] - middle * pass->whole - slack),
+                                 (double)(pass->integral[UPPER] - middle * pass->whole + slack)};
+}
+
+static struct ask_interval find_sum(const struct pass *pass, bool mean)
+{
+    double swept = pass->level->swept, middle = swept > 0 ? (pass->level->range[0] + pass->level->range[1]) / 2 : 0;
+    struct ask_interval about = integral_about(pass, middle), volume = volume_range(pass);
+    if (!mean)
+        return (struct ask_interval){about.lower + fmin(middle * volume.lower, middle * volume.upper),
+                                     about.upper + fmax(middle * volume.lower, middle * volume.upper)};
+    if (swept == 0)
+        volume.lower = volume.upper = (double)pass->whole;
+    if (!(volume.lower > 0))
+        return (struct ask_interval){pass->level->range[0], pass->level->range[1]};
+    return (struct ask_interval){middle + fmin(about.lower / volume.lower, about.lower / volume.upper),
+                                 middle + fmax(about.upper / volume.lower, about.upper / volume.upper)};
 }
 
 static struct ask_interval find(struct pass *pass)
 {
-    long double rounding = ROUNDING * pass->absolute;
     switch (pass->question->function) {
     case ASK_MEAN:
-        return widened(pass->integral[LOWER] / pass->whole, pass->integral[UPPER] / pass->whole,
-                       2 * rounding / pass->whole);
+        return find_sum(pass, true);
     case ASK_INTEGRAL:
-        return widened(pass->integral[LOWER], pass->integral[UPPER], rounding);
+        return find_sum(pass, false);
     case ASK_MIN:
         return (struct ask_interval){pass->least[LOWER], pass->least[UPPER]};
     case ASK_MAX:

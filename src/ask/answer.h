@@ -4,8 +4,9 @@
  *
  * On a level whose domain is the original's, the original's value differs at every point from the level's by at most
  * the certified error (PROOF.md 2). So it lies between two functions, the level's minus and plus its error. Every
- * answer here rises with the function that it is asked of, so the answers for these two enclose it.
- */
+ * answer here rises with the function that it is asked of, so the answers for these two enclose it. Where the boundary
+ * has moved, all of this holds but for a set that is no larger than the volume that the boundary has swept (PROOF.md
+ * 12): sums allow for that set. Extremes and values at places are asked of levels whose boundary has kept its place. */
 #ifndef TETLOD_ANSWER_H
 #define TETLOD_ANSWER_H
 
@@ -21,6 +22,10 @@ struct ask_level {
     const double *bounds;     /* [vertices] the field's local bound (SPEC 3.3), or NULL */
     double error;             /* of the worst component at any point, in the field's units */
     const double *regions;    /* [tets] numbers of regions, or NULL */
+    double range[2];          /* of the quantity in the original */
+    /* volume that the boundary has swept between the original and the level; 0: it kept its place */
+    double swept;
+    double volume;            /* of the original, if that is known; else NaN */
 };
 
 struct ask_interval {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/summary.h"
 #include "src/util/array.h"
 
 /* A question about one stream. */
@@ -16,6 +17,7 @@ struct asking {
     uint32_t region_field;           /* a cell field */
     double *regions;
     uint32_t finest;                 /* that is there */
+    struct tetlodi_summary summary;  /* empty: the stream has none */
 };
 
 static enum tetlod_status find_field(struct asking *asking, struct tetlod_error *error)
@@ -47,19 +49,34 @@ static enum tetlod_status find_field(struct asking *asking, struct tetlod_error 
 /* What rounding moves of a boundary that keeps its place: of the diagonal (PROOF.md 5). */
 static const double KEPT = 1e-12;
 
-/* A bound of the field's error at any point, in its units; infinite if the level's domain is another one or it has no
- * bound. */
+/* The volume that the boundary has swept at a level: 0 where it kept its place, infinite if it is not known. */
+static double swept_at(const struct asking *asking, uint32_t level)
+{
+    const struct tetlod_info *info = asking->info;
+    if (info->levels[level].domain_error <= KEPT || (level + 1 == info->level_count && info->lossless))
+        return 0;
+    return level < asking->summary.level_count ? asking->summary.swept[level] : INFINITY;
+}
+
+/* Is the question one that a level with another domain can answer? */
+static bool allows_sweep(const struct ask_question *question)
+{
+    return question->function != ASK_AT && question->function != ASK_ALONG && question->function != ASK_MIN &&
+           question->function != ASK_MAX;
+}
+
+/* A bound of the field's error at any point, in its units; infinite if there is none, or the level's domain does not
+ * do. */
 static double error_of_level(const struct asking *asking, uint32_t level)
 {
     const struct tetlod_info *info = asking->info;
-    const struct tetlod_level *row = &info->levels[level];
-    bool finest = level + 1 == info->level_count;
-    if (!(row->domain_error <= KEPT) && !finest)
+    double swept = swept_at(asking, level);
+    if (isinf(swept) || (swept > 0 && !allows_sweep(asking->question)))
         return INFINITY;
-    if (!asking->field_count || (finest && info->lossless))
+    if (!asking->field_count || (level + 1 == info->level_count && info->lossless))
         return 0;
     const struct tetlod_field *field = &info->fields[asking->fields[0]];
-    double error = row->errors[asking->fields[0] * TETLOD_MEASURES + TETLOD_MAX];
+    double error = info->levels[level].errors[asking->fields[0] * TETLOD_MEASURES + TETLOD_MAX];
     if (isnan(error))
         return INFINITY;
     return error * (field->range[1] > field->range[0] ? field->range[1] - field->range[0] : 1) * (1 + 1e-12);
@@ -99,15 +116,30 @@ static enum tetlod_status count_bytes(const struct asking *asking, uint32_t leve
     return TETLOD_OK;
 }
 
+/* The quantity's range in the original; of a length, what its components allow. */
+static void set_range(const struct asking *asking, double out[2])
+{
+    const struct tetlod_field *field = &asking->info->fields[asking->fields[0]];
+    out[0] = field->range[0];
+    out[1] = field->range[1];
+    if (asking->question->quantity.component != ASK_LENGTH)
+        return;
+    out[1] = sqrt((double)field->components) * fmax(fabs(out[0]), fabs(out[1]));
+    out[0] = 0;
+}
+
 static enum tetlod_status answer(const struct asking *asking, const struct tetlod_cursor *cursor, double error_bound,
                                  struct ask_interval *out, struct tetlod_error *error)
 {
     struct tetlod_mesh mesh;
     tetlod_cursor_mesh(cursor, &mesh);
-    struct ask_level level = {mesh.positions, mesh.corners, mesh.tets, NULL, 1, NULL, error_bound, asking->regions};
+    struct ask_level level = {.positions = mesh.positions, .corners = mesh.corners, .tets = mesh.tets, .components = 1,
+                              .error = error_bound, .regions = asking->regions, .swept = swept_at(asking, mesh.level),
+                              .volume = asking->summary.level_count ? asking->summary.volume : NAN};
     if (asking->field_count) {
         level.values = mesh.fields[asking->fields[0]];
         level.components = asking->info->fields[asking->fields[0]].components;
+        set_range(asking, level.range);
     }
     if (asking->field_count > 1 && error_bound > 0)
         level.bounds = mesh.fields[asking->fields[1]];
@@ -159,6 +191,12 @@ static enum tetlod_status measure_volume(const struct asking *asking, const stru
     return TETLOD_OK;
 }
 
+/* A length is enclosed between linear functions, but where its greatest value or one at a point is asked for. */
+static bool is_linear(const struct ask_question *question)
+{
+    return question->quantity.component != ASK_LENGTH || question->function == ASK_MAX || question->function == ASK_AT;
+}
+
 static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor,
                                      const struct ask_within *within,
                                      struct ask_result *out, struct tetlod_error *error)
@@ -173,8 +211,8 @@ static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_
             TETLOD_TRY(measure_volume(asking, cursor, &volume, error));
         TETLOD_TRY(answer(asking, cursor, bound, &out->interval, error));
         out->level = level;
-        out->exact = bound == 0;
-        if (out->exact || is_enough(asking, within, volume, &out->interval))
+        out->exact = bound == 0 && swept_at(asking, level) == 0 && is_linear(asking->question);
+        if (is_enough(asking, within, volume, &out->interval))
             break;
     }
     return TETLOD_OK;
@@ -193,46 +231,69 @@ static enum tetlod_status check_levels(const struct asking *asking, struct tetlo
     if (asking->finest == TETLOD_NONE || asking->finest + 1 < info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
                             "it is cut off, and no level that is here certifies an answer");
-    return tetlodi_fail(error, TETLOD_ERR_FIELD,
-                        "no level certifies the error of '%.100s'; build it with --field or --certify-all",
-                        asking->question->quantity.name);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "no level certifies an answer: build it with --field %.100s or "
+                        "--certify-all, and without --position-bits", asking->question->quantity.name);
 }
 
-/* The index has the extremes of a field of one component. */
-static bool find_in_index(const struct asking *asking, struct ask_result *out)
+/* The sums of the original have the whole domain's integrals, but not of lengths. */
+static bool find_in_sums(const struct asking *asking, struct ask_interval *out)
+{
+    const struct ask_question *question = asking->question;
+    uint32_t at = 0;
+    if (!asking->summary.level_count || (question->function == ASK_VOLUME && question->side != ASK_NO_LIMIT))
+        return false;
+    double value = asking->summary.volume, volume = value;
+    if (question->function != ASK_VOLUME) {
+        for (uint32_t f = 0; f < asking->fields[0]; f++)
+            at += asking->info->fields[f].components;
+        at += question->quantity.component > 0 ? (uint32_t)question->quantity.component : 0;
+        value = asking->summary.sums[at][0] / (question->function == ASK_MEAN ? volume : 1);
+    }
+    *out = (struct ask_interval){value - 1e-12 * fabs(value), value + 1e-12 * fabs(value)};
+    return volume > 0 && (question->function == ASK_MEAN || question->function == ASK_INTEGRAL ||
+                          question->function == ASK_VOLUME);
+}
+
+/* What the bytes before the levels say: the index has the extremes of a field of one component. */
+static bool find_before_levels(const struct asking *asking, struct ask_result *out)
 {
     const struct ask_question *question = asking->question;
     bool extreme = question->function == ASK_MIN || question->function == ASK_MAX;
-    if (!extreme || question->in_box || question->over_region || question->quantity.component == ASK_LENGTH)
+    if (question->in_box || question->over_region || question->quantity.component == ASK_LENGTH)
         return false;
+    out->exact = true;
+    out->bytes = asking->info->levels[0].offset;
+    if (!extreme)
+        return find_in_sums(asking, &out->interval);
     const struct tetlod_field *field = &asking->info->fields[asking->fields[0]];
     double value = field->range[question->function == ASK_MAX];
     out->interval = (struct ask_interval){value, value};
-    out->exact = true;
-    out->bytes = asking->info->levels[0].offset;
     return field->components == 1;
+}
+
+static enum tetlod_status ask_of_levels(struct asking *asking, const struct ask_within *within, struct ask_result *out,
+                                        struct tetlod_error *error)
+{
+    struct tetlod_cursor *cursor;
+    TETLOD_TRY(check_levels(asking, error));
+    TETLOD_TRY(load_regions(asking, error));
+    TETLOD_TRY(tetlod_cursor_new(&cursor, asking->file, asking->fields, asking->field_count, error));
+    enum tetlod_status status = ask_levels(asking, cursor, within, out, error);
+    tetlod_cursor_free(cursor);
+    return status == TETLOD_OK ? count_bytes(asking, out->level, &out->bytes, error) : status;
 }
 
 enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const struct ask_question *question,
                               const struct ask_within *within, struct ask_result *out, struct tetlod_error *error)
 {
     struct asking asking = {.file = file, .info = tetlod_info(file), .question = question, .finest = finest};
-    struct tetlod_cursor *cursor = NULL;
     *out = (struct ask_result){.level = TETLOD_NONE};
     enum tetlod_status status = find_field(&asking, error);
-    if (status == TETLOD_OK && find_in_index(&asking, out))
-        return status;
     if (status == TETLOD_OK)
-        status = check_levels(&asking, error);
-    if (status == TETLOD_OK)
-        status = load_regions(&asking, error);
-    if (status == TETLOD_OK)
-        status = tetlod_cursor_new(&cursor, file, asking.fields, asking.field_count, error);
-    if (status == TETLOD_OK)
-        status = ask_levels(&asking, cursor, within, out, error);
-    if (status == TETLOD_OK)
-        status = count_bytes(&asking, out->level, &out->bytes, error);
-    tetlod_cursor_free(cursor);
+        status = tetlodi_summary_read(file, &asking.summary, error);
+    if (status == TETLOD_OK && !find_before_levels(&asking, out))
+        status = ask_of_levels(&asking, within, out, error);
+    tetlodi_summary_fini(&asking.summary);
     free(asking.regions);
     return status;
 }

@@ -19,9 +19,10 @@ struct ask_result {
     uint64_t bytes; /* that a client reads for it: header, index, levels with the quantity's fields, regions */
 };
 
-/* Levels up to `finest` are there (TETLOD_NONE: none). Of the levels whose domain is the original's, the coarsest with
- * an answer within the width, or that decides the predicate; else the finest. ERR_FIELD if there is no such field or
- * component, or if no level certifies it; ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
+/* Levels up to `finest` are there (TETLOD_NONE: none). Of the levels whose domain is the original's (or, for sums,
+ * whose boundary has swept a known volume), the coarsest with an answer within the width, or that decides the
+ * predicate; else the finest. ERR_FIELD if there is no such field or component, or if no level certifies it;
+ * ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
 TETLOD_CHECKED enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest,
                                              const struct ask_question *question,
                                              const struct ask_within *within, struct ask_result *out,

@@ -29,6 +29,7 @@ const char build_help[] =
     "                          over the whole domain: far fewer tetrahedra for the same error, in tens of times the time\n"
     "      --certify-all       a 'max' for every field, also without --field: the exact maximum of every level, measured at the end;\n"
     "                          takes several times as long\n"
+    "      --summary           exact integrals, and the volume that the boundary sweeps: for tetlod ask (under 1 kB)\n"
     "      --local-bound       a field 'NAME bound' of each --field: how far off it is at most at each point of a level\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
     "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert). Two more are\n"
@@ -69,7 +70,8 @@ enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
     FIELD = OF_FIELDS, ABS_ERROR, CARRY, REGION,
-    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, LOCAL_BOUND, METRIC, CONTRACT, CANDIDATES, MAX_ERROR, MIN_TETS, DOMAIN_ERROR, BOUNDARY_ANGLE,
+    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, CANDIDATES, MAX_ERROR, MIN_TETS,
+    DOMAIN_ERROR, BOUNDARY_ANGLE,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
     TIMES = OF_SERIES, BANDS, RANGE,
 };
@@ -80,6 +82,7 @@ static const struct option options[] = {
     {"carry", required_argument, NULL, CARRY}, {"region", required_argument, NULL, REGION},
     {"certify", required_argument, NULL, CERTIFY}, {"certify-all", no_argument, NULL, CERTIFY_ALL},
     {"local-bound", no_argument, NULL, LOCAL_BOUND},
+    {"summary", no_argument, NULL, SUMMARY},
     {"metric", required_argument, NULL, METRIC}, {"contract", required_argument, NULL, CONTRACT},
     {"candidates", required_argument, NULL, CANDIDATES}, {"max-error", required_argument, NULL, MAX_ERROR},
     {"min-tets", required_argument, NULL, MIN_TETS}, {"domain-error", required_argument, NULL, DOMAIN_ERROR},
@@ -206,6 +209,8 @@ static bool contraction_option(struct build_request *request, int option, const 
         return build->certify_all = true;
     case LOCAL_BOUND:
         return build->local_bound = true;
+    case SUMMARY:
+        return build->summary = true;
     case METRIC:
         good = parse_name("metric", value, metric_names, METRICS, &number);
         build->metric = (enum metric)number;

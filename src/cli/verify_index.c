@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Exact numbers have exact bounds. Where they are rounded to a grid, the original's bounds are within one step of those of the grid's numbers.
+ * Exact numbers have exact bounds. Where they are rounded to a grid, the original's bounds are within one step of those
+ * of the grid's numbers.
  *
- * Which tetrahedra are degenerate may depend on the order of their corners, in the last bits of a volume. Those for which it may are counted: the
- * figures may differ by them, and by their neighbours, which may lie on one side of a face with them.
- */
+ * Which tetrahedra are degenerate may depend on the order of their corners, in the last bits of a volume. Those for
+ * which it may are counted: the figures may differ by them, and by their neighbours, which may lie on one side of a
+ * face with them. */
 #include "src/cli/verify_index.h"
 
 #include <math.h>
@@ -15,6 +16,7 @@
 #include "src/level/metadata.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/summary.h"
 #include "src/util/array.h"
 
 /* Rounding changes a volume, as a part of the cube of the longest edge, by less. */
@@ -27,7 +29,8 @@ static bool is_range(const double said[2], const double found[2], const struct t
     return fabs(said[0] - found[0]) <= room && fabs(said[1] - found[1]) <= room;
 }
 
-static enum tetlod_status check_bounds(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+static enum tetlod_status check_bounds(const struct tetlod_file *file, const struct tetmesh *finest,
+                                       struct tetlod_error *error)
 {
     static const char *const axes[] = {"x", "y", "z"};
     const struct tetlod_info *info = tetlod_info(file);
@@ -40,13 +43,15 @@ static enum tetlod_status check_bounds(const struct tetlod_file *file, const str
             found[1] = larger(found[1], finest->positions[3 * v + i]);
         }
         if (!is_range(said, found, &grid))
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "the index says that %s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
                                 axes[i], said[0], said[1], found[0], found[1]);
     }
     return TETLOD_OK;
 }
 
-static enum tetlod_status check_ranges(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+static enum tetlod_status check_ranges(const struct tetlod_file *file, const struct tetmesh *finest,
+                                       struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     for (uint32_t f = 0; f < info->field_count; f++) {
@@ -55,7 +60,8 @@ static enum tetlod_status check_ranges(const struct tetlod_file *file, const str
         double found[2];
         point_field_range(&finest->fields[f], finest->vertex_count, found);
         if (field->bounds == TETLOD_NONE && !is_range(field->range, found, &grid))
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %.60s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "the index says that %.60s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
                                 field->name, field->range[0], field->range[1], found[0], found[1]);
     }
     return TETLOD_OK;
@@ -78,7 +84,8 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
         const double *p[4];
         for (size_t c = 0; c < 4; c++)
             p[c] = mesh->positions + 3 * (size_t)corners[4 * t + c];
-        double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]), cube = size2 * sqrt(size2);
+        double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2],
+                                                                                       p[3]), cube = size2 * sqrt(size2);
         bool degenerate = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
         out->degenerate += degenerate;
         out->inverted += !sheets.promised[t] && !degenerate;
@@ -96,17 +103,64 @@ static bool is_near(uint64_t said, uint64_t found, uint64_t room)
     return (said > found ? said - found : found - said) <= room;
 }
 
-static enum tetlod_status check_counts(const struct tetlod_info *info, const struct tetmesh *finest, struct tetlod_error *error)
+static enum tetlod_status check_counts(const struct tetlod_info *info, const struct tetmesh *finest,
+                                       struct tetlod_error *error)
 {
     struct counts found;
     TETLOD_TRY(count_tets(finest, &found, error));
     if (!is_near(info->degenerate_tets, found.degenerate, found.doubtful))
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %llu tetrahedra are degenerate, the finest level has %llu",
+        return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                            "the index says that %llu tetrahedra are degenerate, the finest level has %llu",
                             (unsigned long long)info->degenerate_tets, (unsigned long long)found.degenerate);
     if (found.oriented && !is_near(info->inverted_tets, found.inverted, 5 * found.doubtful))
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %llu tetrahedra are inverted or folded, the finest level has %llu",
+        return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                            "the index says that %llu tetrahedra are inverted or folded, the finest level has %llu",
                             (unsigned long long)info->inverted_tets, (unsigned long long)found.inverted);
     return TETLOD_OK;
+}
+
+/* Of numbers of the size of `scale`. */
+static bool is_sum(double said, double found, double scale)
+{
+    return fabs(said - found) <= 1e-9 * scale;
+}
+
+static enum tetlod_status compare_sums(const struct tetlod_info *info, const struct tetlodi_summary *said,
+                                       const struct tetlodi_summary *found, struct tetlod_error *error)
+{
+    uint32_t at = 0;
+    if (!is_sum(said->volume, found->volume, found->volume))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                            "section SUMS says that the volume is %.9g, the finest level has %.9g",
+                            said->volume, found->volume);
+    for (uint32_t f = 0; f < info->field_count; f++)
+        for (uint32_t c = 0; c < info->fields[f].components; c++, at++) {
+            const double *a = said->sums[at], *b = found->sums[at];
+            // no integral is more than that of the absolute value, whose square is at most the volume times that of the square
+            if (!is_sum(a[0], b[0], sqrt(b[1] * found->volume)) || !is_sum(a[1], b[1], b[1]))
+                return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                    "section SUMS says that component %u of %.60s has the integrals %.9g "
+                                    "and %.9g, the finest level has %.9g and %.9g", c, info->fields[f].name, a[0], a[1], b[0], b[1]);
+        }
+    return TETLOD_OK;
+}
+
+/* The sums are the original's: the finest level has them where it is the original. */
+static enum tetlod_status check_sums(const struct tetlod_file *file, const struct tetmesh *finest,
+                                     struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlodi_summary said, found = {0};
+    TETLOD_TRY(tetlodi_summary_read(file, &said, error));
+    enum tetlod_status status = TETLOD_OK;
+    if (said.level_count && info->lossless) {
+        status = summary_of_mesh(&found, finest, 0, error);
+        if (status == TETLOD_OK)
+            status = compare_sums(info, &said, &found, error);
+    }
+    tetlodi_summary_fini(&said);
+    tetlodi_summary_fini(&found);
+    return status;
 }
 
 /* The values of a field of cells are decoded, and have the range that the table says. */
@@ -116,7 +170,8 @@ static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f
     const struct tetlod_cell_field *field = &info->cell_fields[f];
     size_t count = (size_t)info->tets * field->components;
     double *values = array_new(count, sizeof *values), found[2] = {INFINITY, -INFINITY};
-    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
+    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name,
+                                                                                                   count * sizeof *values);
     for (size_t i = 0; i < count && status == TETLOD_OK; i++)
         if (isfinite(values[i])) {
             found[0] = smaller(found[0], values[i]);
@@ -126,12 +181,14 @@ static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f
     if (found[0] > found[1])
         found[0] = found[1] = 0;
     if (status == TETLOD_OK && (found[0] != field->range[0] || found[1] != field->range[1]))
-        status = tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of cell data says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g",
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM,
+                              "the table of cell data says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g",
                               field->name, field->range[0], field->range[1], found[0], found[1]);
     return status;
 }
 
-enum tetlod_status verify_index(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+enum tetlod_status verify_index(const struct tetlod_file *file, const struct tetmesh *finest,
+                                struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     for (uint32_t f = 0; f < info->cell_field_count; f++)
@@ -140,5 +197,6 @@ enum tetlod_status verify_index(const struct tetlod_file *file, const struct tet
         return TETLOD_OK;
     TETLOD_TRY(check_bounds(file, finest, error));
     TETLOD_TRY(check_ranges(file, finest, error));
+    TETLOD_TRY(check_sums(file, finest, error));
     return check_counts(info, finest, error);
 }

@@ -17,6 +17,7 @@
 #include "src/pipeline/limits.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
+#include "src/pipeline/summary.h"
 #include "src/util/array.h"
 #include "src/util/json_text.h"
 #include "src/util/parallel.h"
@@ -393,6 +394,28 @@ static int encode_progress(void *opaque, double done)
     return build->options->progress(build->options->progress_opaque, BUILD_ENCODE, build->series ? done / 2 : done);
 }
 
+/* The sections of the options, and the sums if they are asked for; *bytes is to be freed after *out. */
+static enum tetlod_status list_sections(struct build *build, struct tetlodi_buffer *bytes,
+                                        struct tetlodi_write_section **out, uint32_t *count)
+{
+    const struct build_options *options = build->options;
+    struct tetlodi_summary summary;
+    *count = options->section_count;
+    *out = array_new(*count + (size_t)1, sizeof **out);
+    if (!*out)
+        return tetlodi_fail_nomem(build->error, "the sections", (*count + 1) * sizeof **out);
+    if (*count)
+        memcpy(*out, options->sections, *count * sizeof **out);
+    if (!options->summary)
+        return TETLOD_OK;
+    TETLOD_TRY(summary_make(&summary, build->original, build->mesh, &build->log,
+                            build->log.mark_count + build->precision.tail, build->error));
+    tetlodi_summary_encode(&summary, bytes);
+    tetlodi_summary_fini(&summary);
+    (*out)[(*count)++] = (struct tetlodi_write_section){.tag = TAG_SUMMARY, .early = 1, .bytes = bytes->bytes, .size = bytes->size};
+    return bytes->failed ? tetlodi_fail_nomem(build->error, "the sums of the fields", bytes->size) : TETLOD_OK;
+}
+
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
@@ -404,6 +427,11 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
         free(cells);
         return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
     }
+    struct tetlodi_buffer sums = {0};
+    struct tetlodi_write_section *sections = NULL;
+    uint32_t section_count;
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(list_sections(build, &sums, &sections, &section_count));
     for (uint32_t f = 0; f < mesh->field_count; f++)
         fields[f] = list_field(build, f);
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
@@ -425,8 +453,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
                                         .keep_order = build->options->keep_order,
-                                        .section_count = build->options->section_count,
-                                        .sections = build->options->sections,
+                                        .section_count = section_count,
+                                        .sections = sections,
                                         .cell_field_count = build->original->cell_field_count,
                                         .cells = cells,
                                         .late = build->series ? series_sections : NULL,
@@ -438,7 +466,10 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
         input.position_origin[i] = mesh->position_grid[i].origin;
         input.position_step[i] = mesh->position_grid[i].step;
     }
-    enum tetlod_status status = tetlodi_write(&input, sink, build->error);
+    status = tetlodi_write(&input, sink, build->error);
+done:
+    tetlodi_buffer_fini(&sums);
+    free(sections);
     free(fields);
     free(cells);
     return status;

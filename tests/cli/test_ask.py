@@ -3,11 +3,16 @@
 """`tetlod ask`: intervals against the original's own answers, which are worked out here from its tetrahedra."""
 import itertools
 import json
+import os
+import struct
+import sys
 
 import numpy as np
 
+sys.path.insert(0, os.path.join(os.environ.get('ROOT', '.'), 'tests'))
 import common
 from common import fails, finish, must, note, path, read_grid, report
+from streams import plain, tetlod as reference, with_section
 
 WITHIN = ('20%', '1%', '0')
 
@@ -32,16 +37,16 @@ class Original:
     def corner_values(self, name):
         return self.fields[name][self.tets]
 
-    def above(self, values, threshold, volumes):
-        """The volume where a linear function is above: a sum over corners, after ties are moved apart a little."""
-        spread = max(1e-300, np.ptp(values))
-        v = np.sort(values + spread * 1e-7 * np.arange(4), axis=1)
-        share = np.zeros(len(v))
-        for i in range(4):
-            others = [j for j in range(4) if j != i]
-            share += np.maximum(v[:, i] - threshold, 0) ** 3 / np.prod([v[:, i] - v[:, j] for j in others], axis=0)
-        share = np.where(v[:, 0] >= threshold, 1, np.where(v[:, 3] <= threshold, 0, share))
-        return float((np.clip(share, 0, 1) * volumes).sum())
+    def above(self, values, t, volumes):
+        """The volume where a linear function is above t: a cubic between each two of its corners' values."""
+        a, b, c, d = np.sort(values, axis=1).T
+        with np.errstate(divide='ignore', invalid='ignore'):
+            low = (t - a) ** 3 / ((b - a) * (c - a) * (d - a))
+            rest = (c - a + d - b) / ((c - b) * (d - b)) * (t - b) ** 3
+            middle = ((b - a) ** 2 + 3 * (b - a) * (t - b) + 3 * (t - b) ** 2 - rest) / ((c - a) * (d - a))
+            high = 1 - (d - t) ** 3 / ((d - a) * (d - b) * (d - c))
+        below = np.select([t < a, t >= d, t <= b, t < c], [0, 1, low, middle], high)
+        return float(((1 - below) * volumes).sum())
 
     def quantile(self, values, share):
         low, high = values.min(), values.max()
@@ -60,7 +65,7 @@ class Original:
         inside = np.where(weights.min(axis=1) >= -1e-9)[0]
         return [np.tensordot(weights[t], self.fields[name][self.tets[t]], 1) for t in inside]
 
-    def in_box(self, name, box, samples=4000):
+    def in_box(self, name, box, samples=600):
         """Points of the box with their values: what a mean lies between cannot be told from them, extremes can."""
         random = np.random.default_rng(7)
         places = box[0] + random.random((samples, 3)) * (np.array(box[1]) - box[0])
@@ -94,6 +99,8 @@ def questions(original, scalar, vector):
         place = box[0] + share * (box[1] - box[0])
         for value in original.at(scalar, place):
             yield '%s at (%s)' % (scalar, ','.join(map(repr, map(float, place)))), value
+    if not vector:
+        return
     w = original.fields[vector]
     yield 'max(|%s|)' % vector, np.sqrt((w ** 2).sum(axis=1)).max()
     yield 'mean(%s:1)' % vector, (original.corner_values(vector)[..., 1].mean(axis=1) * volumes).sum() / volumes.sum()
@@ -184,6 +191,44 @@ def write_mesh(name, n, seed, material):
     writer.Write()
 
 
+def swept(original, stream, scalar):
+    """A level whose boundary has moved has another volume than the original; the interval allows for it."""
+    low, high = original.points.min(axis=0) - 1, original.points.max(axis=0) + 1
+    everything = ' in box(%s)' % ', '.join(map(repr, map(float, itertools.chain(low, high))))
+    volume, v = original.volumes.sum(), original.corner_values(scalar)
+    coarse = answer(stream, 'volume()' + everything, '20%')
+    off = abs((coarse['lower'] + coarse['upper']) / 2 - volume)
+    report('%s: a coarse level has another volume, and its interval the original\'s' % stream,
+           coarse['lower'] <= volume <= coarse['upper'] and
+           off > 1e-5 * volume and coarse['bytes'] < coarse['of_bytes'] * 0.6, (coarse, volume))
+    mean = answer(stream, 'mean(%s)' % scalar + everything, '10%')
+    truth = (v.mean(axis=1) * original.volumes).sum() / volume
+    report('%s: so has a mean' % stream, mean['lower'] <= truth <= mean['upper'] and mean['bytes'] < mean['of_bytes'],
+           (mean, truth))
+    exact = answer(stream, 'mean(%s)' % scalar, '0')
+    report('%s: the sums answer exactly' % stream,
+           abs(exact['lower'] - truth) <= 1e-9 * abs(truth) and 'level' not in exact, (exact, truth))
+
+
+def forged_sums():
+    """verify holds the sums against the finest level, and refuses a section that is none."""
+    with open(path('torus.tetlod'), 'rb') as file:
+        stream = plain(file.read())
+    sums = bytes(reference.open(stream).section('SUMS'))
+    report('verify accepts the sums', common.tetlod('verify', path('torus.tetlod')).returncode == 0)
+    for name, forged, word in (
+            ('another volume', sums[:8] + struct.pack('<d', 1.0001 * struct.unpack('<d', sums[8:16])[0]) + sums[16:],
+             b'volume'),
+            ('another integral', sums[:-16] + struct.pack('<d', 1 + struct.unpack('<d', sums[-16:-8])[0]) + sums[-8:],
+             b'integrals'),
+            ('a swept volume that grows', sums[:16] + bytes(4) + sums[20:], b'swept'), ('a byte more', sums + b'x',
+                                                                                        b'trailing')):
+        with open(path('forged.tetlod'), 'wb') as file:
+            file.write(with_section(stream, 'SUMS', forged))
+        done = common.tetlod('verify', path('forged.tetlod'))
+        report('verify refuses ' + name, done.returncode == 3 and word in done.stderr and b'SUMS' in done.stderr, done)
+
+
 def predicates():
     for question, code, word in (('max(heat) < 5', 0, b'yes: '), ('max(heat) < 0', 4, b'no: '),
                                  ('mean(wind:0) >= -3', 0, b'yes: '),
@@ -240,7 +285,14 @@ def main():
         for i, n in enumerate(enclosed(name, Original(mesh + '.vtu'), name + '.tetlod', 'heat', 'wind')):
             totals[i] += n
     report('intervals of half the width would miss', totals[1] * 100 >= totals[0], totals)
+    for name, scalar, size in (('torus', 'temperature', '6'), ('fin', 'Pressure', '12')):
+        must('sample', name, '--size', size, '-o', path(name + '.vtu'))
+        must('build', path(name + '.vtu'), '-o', path(name + '.tetlod'), '--summary')
+        original = Original(name + '.vtu')
+        enclosed(name, original, name + '.tetlod', scalar, None)
+        swept(original, name + '.tetlod', scalar)
     box_answers(Original('plain.vtu'), 'plain.tetlod', 'heat')
+    forged_sums()
     predicates()
     refusals()
     finish()
