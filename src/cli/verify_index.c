@@ -16,7 +16,7 @@
 #include "src/level/metadata.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
-#include "src/pipeline/summary.h"
+#include "src/pipeline/make_summary.h"
 #include "src/util/array.h"
 
 /* Rounding changes a volume, as a part of the cube of the longest edge, by less. */

@@ -17,7 +17,7 @@
 #include "src/pipeline/limits.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
-#include "src/pipeline/summary.h"
+#include "src/pipeline/make_summary.h"
 #include "src/util/array.h"
 #include "src/util/json_text.h"
 #include "src/util/parallel.h"

@@ -26,7 +26,7 @@ struct build_options {
     enum metric metric;
     enum certify certify;    /* (simplify.h) */
     bool local_bound;        /* every controlled field gets its local bound, as a field of its own (local_bound.h) */
-    bool summary;            /* the section SUMS: exact sums over the original (summary.h) */
+    bool summary;            /* the section SUMS: exact sums over the original (make_summary.h) */
     bool certify_all;        /* every field gets a `max`: the exact maximum, where it has no bound */
     unsigned contract;       /* CONTRACT_... (simplify.h) */
     uint32_t candidates;     /* per simplex; 0: the usual number (candidates.h) */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/pipeline/summary.h"
+#include "src/pipeline/make_summary.h"
 
 #include <math.h>
 #include <stdlib.h>

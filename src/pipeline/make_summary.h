@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Exact sums over the original, and the volume that its boundary has swept at each level (SPEC 3.9). */
-#ifndef TETLOD_SUMMARY_MAKE_H
-#define TETLOD_SUMMARY_MAKE_H
+#ifndef TETLOD_MAKE_SUMMARY_H
+#define TETLOD_MAKE_SUMMARY_H
 
 #include "format/summary.h"
 #include "src/log/contraction_log.h"
