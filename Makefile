@@ -190,8 +190,11 @@ build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
 	$(Q)node $(WEB_DIR)/build.mjs $(WEB_OUT) $(WASM) && touch $@
 
-$(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,$(WEB_STAMP)) server/api/openapi.json
-	$(Q)python3 server/embed.py $(@D) $(if $(filter 0,$(WEB)),,$(WEB_OUT)) server/api
+build/api/openapi.json: server/api/describe.py server/api/tables.py server/routes/routes.def
+	$(Q)python3 $< $@
+
+$(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,$(WEB_STAMP)) build/api/openapi.json
+	$(Q)python3 server/embed.py $(@D) $(if $(filter 0,$(WEB)),,$(WEB_OUT)) build/api
 
 $(EMBEDDED): $(EMBEDDED_SRC) server/routes/assets.h $(B)/flags
 	@mkdir -p $(@D)

@@ -52,6 +52,8 @@ struct exchange {
     const struct access_policy *policy; /* held */
     const char *path;  /* below the base path, with its '/'; up to the query */
     const char *query; /* after '?', or NULL */
+    const char *parameters; /* of the query that the route knows, as check_parameters wants them; NULL: it heeds none */
+    bool of_step;           /* the path has a band and a step, not a level */
     char captures[CAPTURES][CAPTURE_CAPACITY]; /* decoded, in the order of the route's template */
 };
 

@@ -149,16 +149,30 @@ size_t list_find_either(char *list, const char *form, const char *const *names, 
     return size;
 }
 
-bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity)
+size_t next_name(const char **names, const char **out)
+{
+    *out = *names + strspn(*names, " ");
+    *names = *out + strcspn(*out, " ");
+    return strcspn(*out, " :");
+}
+
+static bool has_name(const char *names, const char *name)
+{
+    const char *one;
+    size_t size;
+    while ((size = next_name(&names, &one)))
+        if (size == strlen(name) && memcmp(one, name, size) == 0)
+            return true;
+    return false;
+}
+
+bool query_unknown(const char *text, const char *names, char *out, size_t capacity)
 {
     struct pair pair;
     char decoded[NAME_CAPACITY];
     while (next_pair(&text, &pair)) {
-        bool known = false;
         bool readable = percent_decode(pair.name, pair.name_size, decoded, sizeof decoded);
-        for (size_t i = 0; readable && names[i] && !known; i++)
-            known = strcmp(decoded, names[i]) == 0;
-        if (known)
+        if (readable && has_name(names, decoded))
             continue;
         size_t size = readable ? strlen(decoded) : 0;
         if (size >= capacity)

@@ -37,7 +37,10 @@ size_t list_find_either(char *list, const char *form, const char *const *names, 
 /* Whether the parameter at the beginning of `text` has this name, however it is written. */
 bool query_begins_with(const char *text, const char *name);
 
-/* Finds a parameter whose name is not one of `names` (ends with NULL) and copies what it is; false if there is none. */
-bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity);
+/* The first of some names that are separated by spaces, each maybe with ":key" behind it; moves on. Its size; 0: there is none. */
+size_t next_name(const char **names, const char **out);
+
+/* Finds a parameter whose name is not one of `names`, as next_name reads them, and copies what it is; false if there is none. */
+bool query_unknown(const char *text, const char *names, char *out, size_t capacity);
 
 #endif

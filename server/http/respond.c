@@ -187,17 +187,24 @@ json_t *field_names(const struct tetlod_info *info)
     return array;
 }
 
-bool check_parameters(struct exchange *exchange, const char *const *names)
+bool check_parameters_of(struct exchange *exchange, const char *names)
 {
     char unknown[64];
-    size_t count = 0;
+    const char *name;
+    size_t size;
     if (!query_unknown(exchange->query, names, unknown, sizeof unknown))
         return true;
-    while (names[count])
-        count++;
-    response_problem_choices(exchange->response, 400, exchange->request->target, "parameters", json_texts(names, count),
+    json_t *list = json_array();
+    while ((size = next_name(&names, &name)))
+        json_array_append_new(list, json_stringn(name, size));
+    response_problem_choices(exchange->response, 400, exchange->request->target, "parameters", list,
                              "there is no parameter '%s' here", unknown);
     return false;
+}
+
+bool check_parameters(struct exchange *exchange)
+{
+    return check_parameters_of(exchange, exchange->parameters);
 }
 
 void level_headers(struct response *response, const struct dataset *dataset, uint32_t level)

@@ -67,8 +67,9 @@ void link_description(struct exchange *exchange);
 /* Passes an outcome on; a 200 may be kept forever. What is under a content id never changes. */
 enum outcome answer_immutable(struct exchange *exchange, enum outcome outcome);
 
-/* False after a 400 if the query has a parameter that is not one of `names` (NULL-terminated). */
-bool check_parameters(struct exchange *exchange, const char *const *names);
+/* False after a 400 if the query has a parameter that the route does not know, or that is not one of `names`. */
+bool check_parameters(struct exchange *exchange);
+bool check_parameters_of(struct exchange *exchange, const char *names);
 
 json_t *json_texts(const char *const *list, size_t count);
 json_t *field_names(const struct tetlod_info *info);

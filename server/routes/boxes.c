@@ -217,10 +217,9 @@ static bool take_cells(struct exchange *exchange, const struct tetlod_info *info
 
 static bool take_choice(struct exchange *exchange, const struct tetlod_info *info, struct region_choice *choice)
 {
-    static const char *const names[] = {"box", "box_level", "cells", NULL};
     char text[24];
     choice->format = take_mesh_format(exchange, exchange->captures[3], true);
-    if (!choice->format || !check_parameters(exchange, names) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
+    if (!choice->format || !check_parameters(exchange) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
         !parse_boxes(exchange, choice->boxes, &choice->box_count) || !take_cells(exchange, info, &choice->cells))
         return false;
     if (choice->box_count && query_value(exchange->query, "box_level", text, sizeof text) == QUERY_FOUND) {

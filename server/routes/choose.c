@@ -266,15 +266,13 @@ static enum outcome redirect_to_step(struct exchange *exchange, const struct ste
 
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const of_step[] = {"error", "abs_error", "time", "step", "format", "cells", NULL};
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
     struct choice choice = {0};
     struct step_choice step;
     uint32_t level;
-    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    enum query_result asked = query_step(exchange, dataset, "error abs_error time step format cells", &step);
     if (asked != QUERY_ABSENT)
         return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
-    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
+    if (check_parameters(exchange) && ask_level(exchange, dataset, &choice, &level) &&
         ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
@@ -293,15 +291,13 @@ static enum outcome answer_step_prefix(struct exchange *exchange, const struct s
 /* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
 static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const of_step[] = {"error", "abs_error", "time", "step", "fields", NULL};
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "fields", NULL};
     struct choice choice = {0};
     struct step_choice step;
     uint32_t level;
-    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    enum query_result asked = query_step(exchange, dataset, "error abs_error time step fields", &step);
     if (asked != QUERY_ABSENT)
         return asked == QUERY_FOUND ? answer_step_prefix(exchange, &step) : ANSWERED;
-    if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
+    if (!check_parameters(exchange) || !ask_level(exchange, dataset, &choice, &level))
         return ANSWERED;
     enum outcome outcome = respond_prefix(exchange, dataset, level);
     if (outcome == ANSWERED && exchange->response->status == 200) {

@@ -103,14 +103,13 @@ static enum outcome answer_records(struct exchange *exchange, struct dataset *da
 
 enum outcome handle_records(struct exchange *exchange)
 {
-    static const char *const names[] = {"fields", NULL};
     struct dataset *dataset = captured_dataset(exchange);
     enum outcome outcome = ANSWERED;
     uint32_t from, to;
     if (!dataset)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
-    if (check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &from) &&
+    if (check_parameters(exchange) && parse_level(exchange, info, exchange->captures[2], &from) &&
         parse_level(exchange, info, exchange->captures[3], &to)) {
         if (from >= to)
             response_problem(exchange->response, 400, exchange->request->target,
@@ -124,13 +123,12 @@ enum outcome handle_records(struct exchange *exchange)
 
 enum outcome handle_stream(struct exchange *exchange)
 {
-    static const char *const none[] = {NULL};
     struct dataset *dataset = captured_dataset(exchange);
     enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
-    if (check_parameters(exchange, none))
+    if (check_parameters(exchange))
         outcome = answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1, info->cid));
     if (outcome == ANSWERED && exchange->response->status == 200)
         name_download(exchange->response, dataset, ".tetlod");

@@ -68,13 +68,12 @@ static bool take_group(struct exchange *exchange, const struct dataset *dataset,
 
 enum outcome handle_group(struct exchange *exchange)
 {
-    static const char *const names[] = {"fields", NULL};
     struct dataset *dataset = captured_dataset(exchange);
     struct step_choice choice;
     enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
-    if (check_parameters(exchange, names) && captured_band(exchange, dataset, &choice) && take_group(exchange, dataset, &choice))
+    if (check_parameters(exchange) && captured_band(exchange, dataset, &choice) && take_group(exchange, dataset, &choice))
         outcome = answer_group(exchange, &choice);
     dataset_release(dataset);
     return outcome;

@@ -135,38 +135,38 @@ static enum outcome answer_file(struct exchange *exchange, struct dataset *datas
     return outcome;
 }
 
-enum outcome handle_step_mesh(struct exchange *exchange)
+static enum outcome answer_step(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const names[] = {"cells", NULL};
-    struct dataset *dataset = captured_dataset(exchange);
-    enum outcome outcome = ANSWERED;
-    if (!dataset)
-        return ANSWERED;
     struct mesh_choice choice = {.file = dataset_file(dataset)};
-    if (check_parameters(exchange, names) && captured_step(exchange, dataset, &choice.step) &&
+    enum outcome outcome = ANSWERED;
+    if (captured_step(exchange, dataset, &choice.step) &&
         (choice.format = take_mesh_format(exchange, exchange->captures[4], true)) &&
         query_cells(exchange, dataset_info(dataset), &choice.cells))
         outcome = answer_made(exchange, dataset, choice.step.level, &choice);
     if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step), exchange->captures[2], exchange->captures[4]);
-    dataset_release(dataset);
+        name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step),
+                      exchange->captures[2], exchange->captures[4]);
     return outcome;
 }
 
-enum outcome handle_level_mesh(struct exchange *exchange)
+static enum outcome answer_level(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const names[] = {"cells", NULL};
-    struct dataset *dataset = captured_dataset(exchange);
+    const struct mesh_format *format = take_mesh_format(exchange, exchange->captures[3], false);
     enum outcome outcome = ANSWERED;
     uint32_t level;
-    if (!dataset)
-        return ANSWERED;
-    const struct tetlod_info *info = dataset_info(dataset);
-    const struct mesh_format *format = take_mesh_format(exchange, exchange->captures[3], false);
-    if (format && check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
+    if (format && parse_level(exchange, dataset_info(dataset), exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
     if (outcome == ANSWERED && exchange->response->status == 200)
         name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);
+    return outcome;
+}
+
+enum outcome handle_mesh_file(struct exchange *exchange)
+{
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    if (dataset && check_parameters(exchange))
+        outcome = exchange->of_step ? answer_step(exchange, dataset) : answer_level(exchange, dataset);
     dataset_release(dataset);
     return outcome;
 }

@@ -23,9 +23,8 @@ TETLOD_CHECKED enum tetlod_status mesh_format_measure(const struct mesh_format *
 /* Of a level's file, at most. */
 uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level);
 
-enum outcome handle_level_mesh(struct exchange *exchange);
+enum outcome handle_mesh_file(struct exchange *exchange);
 
 /* A step in a band, as a file that is written from its mesh. */
-enum outcome handle_step_mesh(struct exchange *exchange);
 
 #endif

@@ -18,28 +18,15 @@
 #include "server/routes/site.h"
 #include "server/routes/surfaces.h"
 
+#define ROUTE(template, handle, health, parameters, answer, operation, summary)                               \
+    {template, handle, parameters, health, false},
+#define MADE(what, handle, parameters, answer, at_level, level_summary, at_step, step_summary)                    \
+    {"/v1/meshes/{id}/{cid}/levels/{level}/" what ".{format}", handle, parameters, false, false},                 \
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/" what ".{format}", handle, parameters, false, true},
+
 const struct route site_routes[] = {
-    {"/healthz", handle_health, true},
-    {"/readyz", handle_ready, true},
-    {"/metrics", handle_metrics, true},
-    {"/view/{id}", handle_view, false},
-    {"/v1/meshes", handle_catalogue, false},
-    {"/v1/meshes/{id}", handle_stream_info, false},
-    {"/v1/meshes/{id}/mesh", handle_mesh, false},
-    {"/v1/meshes/{id}/prefix", handle_prefix, false},
-    {"/v1/meshes/{id}/{cid}/stream", handle_stream, false},
-    {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records, false},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh, false},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/region.{format}", handle_region, false},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface, false},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface, false},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice, false},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/groups/{group}", handle_group, false},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/mesh.{format}", handle_step_mesh, false},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/surface.{format}", handle_step_surface, false},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/isosurface.{format}", handle_step_isosurface, false},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/slice.{format}", handle_step_slice, false},
-    {NULL, NULL, false},
+#include "server/routes/routes.def"
+    {NULL, NULL, NULL, false, false},
 };
 
 static const char page_route[] = "/"; // the page and the files that it loads
@@ -133,6 +120,8 @@ static enum outcome dispatch(struct exchange *exchange, const char *target)
     for (const struct route *route = site_routes; route->template; route++)
         if (match(route->template, path, size, exchange->captures)) {
             response->route = route->template;
+            exchange->parameters = route->parameters;
+            exchange->of_step = route->of_step;
             if (exchange->site->only_health && !route->health)
                 break;
             return route->handle(exchange);
@@ -158,7 +147,7 @@ static void answer_options(struct response *response)
     response_header_text(response, "Allow", allow);
 }
 
-/* A problem as a page, for who comes with a browser's address line. The link leads to the root, relative to the path. */
+/* A problem as a page, for readers who come with a browser's address line. The link leads to the root, relative to the path. */
 static void show_problem(struct exchange *exchange)
 {
     struct response *response = exchange->response;

@@ -5,11 +5,13 @@
 
 #include "server/http/exchange.h"
 
-/* A route: templates have {captures} that match one or more characters other than '/' and the character that follows. */
+/* A line of routes.def. */
 struct route {
     const char *template;
     enum outcome (*handle)(struct exchange *exchange);
+    const char *parameters; /* of its query, or NULL */
     bool health; /* answered at the metrics' own address, too */
+    bool of_step; /* the template has a band and a step, not a level */
 };
 
 /* The table, ended by a NULL template: the description and the metrics are checked against it. */

@@ -183,11 +183,10 @@ static enum tetlod_status make_info(void *opaque, struct job *job, struct cache_
 /* The topology group that the query names, of a stream that is held; without a name the stream itself. NULL: answered, and the stream is released. */
 static struct dataset *take_topology(struct exchange *exchange, struct dataset *whole)
 {
-    static const char *const names[] = {"topology", NULL};
     uint32_t count = dataset_info(whole)->topology_count, topology = 0;
     char text[24];
-    enum query_result result = query_value(exchange->query, names[0], text, sizeof text);
-    if (check_parameters(exchange, names) &&
+    enum query_result result = query_value(exchange->query, "topology", text, sizeof text);
+    if (check_parameters(exchange) &&
         (result == QUERY_ABSENT || take_number(exchange, result == QUERY_FOUND ? text : "", "topology group", count ? count : 1, &topology)))
         return dataset_topology(whole, topology);
     dataset_release(whole);

@@ -77,13 +77,13 @@ static bool take_band(struct exchange *exchange, struct step_choice *out)
     return false;
 }
 
-enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out)
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names, struct step_choice *out)
 {
     char text[2];
     *out = (struct step_choice){.any = true};
     if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
-    bool good = series_info(exchange, dataset) && check_parameters(exchange, names) && take_step(exchange, dataset, out) && take_band(exchange, out);
+    bool good = series_info(exchange, dataset) && check_parameters_of(exchange, names) && take_step(exchange, dataset, out) && take_band(exchange, out);
     return good ? QUERY_FOUND : QUERY_BAD;
 }
 

@@ -16,7 +16,7 @@ struct step_choice {
 
 /* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. Steps are counted through all topology
  * groups. QUERY_ABSENT: there is none of the two. QUERY_BAD: answered, also where a parameter is not one of `names`. */
-enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out);
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names, struct step_choice *out);
 
 /* Of a path .../bands/{band}/steps/{step}/...: captures 2 and 3, or the first of them alone. False: answered. */
 bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);

@@ -157,15 +157,15 @@ static bool take_plane(struct exchange *exchange, struct surface_choice *choice)
 
 static bool take_shape(struct exchange *exchange, const struct dataset *dataset, struct surface_choice *choice)
 {
-    static const char *const none[] = {NULL}, *const iso[] = {"field", "value", NULL}, *const plane[] = {"origin", "normal", NULL};
+    if (!check_parameters(exchange))
+        return false;
     switch (choice->shape) {
     case ISOSURFACE:
-        return check_parameters(exchange, iso) && take_field(exchange, dataset, choice) &&
-               take_numbers(exchange, "value", 1, "0.5", &choice->value);
+        return take_field(exchange, dataset, choice) && take_numbers(exchange, "value", 1, "0.5", &choice->value);
     case SLICE:
-        return check_parameters(exchange, plane) && take_plane(exchange, choice);
+        return take_plane(exchange, choice);
     default:
-        return check_parameters(exchange, none);
+        return true;
     }
 }
 
@@ -207,31 +207,32 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
 }
 
 /* By a level, or by a band and a step of it: the path says which. */
-static bool take_mesh(struct exchange *exchange, struct dataset *dataset, bool of_step, struct surface_choice *choice)
+static bool take_mesh(struct exchange *exchange, struct dataset *dataset, struct surface_choice *choice)
 {
-    if (!of_step)
+    if (!exchange->of_step)
         return parse_level(exchange, dataset_info(dataset), exchange->captures[2], &choice->level);
     bool good = captured_step(exchange, dataset, &choice->step);
     choice->level = good ? choice->step.level : 0;
     return good;
 }
 
-static enum outcome handle_shape(struct exchange *exchange, enum shape shape, bool of_step)
+static enum outcome handle_shape(struct exchange *exchange, enum shape shape)
 {
     struct dataset *dataset = captured_dataset(exchange);
     struct surface_choice choice;
-    const char *format = exchange->captures[of_step ? 4 : 3];
+    const char *format = exchange->captures[exchange->of_step ? 4 : 3];
     enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
     memset(&choice, 0, sizeof choice);
     choice.shape = shape;
-    if (take_mesh(exchange, dataset, of_step, &choice) && take_format(exchange, format, &choice) && take_shape(exchange, dataset, &choice))
+    if (take_mesh(exchange, dataset, &choice) && take_format(exchange, format, &choice) &&
+        take_shape(exchange, dataset, &choice))
         outcome = answer_surface(exchange, dataset, &choice);
     static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
     if (outcome == ANSWERED && exchange->response->status == 200) {
         char step[STEP_NAME] = "";
-        if (of_step)
+        if (exchange->of_step)
             snprintf(step, sizeof step, "-step%" PRIu32, step_number(&choice.step));
         name_download(exchange->response, dataset, "%s-%s-%s.%s", step, exchange->captures[2], names[shape], format);
     }
@@ -241,30 +242,15 @@ static enum outcome handle_shape(struct exchange *exchange, enum shape shape, bo
 
 enum outcome handle_surface(struct exchange *exchange)
 {
-    return handle_shape(exchange, BOUNDARY, false);
+    return handle_shape(exchange, BOUNDARY);
 }
 
 enum outcome handle_isosurface(struct exchange *exchange)
 {
-    return handle_shape(exchange, ISOSURFACE, false);
+    return handle_shape(exchange, ISOSURFACE);
 }
 
 enum outcome handle_slice(struct exchange *exchange)
 {
-    return handle_shape(exchange, SLICE, false);
-}
-
-enum outcome handle_step_surface(struct exchange *exchange)
-{
-    return handle_shape(exchange, BOUNDARY, true);
-}
-
-enum outcome handle_step_isosurface(struct exchange *exchange)
-{
-    return handle_shape(exchange, ISOSURFACE, true);
-}
-
-enum outcome handle_step_slice(struct exchange *exchange)
-{
-    return handle_shape(exchange, SLICE, true);
+    return handle_shape(exchange, SLICE);
 }

@@ -10,8 +10,5 @@ enum outcome handle_isosurface(struct exchange *exchange);
 enum outcome handle_slice(struct exchange *exchange);
 
 /* The same of a step in a band. */
-enum outcome handle_step_surface(struct exchange *exchange);
-enum outcome handle_step_isosurface(struct exchange *exchange);
-enum outcome handle_step_slice(struct exchange *exchange);
 
 #endif

@@ -11,6 +11,7 @@ import sys
 
 ROOT = os.environ['ROOT']
 sys.path.insert(0, os.path.join(ROOT, 'tests', 'http'))
+import described
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 BUILT = os.path.dirname(TETLOD)
@@ -98,7 +99,7 @@ def test_http_guide():
     assert os.path.getsize(os.path.join(folder, 'step.vtu')) > 1000 and os.path.getsize(os.path.join(folder, 'step.part')) > 1000
     assert 'levels 0 to' in shell('tetlod info part.tetlod', folder) and os.path.getsize(os.path.join(folder, 'begin.tetlod')) == 20001
     assert json.loads(said[-1])['status'] == 400 and os.path.getsize(os.path.join(folder, 'near.vtu')) > 10000
-    api = json.loads(text('server/api/openapi.json'))
+    api = described.DOCUMENT
     assert not [path for path in api['paths'] if '`%s' % path.split('?')[0] not in page], 'a path is not in the guide'
     parameters = {p['name'] for p in api['components']['parameters'].values()}
     assert set(re.findall(r'[?&`](\w+)=', page)) <= parameters

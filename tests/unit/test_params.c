@@ -71,12 +71,14 @@ static void test_query_value(void)
 
 static void test_query_unknown(void)
 {
-    static const char *const names[] = {"error", "field", NULL};
+    static const char names[] = "error field:key";
     char out[16];
     CHECK(!query_unknown(NULL, names, out, sizeof out));
     CHECK(!query_unknown("error=1&field=x&", names, out, sizeof out));
     CHECK(query_unknown("error=1&eror=2", names, out, sizeof out));
     CHECK_TEXT(out, "eror");
+    CHECK(query_unknown("key=1", names, out, sizeof out) && query_unknown("fiel=1", names, out, sizeof out));
+    CHECK(query_unknown("error=1", "", out, sizeof out) && query_unknown("=1", names, out, sizeof out));
     CHECK(query_unknown("%00=1", names, out, sizeof out));
     CHECK_TEXT(out, "");
 }
