@@ -474,14 +474,22 @@ ifdef BLUNT
 	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod build/figures/bounded.tetlod samples/figures
 endif
 
+define newline
+
+
+endef
 ## install: program, libraries, headers, manual, completion and systemd units into $(DESTDIR)$(PREFIX); uninstall removes them again
 .PHONY: install uninstall
 pc = printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: %s\nDescription: levels of detail for tetrahedral volumes%s\nVersion: %s\nLibs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' \
     '$(PREFIX)' '$(libdir)' '$(includedir)' $(1) '$(2)' '$(VERSION)' $(1) '$(3)' > $(DESTDIR)$(libdir)/pkgconfig/$(1).pc
 install_library = $(INSTALL) -m 644 $(1).a $(DESTDIR)$(libdir)/; $(INSTALL) -m 644 $(1).so.$(VERSION) $(DESTDIR)$(libdir)/; \
     ln -sf $(notdir $(1)).so.$(VERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so.$(SOVERSION); ln -sf $(notdir $(1)).so.$(SOVERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so
+cmakedir = $(libdir)/cmake/tetlod
+cmake_file = sed 's|@version@|$(VERSION)|; s|@includedir@|'"$$(realpath -ms --relative-to=$(cmakedir) $(includedir))|" \
+    src/library/cmake/$(1).cmake > $(DESTDIR)$(cmakedir)/$(1).cmake
 install: all $(MANUAL)
-	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1 $(DESTDIR)$(completionsdir) $(if $(ALONE),,$(DESTDIR)$(unitdir))
+	$(INSTALL) -d $(addprefix $(DESTDIR),$(bindir) $(libdir)/pkgconfig $(cmakedir) $(includedir) $(mandir)/man1 $(completionsdir)) \
+	    $(if $(ALONE),,$(DESTDIR)$(unitdir))
 	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
 	$(call install_library,$(LIBTETLOD:.a=))
 	$(call install_library,$(LIBBUILD:.a=))
@@ -494,11 +502,31 @@ install: all $(MANUAL)
 	$(if $(filter 0,$(WEB))$(ALONE),,$(INSTALL) -D -m 644 $(WEB_OUT)/notices.txt $(DESTDIR)$(docdir)/notices.txt)
 	$(call pc,tetlod,,-lm)
 	$(call pc,tetlod-build, (building streams),-ltetlod -pthread -lm)
+	$(call cmake_file,tetlod-config)
+	$(call cmake_file,tetlod-config-version)
 uninstall:
 	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(libdir)/libtetlod-build.* $(DESTDIR)$(includedir)/tetlod.h $(DESTDIR)$(includedir)/tetlod_build.h \
 	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc \
 	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket \
-	    $(DESTDIR)$(docdir)/notices.txt
+	    $(DESTDIR)$(docdir)/notices.txt $(addprefix $(DESTDIR)$(cmakedir)/,tetlod-config.cmake tetlod-config-version.cmake)
+
+## install-python: the Python package, with the plugin for ParaView, into $(DESTDIR)$(pythondir)
+.PHONY: install-python install-doc
+pythondir ?= $(PREFIX)/lib/python3/dist-packages
+distinfo = $(pythondir)/tetlod-$(VERSION).dist-info
+install-python:
+	$(INSTALL) -d $(DESTDIR)$(pythondir)/tetlod $(DESTDIR)$(distinfo)
+	$(INSTALL) -m 644 $(addprefix client-examples/python/tetlod/,*.py py.typed) $(DESTDIR)$(pythondir)/tetlod/
+	printf 'Metadata-Version: 2.1\nName: tetlod\nVersion: %s\nRequires-Dist: numpy\n' '$(VERSION)' > $(DESTDIR)$(distinfo)/METADATA
+	printf '[pyvista.readers]\n.tetlod = tetlod.adapters:read_pyvista\n' > $(DESTDIR)$(distinfo)/entry_points.txt
+
+## install-doc: documents and examples into $(DESTDIR)$(docdir)
+DOCUMENTS = README.md CHANGELOG.md format/SPEC.md server/HTTP.md src/README.md src/io/FORMATS.md \
+    $(wildcard samples/figures/*.png samples/*.md client-examples/*.md client-examples/*/*.md)
+EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb client-examples/web/example*)
+install-doc:
+	$(foreach f,$(DOCUMENTS),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/$(f)$(newline)	)
+	$(foreach f,$(EXAMPLES),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/examples/$(f:client-examples/%=%)$(newline)	)
 
 ## dist: the sources with the page prebuilt: what is built from them needs neither npm nor a network
 .PHONY: dist
@@ -510,7 +538,7 @@ dist: all
 	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c $(DIST) | gzip -9n > build/$(DIST).tar.gz
 	@echo "build/$(DIST).tar.gz"
 
-## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev
+## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc
 .PHONY: deb
 deb: all $(MANUAL)
 	@command -v dh >/dev/null || { echo "make: debhelper is missing (run: make deps)" >&2; exit 1; }

@@ -8,16 +8,14 @@
 
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
-#include "src/pipeline/precision.h"
+#include "src/pipeline/series_spool.h"
 #include "src/util/array.h"
-
-static const double usual_bands[] = {0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0};
 
 void series_input_init(struct series_input *input)
 {
     *input = (struct series_input){.end = UINT64_MAX, .stride = 1};
-    memcpy(input->bands, usual_bands, sizeof usual_bands);
-    input->series.band_count = sizeof usual_bands / sizeof *usual_bands;
+    const double *usual = build_series_bands(&input->series.band_count);
+    memcpy(input->bands, usual, input->series.band_count * sizeof *usual);
 }
 
 /* Reading it again must not keep what was read before. */
@@ -70,8 +68,9 @@ bool series_input_parse_bands(struct series_input *input, const struct command *
         snprintf(part, sizeof part, "%.*s", (int)(length < sizeof part ? length : sizeof part), at);
         if (!cli_parse_fraction(command, "bands", part, &error))
             return false;
-        if (count + 1 >= MOST_SERIES_BANDS || !(error > 0) || error > 1 || (count && error >= input->bands[count - 1])) {
-            cli_usage(command->name, "--bands takes falling errors up to 1, at most %d, such as 5%%,1%%,0.1%%; not '%s'", MOST_SERIES_BANDS - 1, text);
+        if (count + 1 >= MAX_SERIES_BANDS || !(error > 0) || error > 1 || (count && error >= input->bands[count - 1])) {
+            cli_usage(command->name, "--bands takes falling errors up to 1, at most %d, such as 5%%,1%%,0.1%%; not '%s'",
+                      MAX_SERIES_BANDS - 1, text);
             return false;
         }
         input->bands[count++] = error;
@@ -110,22 +109,6 @@ enum tetlod_status series_input_read(const struct series_input *input, uint64_t 
     return io_read(out, input->paths[0], &options, report, error);
 }
 
-static enum tetlod_status put_values(struct series_input *input, const struct point_field *field, uint32_t vertices, enum tetlod_type type,
-                                     struct tetlod_error *error)
-{
-    size_t count = (size_t)field->components * vertices;
-    float single[512];
-    if (type == TETLOD_FLOAT64)
-        return spool_write(&input->spool, field->values, count * sizeof *field->values, error);
-    for (size_t i = 0; i < count; i += 512) {
-        size_t some = count - i < 512 ? count - i : 512;
-        for (size_t k = 0; k < some; k++)
-            single[k] = (float)field->values[i + k];
-        TETLOD_TRY(spool_write(&input->spool, single, some * sizeof *single, error));
-    }
-    return TETLOD_OK;
-}
-
 /* The step's mesh, which has the tetrahedra of the first one, gets its points. TETLOD_MORE: they move after all. */
 static enum tetlod_status settle(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first, struct tetlod_error *error)
 {
@@ -140,22 +123,7 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
                                    const struct build_control *controls, uint32_t count, struct tetlod_error *error)
 {
     TETLOD_TRY(settle(input, mesh, first, error));
-    for (uint32_t c = 0; c < count; c++) {
-        const struct point_field *like = &first->fields[controls[c].field];
-        struct build_control found;
-        TETLOD_TRY(build_control_parse(mesh, like->name, &found, error));
-        const struct point_field *field = &mesh->fields[found.field];
-        if (field->components != like->components)
-            return tetlodi_fail(error, TETLOD_ERR_FIELD, "field '%.60s' has %u components, in the first step %u", like->name, field->components,
-                                like->components);
-        if (input->types[c] == TETLOD_FLOAT32 && field->type == TETLOD_FLOAT64 &&
-            !precision_is_narrow(field->values, (size_t)field->components * mesh->vertex_count)) {
-            input->types[c] = TETLOD_FLOAT64;
-            return TETLOD_MORE;
-        }
-        TETLOD_TRY(put_values(input, field, mesh->vertex_count, input->types[c], error));
-    }
-    return TETLOD_OK;
+    return series_spool_put(&input->spool, mesh, first, controls, count, input->types, error);
 }
 
 enum tetlod_status series_input_blame(const struct series_input *input, uint64_t number, enum tetlod_status status,
@@ -230,8 +198,9 @@ static enum tetlod_status put_all(struct series_input *input, const struct readi
 enum tetlod_status series_input_count(struct series_input *input, uint64_t steps, struct tetlod_error *error)
 {
     uint64_t last = input->end < steps ? input->end : steps - 1, wanted = (last - input->begin) / input->stride + 1;
-    if (wanted > MOST_SERIES_STEPS)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer", wanted, MOST_SERIES_STEPS);
+    if (wanted > MAX_SERIES_STEPS)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer",
+                            wanted, MAX_SERIES_STEPS);
     input->wanted = (uint32_t)wanted;
     return TETLOD_OK;
 }

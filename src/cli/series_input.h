@@ -8,7 +8,6 @@
 #include "src/pipeline/build_series.h"
 #include "src/util/spool.h"
 
-enum { MOST_SERIES_STEPS = 1 << 20, MOST_SERIES_BANDS = 32 };
 
 struct series_input {
     const char *const *paths; /* as the command line has them */
@@ -16,7 +15,7 @@ struct series_input {
     uint64_t begin, end, stride; /* of --times: steps from begin to end, every stride-th */
     uint32_t wanted, from; /* how many that are; the one that is the first of those at hand, which all have its tetrahedra */
     bool numbered;         /* numbers stand for times */
-    double bands[MOST_SERIES_BANDS];
+    double bands[MAX_SERIES_BANDS];
     struct build_series series;
     double *times;
     enum tetlod_type *types;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/library/tetlod_build.h"
+#include "src/library/library.h"
 #include "src/pipeline/build_warnings.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -119,6 +119,14 @@ static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_bu
     return tetmesh_validate(mesh, error);
 }
 
+enum tetlod_status library_copy_mesh(struct tetmesh *out, const struct tetlod_build_mesh *mesh,
+                                     struct tetlod_error *error)
+{
+    struct tetlod_build_mesh given = {0};
+    memcpy(&given, mesh, mesh->struct_size < sizeof given ? mesh->struct_size : sizeof given);
+    return copy_mesh(out, &given, error);
+}
+
 /* ---- options */
 
 struct progress_of_caller {
@@ -164,32 +172,48 @@ static struct build_options options_of(const struct tetlod_build_options *option
     return build;
 }
 
+enum tetlod_status library_options(const struct tetlod_build_options *options, struct tetlod_build_options *out,
+                                   struct build_options *out_build, struct tetlod_error *error)
+{
+    tetlod_build_defaults(out);
+    if (options)
+        memcpy(out, options, options->struct_size < sizeof *out ? options->struct_size : sizeof *out);
+    *out_build = options_of(out);
+    return check_options(out_build, error);
+}
+
 /* ---- building */
 
-static enum tetlod_status build(struct tetmesh *mesh, const struct tetlod_build_options *given, struct build_options options,
-                                const struct tetlodi_sink *sink, struct tetlod_error *error)
+enum tetlod_status library_choose(struct tetmesh *mesh, const struct tetlod_build_options *given,
+                                  struct build_options *build, struct build_control **out_controls,
+                                  struct tetlod_error *error)
+{
+    uint32_t count;
+    size_t room = 2 * ((size_t)given->control_count + 1); // a magnitude brings its vector
+    struct build_control *controls = *out_controls = array_new(room, sizeof *controls);
+    if (!controls)
+        return tetlodi_fail_nomem(error, "the controlled fields", room * sizeof *controls);
+    TETLOD_TRY(build_controls_parse(mesh, given->controls, NULL, given->control_count, controls, &count, error));
+    TETLOD_TRY(build_regions_choose(mesh, given->region, &build->regions, error));
+    build_controls_add_vectors(mesh, controls, &count);
+    build->controls = controls;
+    build->control_count = count;
+    return TETLOD_OK;
+}
+
+enum tetlod_status library_build(const struct tetmesh *mesh, const struct tetlod_build_options *given,
+                                 struct build_options build, const struct tetlodi_sink *sink,
+                                 struct tetlod_error *error)
 {
     struct build_report report;
     struct progress_of_caller caller = {given->progress, given->progress_opaque};
-    uint32_t count;
     if (caller.call) {
-        options.progress = pass_progress;
-        options.progress_opaque = &caller;
+        build.progress = pass_progress;
+        build.progress_opaque = &caller;
     }
-    struct build_control *controls = array_new(2 * ((size_t)given->control_count + 1), sizeof *controls); // a magnitude brings its vector
-    if (!controls)
-        return tetlodi_fail_nomem(error, "the controlled fields", given->control_count * sizeof *controls);
-    enum tetlod_status status;
-    TETLOD_TRY_DONE(build_controls_parse(mesh, given->controls, NULL, given->control_count, controls, &count, error));
-    TETLOD_TRY_DONE(build_regions_choose(mesh, given->region, &options.regions, error));
-    build_controls_add_vectors(mesh, controls, &count);
-    options.controls = controls;
-    options.control_count = count;
-    status = build_stream(mesh, &options, sink, &report, error);
+    enum tetlod_status status = build_stream(mesh, &build, sink, &report, error);
     if (status == TETLOD_OK && given->warn)
         build_warnings(&report, given->warn, given->warn_opaque);
-done:
-    free(controls);
     return status;
 }
 
@@ -197,20 +221,18 @@ enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const stru
                                 enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
                                 struct tetlod_error *error)
 {
-    struct tetlod_build_options all;
-    struct tetlod_build_mesh given = {0};
+    struct tetlod_build_options given;
+    struct build_options build;
     struct tetmesh copy = {0};
-    const struct tetlodi_sink sink = {write, opaque};
-    tetlod_build_defaults(&all);
-    if (options)
-        memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
-    memcpy(&given, mesh, mesh->struct_size < sizeof given ? mesh->struct_size : sizeof given);
-    struct build_options own = options_of(&all);
-    enum tetlod_status status = check_options(&own, error);
+    struct build_control *controls = NULL;
+    enum tetlod_status status = library_options(options, &given, &build, error);
     if (status == TETLOD_OK)
-        status = copy_mesh(&copy, &given, error);
+        status = library_copy_mesh(&copy, mesh, error);
     if (status == TETLOD_OK)
-        status = build(&copy, &all, own, &sink, error);
+        status = library_choose(&copy, &given, &build, &controls, error);
+    if (status == TETLOD_OK)
+        status = library_build(&copy, &given, build, &(const struct tetlodi_sink){write, opaque}, error);
+    free(controls);
     tetmesh_fini(&copy);
     return status;
 }

@@ -77,6 +77,37 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_bu
                                                           enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size),
                                                           void *opaque, struct tetlod_error *error);
 
+/*
+ * A series: steps of one mesh are added while a solver runs, and the stream is written at the end. The values of steps
+ * wait in a temporary file (TMPDIR). The controlled fields have steps; the others, and those of the tetrahedra, have
+ * the first step's values.
+ *
+ *     status = tetlod_build_series_new(&series, NULL, &error);
+ *     ... tetlod_build_series_add(series, &mesh, time, &error) after each step, with the same points and tetrahedra
+ *     status = tetlod_build_series_finish(series, write_bytes, file, &error);
+ *     tetlod_build_series_free(series);
+ */
+struct tetlod_build_series;
+
+/* The texts of the options are borrowed until the series is freed. domain_error counts as 0. TETLOD_ERR_ARGUMENT:
+ * certify_exact, certify_all, local_bound and rounding are for one mesh. *out is to be freed also after a failure. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build_series_new(struct tetlod_build_series **out,
+                                                                     const struct tetlod_build_options *options,
+                                                                     struct tetlod_error *error);
+
+/* Adds a step; nothing of the mesh is kept. Times rise. After TETLOD_ERR_ARGUMENT for the time, or a mesh that is not
+ * valid, the series goes on without the step; after any other failure it cannot be finished. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build_series_add(struct tetlod_build_series *series,
+                                                                     const struct tetlod_build_mesh *mesh, double time,
+                                                                     struct tetlod_error *error);
+
+/* Builds the stream of all steps, as tetlod_build does. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status
+tetlod_build_series_finish(struct tetlod_build_series *series,
+                           enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
+                           struct tetlod_error *error);
+TETLOD_API void tetlod_build_series_free(struct tetlod_build_series *series);
+
 #ifdef __cplusplus
 }
 #endif

@@ -106,6 +106,13 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
     return TETLOD_OK;
 }
 
+const double *build_series_bands(uint32_t *out_count)
+{
+    static const double usual[] = {0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0};
+    *out_count = sizeof usual / sizeof *usual;
+    return usual;
+}
+
 enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh, const struct build_options *options,
                               struct tetlod_error *error)
 {

@@ -12,6 +12,8 @@
 #include "src/pipeline/build.h"
 #include "src/simplify/simplify.h"
 
+enum { MAX_SERIES_STEPS = 1 << 20, MAX_SERIES_BANDS = 32 };
+
 struct build_series {
     uint32_t step_count;
     const double *times;           /* [step], not falling */
@@ -23,6 +25,9 @@ struct build_series {
     bool points_move;              /* the last control says how far */
     const double (*ranges)[2];     /* [control, but how far points move] over more steps than these, or NULL */
 };
+
+/* The bands of a series whose user names none. */
+const double *build_series_bands(uint32_t *out_count);
 
 struct series_build;
 

@@ -16,6 +16,15 @@ try build --max
 check "options" "[ \"\${COMPREPLY[*]}\" = --max-error ]"
 try extract f.tetlod --measure s
 check "values" "[ \"\${COMPREPLY[*]}\" = sampled ]"
+"$TETLOD" sample fin --size 6 -o fin.vtu && "$TETLOD" build fin.vtu -o fin.tetlod --quiet
+for file in fin.vtu fin.tetlod; do
+    try build $file --field ''
+    check "fields of $file" "has Pressure && has Velocity"
+    try build $file -o x.tetlod --field Vel
+    check "a field of $file" "[ \"\${COMPREPLY[*]}\" = Velocity ]"
+done
+try build nothing.vtu --field ''
+check "no file, no fields" "[ \${#COMPREPLY[@]} = 0 ]"
 touch mesh.vtu
 try build me
 check "files" "has mesh.vtu"

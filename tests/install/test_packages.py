@@ -31,7 +31,7 @@ def test_deb():
     done = make('deb')
     assert done.returncode == 0, done.stdout
     packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
-    assert sorted(packages) == ['libtetlod-dev', 'libtetlod0', 'tetlod'], packages
+    assert sorted(packages) == ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc'], packages
     root = os.path.join(SCRATCH, 'root')
     for path in packages.values():
         assert call('dpkg-deb', '-x', path, root).returncode == 0
@@ -39,8 +39,16 @@ def test_deb():
     assert 'libmicrohttpd' in control and 'libzstd' in control, control
     there = {os.path.relpath(os.path.join(folder, name), root) for folder, _, names in os.walk(root) for name in names}
     wanted = [r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?', r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
-              r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h', r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc']
+              r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h',
+              r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc',
+              r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
+              r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py',
+              r'usr/share/doc/tetlod/format/SPEC\.md', r'usr/share/doc/tetlod/examples/c/insitu_series\.c']
     assert all(any(re.fullmatch(pattern, name) for name in there) for pattern in wanted), sorted(there)
+    code = 'import tetlod, importlib.metadata as m; assert tetlod.__file__.startswith(%r); ' \
+        'assert m.version("tetlod") == tetlod.__version__' % root
+    done = call('/usr/bin/python3', '-c', code, PYTHONPATH=os.path.join(root, 'usr/lib/python3/dist-packages'))
+    assert done.returncode == 0, done.stdout
     os.mkdir(os.path.join(SCRATCH, 'everyday'))
     done = call('/usr/bin/python3', os.path.join(ROOT, 'tests', 'cli', 'test_everyday.py'), TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'),
                 SCRATCH=os.path.join(SCRATCH, 'everyday'))

@@ -53,7 +53,8 @@ def check_exports():
         header = re.sub(r'/\*.*?\*/', '', file.read(), flags=re.S)
     declared = set(re.findall(r'TETLOD_API [^;{]*?\b(tetlod_\w+)\s*\(', header))
     report('and what tetlod.h declares, all of it', sorted(declared.symmetric_difference(exported)))
-    building = {'tetlod_build', 'tetlod_build_defaults'}
+    series = {'tetlod_build_series_' + name for name in ('new', 'add', 'finish', 'free')}
+    building = {'tetlod_build', 'tetlod_build_defaults', *series}
     for library in (['-D', shared[0].replace('libtetlod.so', 'libtetlod-build.so')], [os.path.join(BUILT, 'libtetlod-build.a')]):
         report('%s exports what tetlod_build.h declares' % os.path.basename(library[-1]), sorted(building.symmetric_difference(defined(*library, '--defined-only'))))
     names = defined('--defined-only', os.path.join(BUILT, 'libtetlod.a'))

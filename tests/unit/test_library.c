@@ -228,8 +228,116 @@ static void test_refused_early(void)
     CHECK(heard.other == 0 && heard.encoding == 0);
 }
 
+/* ---- series */
+
+static void add_steps(struct tetlod_build_series *series, unsigned count)
+{
+    struct tetlod_error error = {0};
+    float moving[6];
+    const struct tetlod_build_array p = {"p", 1, TETLOD_CELL_FLOAT32, moving};
+    struct tetlod_build_mesh mesh = mesh_of();
+    mesh.fields = &p;
+    for (unsigned s = 0; s < count; s++) {
+        for (int i = 0; i < 6; i++)
+            moving[i] = values[i] * (float)(s + 1);
+        CHECK(tetlod_build_series_add(series, &mesh, 0.5 * s, &error) == TETLOD_OK);
+    }
+}
+
+static void check_series(const struct memory_sink *out, uint32_t steps)
+{
+    struct tetlod_error error = {0};
+    struct tetlod_file *file;
+    struct tetlod_series *series;
+    struct tetlod_cursor *cursor;
+    CHECK(tetlod_open_memory(&file, out->bytes, out->size, NULL, &error) == TETLOD_OK);
+    CHECK(tetlod_series_new(&series, file, &error) == TETLOD_OK);
+    const struct tetlod_series_info *info = tetlod_series_info(series);
+    CHECK(info->step_count == steps && info->field_count == 1 && info->times[steps - 1] == 0.5 * (steps - 1));
+    CHECK(tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK);
+    for (uint32_t s = 0; s < steps; s++) {
+        double sum = 0;
+        CHECK(tetlod_seek_step(series, cursor, info->band_count - 1, s, &error) == TETLOD_OK);
+        for (int v = 0; v < 5; v++)
+            sum += tetlod_step_values(series, 0)[v];
+        CHECK(sum == 10 * (s + 1)); // 0 + 1 + 2 + 3 + 4; the sixth point is used by no tetrahedron
+    }
+    tetlod_cursor_free(cursor);
+    tetlod_series_free(series);
+    tetlod_close(file);
+}
+
+static void test_series(void)
+{
+    struct tetlod_build_series *series;
+    struct tetlod_error error = {0};
+    struct memory_sink out = {0};
+    const struct tetlodi_sink sink = memory_sink(&out);
+    CHECK(tetlod_build_series_new(&series, NULL, &error) == TETLOD_OK);
+    CHECK(tetlod_build_series_finish(series, sink.write, sink.opaque, &error) == TETLOD_ERR_ARGUMENT);
+    add_steps(series, 11);
+    struct tetlod_build_mesh mesh = mesh_of();
+    CHECK(tetlod_build_series_add(series, &mesh, 5, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "step 11"));
+    CHECK(tetlod_build_series_add(series, &mesh, NAN, &error) == TETLOD_ERR_ARGUMENT);
+    CHECK(tetlod_build_series_finish(series, sink.write, sink.opaque, &error) == TETLOD_OK);
+    tetlod_build_series_free(series);
+    check_series(&out, 11);
+    free(out.bytes);
+}
+
+/* What a second step may not be. The series cannot be finished then. */
+static void check_refused(const struct tetlod_build_mesh *mesh, enum tetlod_status wanted, const char *word)
+{
+    struct tetlod_build_series *series;
+    struct tetlod_error error = {0};
+    size_t size = 0;
+    CHECK(tetlod_build_series_new(&series, NULL, &error) == TETLOD_OK);
+    add_steps(series, 1);
+    enum tetlod_status status = tetlod_build_series_add(series, mesh, 1, &error);
+    CHECK(status == wanted && strstr(error.message, "step 1: ") && strstr(error.message, word));
+    CHECK(tetlod_build_series_add(series, mesh, 2, &error) == TETLOD_ERR_ARGUMENT);
+    CHECK(tetlod_build_series_finish(series, count, &size, &error) == TETLOD_ERR_ARGUMENT && size == 0);
+    tetlod_build_series_free(series);
+}
+
+static void test_series_refusals(void)
+{
+    static const double other[] = {0.1, 1.1, 2.1, 3.1, 4.1, 5.1};
+    struct tetlod_build_array wide = {"p", 1, TETLOD_CELL_FLOAT64, other};
+    struct tetlod_build_array two = {"p", 2, TETLOD_CELL_FLOAT32, (float[12]){0}};
+    struct tetlod_build_array named = {"q", 1, TETLOD_CELL_FLOAT32, values};
+    double moved[6][3];
+    struct tetlod_build_mesh mesh = mesh_of();
+    mesh.tets = 1;
+    check_refused(&mesh, TETLOD_ERR_MESH, "stays as it is");
+    mesh = mesh_of();
+    memcpy(moved, positions, sizeof moved);
+    moved[4][0] = 2;
+    mesh.positions = moved;
+    check_refused(&mesh, TETLOD_ERR_MESH, "points have moved");
+    mesh = mesh_of();
+    mesh.fields = &wide;
+    check_refused(&mesh, TETLOD_ERR_FIELD, "float64");
+    mesh.fields = &two;
+    check_refused(&mesh, TETLOD_ERR_FIELD, "2 components");
+    mesh.fields = &named;
+    check_refused(&mesh, TETLOD_ERR_FIELD, "'p'");
+
+    struct tetlod_build_options options;
+    struct tetlod_build_series *series;
+    struct tetlod_error error = {0};
+    tetlod_build_defaults(&options);
+    options.certify_exact = 1;
+    CHECK(tetlod_build_series_new(&series, &options, &error) == TETLOD_ERR_ARGUMENT);
+    CHECK(strstr(error.message, "certify_exact"));
+    tetlod_build_series_free(series);
+    tetlod_build_series_free(NULL);
+}
+
 int main(void)
 {
+    RUN(test_series);
+    RUN(test_series_refusals);
     RUN(test_stream);
     RUN(test_refusals);
     RUN(test_options);
