@@ -256,7 +256,7 @@ ANSWERS = {
         'open_files?': about('Streams whose files are open; the others are opened when they are read.', COUNT)})),
     'metrics': answer('Text format 0.0.4', ['text/plain'], (), 'NotFound'),
     'catalogue': answer('All streams', ref('Catalogue'), ['ETag', 'Accept-Ranges', 'Server-Timing', 'Link'],
-                        'NotModified'),
+                        'NotModified BadRequest'),
     'stream_info': answer("The stream's index", ref('Stream'), ['ETag', 'Accept-Ranges', 'Server-Timing'],
                           'NotModified BadRequest NotFound'),
     'choice': answer('The level that was chosen', ['text/plain'], ['Location'] + MESH + ['Tetlod-Uncontrolled'] + STEP,

@@ -132,14 +132,15 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
 {
     struct response *response = exchange->response;
     enum outcome outcome = ANSWERED;
-    char name[ETAG_CAPACITY - 8], key[ETAG_CAPACITY];
+    char name[ETAG_CAPACITY - 8], key[ETAG_CAPACITY + 24];
     struct representation representation = {
         .media_type = answer->media_type,
         .coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE),
         .etag = name,
     };
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
-    snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
+    snprintf(key, sizeof key, "%s/%" PRIx64 "/%s", name, dataset_file_number(dataset),
+             coding_name(representation.coding));
     struct cache *cache = cache_for(exchange->site, making_bytes(dataset_info(dataset), answer));
     const struct cache_value *value = obtain_cached(exchange, cache, key);
     if (!value && respond_unchanged(exchange, &representation, SIZE_UNKNOWN))

@@ -325,19 +325,21 @@ static enum tetlod_status make_forest(void *opaque, struct job *job, struct cach
     return TETLOD_OK;
 }
 
-static void print_key(const struct tetlod_info *info, uint32_t last, char out[static KEY_CAPACITY])
+static void print_key(const struct dataset *dataset, uint32_t last, char out[static KEY_CAPACITY])
 {
-    snprintf(out, KEY_CAPACITY, "%s/forest/%" PRIu32, info->cid, last);
+    snprintf(out, KEY_CAPACITY, "%s/forest/%" PRIx64 "/%" PRIu32, dataset_info(dataset)->cid,
+             dataset_file_number(dataset), last);
 }
 
 /* One that is there already and has the level, be it for a finer one. */
-static const struct cache_value *find_forest(struct exchange *exchange, const struct tetlod_info *info, uint32_t level)
+static const struct cache_value *find_forest(struct exchange *exchange, const struct dataset *dataset, uint32_t level)
 {
+    const struct tetlod_info *info = dataset_info(dataset);
     const struct cache_value *value = NULL;
     char key[KEY_CAPACITY];
     for (uint32_t last = level; !value && last < info->level_count; last++) {
         last = forest_last_level(info, last);
-        print_key(info, last, key);
+        print_key(dataset, last, key);
         value = obtain_cached(exchange, exchange->site->memory, key);
     }
     return value;
@@ -371,7 +373,7 @@ const struct forest *forest_of(const struct cache_entry *entry)
 enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, struct cache_entry **out)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct cache_value *value = find_forest(exchange, info, level);
+    const struct cache_value *value = find_forest(exchange, dataset, level);
     enum outcome outcome = ANSWERED;
     *out = NULL;
     if (!value && dataset_hangs(dataset))
@@ -382,7 +384,7 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
         if (!decode)
             return respond_no_memory(exchange);
         *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
-        print_key(info, forest_last_level(info, level), key);
+        print_key(dataset, forest_last_level(info, level), key);
         const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE,
                                       exchange->site->decoders, 0};
         outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);

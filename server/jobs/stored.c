@@ -17,7 +17,7 @@ enum {
         8 << 20, // bytes that are in the cache while they are sent; what is longer goes through it window by window
     MIN_WINDOW = 64 << 10, // of a range: neighbouring ranges find it
     STEP = 1 << 20,        // window of an answer that goes through the cache
-    MAX_KEY = ETAG_CAPACITY + 48,
+    MAX_KEY = ETAG_CAPACITY + 64,
 };
 
 /* A part of an answer. */
@@ -123,9 +123,8 @@ static enum tetlod_status make_window(void *opaque, struct job *job, struct cach
 
 static const char *key_of(const struct stored *stored, const struct window *window, char out[static MAX_KEY])
 {
-    if (window->size == stored->size)
-        return stored->etag;
-    snprintf(out, MAX_KEY, "%s/%" PRIu64 "+%" PRIu64, stored->etag, window->first, window->size);
+    snprintf(out, MAX_KEY, "%s/%" PRIx64 "/%" PRIu64 "+%" PRIu64, stored->etag, dataset_file_number(stored->dataset),
+             window->first, window->size);
     return out;
 }
 
@@ -217,7 +216,8 @@ static enum outcome respond_kept(struct exchange *exchange, const struct stored 
                                  const struct representation *representation)
 {
     struct window held = {0, stored->size}; // the whole answer may be there
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, stored->etag);
+    char whole[MAX_KEY];
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key_of(stored, &held, whole));
     if (!value) {
         held = *window;
         enum outcome outcome = obtain_window(exchange, stored, window, &value);

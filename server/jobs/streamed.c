@@ -154,7 +154,8 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
         return respond_no_memory(exchange);
     *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
     cell_choice_name(answer->cells, name);
-    snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
+    snprintf(key, sizeof key, "%s/cells/%" PRIx64 "/%" PRIu32 "/%s", info->cid, dataset_file_number(dataset),
+             answer->level, name);
     const struct recipe recipe = {make_cells, free_celling, celling, cell_choice_decoding(answer->cells, info, answer->level) + 65536,
                                   PATIENCE, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);

@@ -283,6 +283,8 @@ enum outcome handle_catalogue(struct exchange *exchange)
     struct site *site = exchange->site;
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
     enum outcome outcome = ANSWERED;
+    if (!check_parameters(exchange))
+        return ANSWERED;
     char etag[LIST_TAG], key[LIST_KEY];
     name_list(catalogue_digest(site->catalogue), coding, etag, key);
     const struct cache_value *value = obtain_cached(exchange, cache_for(site, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue))), key);

@@ -99,6 +99,12 @@ static bool hangs(const struct stored *stored)
     return since > 0 && monotonic_seconds() - since > MAX_HANG;
 }
 
+uint64_t dataset_file_number(const struct dataset *dataset)
+{
+    const struct file_identity *identity = &dataset->stored->identity;
+    return identity->inode ^ identity->device * UINT64_C(0x9e3779b97f4a7c15);
+}
+
 bool dataset_hangs(const struct dataset *dataset)
 {
     return hangs(dataset->stored);

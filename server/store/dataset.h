@@ -33,7 +33,13 @@ uint32_t dataset_topology_number(const struct dataset *dataset);
 uint32_t dataset_steps_before(const struct dataset *dataset);
 
 const char *dataset_id(const struct dataset *dataset);
+
+/* Tells the dataset's file from others, whose streams may be the same: what is read of one must not wait for the
+ * other. */
+uint64_t dataset_file_number(const struct dataset *dataset);
+
 const struct tetlod_info *dataset_info(const struct dataset *dataset);
+
 /* What the headers of a level's answers say, printed once. */
 struct level_texts {
     char level[12], vertices[12], tets[12];

@@ -253,6 +253,7 @@ def test_a_file_that_hangs():
     library, flag, folder = os.path.join(SCRATCH, 'hang_read.so'), os.path.join(SCRATCH, 'hang_read'), folder_of('reads', 'hangs')
     other = os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod')
     shutil.copy(other, os.path.join(folder, 'good.tetlod'))
+    shutil.copy(MADE, os.path.join(folder, 'twin.tetlod'))
     with open(library + '.c', 'w') as file:
         file.write(HANGING_READ)
     subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
@@ -273,6 +274,8 @@ def test_a_file_that_hangs():
         assert time.monotonic() - begin < 5, time.monotonic() - begin
         assert server.get('/v1/meshes/good/%s/stream' % fine)[2] == good
         assert server.get('/v1/meshes/good/%s/levels/0/mesh.vtu' % fine)[0] == 200
+        assert server.get('/v1/meshes/twin/%s/stream' % cid)[0] == 200  # a copy of what hangs
+        assert server.get('/v1/meshes/twin/%s/levels/0/mesh.vtu' % cid)[0] == 200
         for connection in waiting:
             assert b' 503 ' in connection.recv(65536)
             connection.close()

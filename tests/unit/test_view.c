@@ -181,6 +181,34 @@ static void test_steps_of_a_level_share_their_boundary(void)
     CHECK(!view->has_boundary);
 }
 
+/* Other fields of the steps are asked for: what was shown were values of the series that goes. */
+static void test_another_series(void)
+{
+    uint32_t size;
+    struct view *view = view_of("series_moving", &size);
+    REQUIRE(view);
+    CHECK_INT(view_add(view, bytes, size), TETLOD_OK);
+    CHECK_INT(view_open(view, NULL, TETLOD_NONE), TETLOD_OK);
+    CHECK_INT(view_put(view, 0, bytes, size), TETLOD_OK);
+    CHECK_INT(view_series(view, NULL, TETLOD_NONE), TETLOD_OK);
+    const uint32_t finest = tetlod_series_info(view->series)->band_count - 1, field = 0;
+    for (int moving = 0; moving < 2; moving++) {
+        CHECK_INT(view_step(view, finest, 0), TETLOD_OK);
+        if (moving) {
+            CHECK_INT(view_step_move(view, finest, 1), TETLOD_OK);
+            view_place(view, 0.5);
+        }
+        CHECK(view->step_values);
+        CHECK_INT(view_series(view, &field, 1), TETLOD_OK);
+        CHECK(!view->step_values && !view->moving);
+        for (uint32_t f = 0; f < view->shown.field_count; f++)
+            CHECK(view->shown.fields[f].values == view->mesh.fields[f]);
+        draw_all(view);
+    }
+    CHECK_INT(view_step(view, finest, 1), TETLOD_OK);
+    draw_all(view);
+}
+
 /* The whole stream is there: nothing has to be put. */
 static void test_values_of_cells_colour_and_hide(void)
 {
@@ -225,6 +253,7 @@ int main(void)
     RUN(test_some_fields);
     RUN(test_bytes_one_by_one_and_bad_ones);
     RUN(test_steps_of_a_level_share_their_boundary);
+    RUN(test_another_series);
     RUN(test_values_of_cells_colour_and_hide);
     return test_end();
 }

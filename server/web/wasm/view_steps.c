@@ -17,15 +17,35 @@ void view_forget(struct view *view)
     tetlod_feed_forget(view->feed);
 }
 
-uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count)
+void view_leave_step(struct view *view)
 {
+    free(view->step_values);
+    free(view->step_points);
+    view->step_values = NULL;
+    view->step_points = NULL;
+}
+
+/* Another series in place of the view's. The values of a step that is shown are the old one's: the level's own are
+ * shown
+ * until the next step. */
+static enum tetlod_status replace_series(struct view *view)
+{
+    const bool at_step = view->step_values;
     struct tetlod_series *series;
     TETLOD_TRY(tetlod_series_new(&series, tetlod_feed_file(view->feed), &view->error));
+    view_leave_step(view);
     tetlod_series_free(view->series);
     view->series = series;
+    view->moving = view->moving && !at_step;
+    return at_step ? view_arrive(view) : TETLOD_OK;
+}
+
+uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count)
+{
+    TETLOD_TRY(replace_series(view));
     if (count == TETLOD_NONE)
         return TETLOD_OK;
-    const struct tetlod_series_info *info = tetlod_series_info(series);
+    const struct tetlod_series_info *info = tetlod_series_info(view->series);
     uint32_t *chosen = array_new(info->field_count, sizeof *chosen), chosen_count = 0;
     if (!chosen)
         return tetlodi_fail_nomem(&view->error, "a selection of fields", info->field_count * sizeof *chosen);
@@ -33,7 +53,7 @@ uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count)
         for (uint32_t i = 0; i < count; i++)
             if (info->fields[f] == fields[i])
                 chosen[chosen_count++] = f;
-    tetlod_series_select(series, chosen, chosen_count);
+    tetlod_series_select(view->series, chosen, chosen_count);
     free(chosen);
     return TETLOD_OK;
 }
@@ -44,14 +64,6 @@ const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32
     view->span[0] = (double)span.offset;
     view->span[1] = (double)span.size;
     return view->span;
-}
-
-void view_leave_step(struct view *view)
-{
-    free(view->step_values);
-    free(view->step_points);
-    view->step_values = NULL;
-    view->step_points = NULL;
 }
 
 /* Where the points are at the step, if they move. The cursor's mesh is at hand. */
