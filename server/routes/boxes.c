@@ -12,7 +12,8 @@
 #include "server/http/respond.h"
 #include "server/jobs/cell_choice.h"
 #include "server/jobs/made.h"
-#include "server/routes/level_file.h"
+#include "server/routes/handlers.h"
+#include "server/routes/mesh_formats.h"
 #include "src/measure/region_error.h"
 #include "src/util/array.h"
 #include "src/util/number_text.h"
@@ -182,13 +183,13 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
     if (!print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return ANSWERED;
     cell_choice_name(&choice->cells, cells);
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", mesh_format_name(choice->format), choice->coarse, boxes, choice->cells.any ? "-" : "",
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", choice->format->name, choice->coarse, boxes, choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
     uint64_t values = cell_choice_bytes(&choice->cells, info, info->levels[choice->fine].tets);
     const struct level_answer answer = {
         .level = choice->fine,
         .name = name,
-        .media_type = mesh_format_type(choice->format),
+        .media_type = choice->format->media_type,
         .file_bytes = mesh_format_bytes(info, choice->fine) + values,
         .write = write_mesh,
         .measure = measure_file,

@@ -14,6 +14,4 @@ bool parse_boxes(struct exchange *exchange, struct region_box out[static MOST_BO
 /* The boxes as text, each number as short as it can be: one text for the same boxes. False after a 400 if that is too long. */
 bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size_t count, char out[static BOXES_CAPACITY]);
 
-enum outcome handle_region(struct exchange *exchange);
-
 #endif

@@ -1,6 +1,4 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/routes/choose.h"
-
 #include <inttypes.h>
 #include <jansson.h>
 #include <math.h>
@@ -13,7 +11,8 @@
 #include "server/routes/boxes.h"
 #include "server/routes/frames.h"
 #include "server/routes/groups.h"
-#include "server/routes/level_file.h"
+#include "server/routes/handlers.h"
+#include "server/routes/mesh_formats.h"
 #include "src/util/number_text.h"
 
 enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };

@@ -10,6 +10,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/stored.h"
+#include "server/routes/handlers.h"
 #include "src/util/array.h"
 
 enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level)

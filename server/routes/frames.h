@@ -15,7 +15,4 @@ enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, 
 /* The list of names that the query's `fields` has: text of 0 and 1, one for each field. QUERY_BAD: answered. */
 enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected);
 
-enum outcome handle_records(struct exchange *exchange);
-enum outcome handle_stream(struct exchange *exchange);
-
 #endif

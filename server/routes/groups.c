@@ -11,6 +11,7 @@
 #include "server/http/respond.h"
 #include "server/jobs/stored.h"
 #include "server/routes/frames.h"
+#include "server/routes/handlers.h"
 #include "src/util/array.h"
 
 /* Which of the stream's fields have steps and are asked for, as query_fields says it: without a list, all of them. False: answered. */

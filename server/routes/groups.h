@@ -6,9 +6,6 @@
 #include "server/http/exchange.h"
 #include "server/routes/steps.h"
 
-/* The frames of a group of a band, of the fields that the query's `fields` names, one field after the other. */
-enum outcome handle_group(struct exchange *exchange);
-
 /* Header, index and geometry up to the band's level, the table of steps, and the group that the step is in. */
 enum outcome respond_step_prefix(struct exchange *exchange, const struct step_choice *choice);
 

@@ -10,13 +10,8 @@
 #include "server/http/buffer.h"
 #include "server/http/conditions.h"
 #include "server/http/params.h"
-#include "server/routes/boxes.h"
-#include "server/routes/choose.h"
-#include "server/routes/frames.h"
-#include "server/routes/groups.h"
-#include "server/routes/level_file.h"
-#include "server/routes/site.h"
-#include "server/routes/surfaces.h"
+#include "server/routes/handlers.h"
+#include "server/routes/viewer.h"
 
 #define ROUTE(template, handle, health, parameters, answer, operation, summary)                               \
     {template, handle, parameters, health, false},

@@ -1,6 +1,4 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/routes/surfaces.h"
-
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,6 +9,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/made.h"
+#include "server/routes/handlers.h"
 #include "server/routes/steps.h"
 #include "src/cut/cut.h"
 #include "src/io/io.h"
