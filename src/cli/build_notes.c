@@ -11,29 +11,78 @@
 #include "src/mesh/displacement.h"
 #include "src/pipeline/build_warnings.h"
 #include "src/report/info_json.h"
+#include "src/report/byte_table.h"
 
-enum { MOST_NAMES = 6 };
+enum { MAX_NAMES = 8 };
 
 /* ---- on standard error */
 
-/* Whose error is held, where nobody said so, and which fields are off by what comes. */
+/* A list of names that ends with dots where it would be long. */
+static void add_name(char *names, size_t size, uint32_t number, const char *name)
+{
+    size_t used = strlen(names);
+    if (number < MAX_NAMES)
+        snprintf(names + used, size - used, "%s%.40s", number ? ", " : "", name);
+    else if (number == MAX_NAMES)
+        snprintf(names + used, size - used, ", ...");
+}
+
+static bool is_controlled(const struct build_control *controls, uint32_t count, uint32_t field)
+{
+    for (uint32_t i = 0; i < count; i++)
+        if (controls[i].field == field)
+            return true;
+    return false;
+}
+
+/* Which fields are controlled where nobody said so, and which are not. */
 static void say_fields(const struct build_request *request, const struct tetmesh *mesh, const struct build_control *controls, uint32_t count)
 {
-    if (!request->field_count)
-        fprintf(stderr, "tetlod build: no --field is given: the error of '%s' is held down\n", mesh->fields[controls[0].field].name);
-    char names[300] = "";
-    size_t used = 0;
-    uint32_t others = 0;
+    char names[3][400] = {"", "", ""};
+    uint32_t counts[3] = {0};
+    enum { CONTROLLED, IDS, OTHERS };
     for (uint32_t f = 0; f < mesh->field_count; f++) {
-        bool controlled = false;
-        for (uint32_t i = 0; i < count; i++)
-            controlled |= controls[i].field == f;
-        if (!controlled && others++ < MOST_NAMES && used < sizeof names)
-            used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
+        int kind = is_controlled(controls, count, f) ? CONTROLLED : mesh->fields[f].is_ids ? IDS : OTHERS;
+        add_name(names[kind], sizeof *names, counts[kind]++, mesh->fields[f].name);
     }
-    if (others)
-        fprintf(stderr, "tetlod build: %" PRIu32 " field%s measured, nothing holds it down: %s%s\n", others,
-                others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
+    if (!request->field_count)
+        fprintf(stderr, "tetlod build: controlled: %s%s\n", names[CONTROLLED],
+                counts[CONTROLLED] > 1 ? " (--field A,B or --no-field A chooses)" : "");
+    if (counts[IDS])
+        fprintf(stderr, "tetlod build: ids, stored exactly, not controlled: %s\n", names[IDS]);
+    if (counts[OTHERS])
+        fprintf(stderr, "tetlod build: not controlled, their error is only measured: %s\n", names[OTHERS]);
+    if (request->regions_are_found && request->build.regions)
+        fprintf(stderr,
+                "tetlod build: '%.60s' of cells tells regions, whose interfaces stay as they are; --no-region lets "
+                "them go\n",
+                request->build.regions);
+}
+
+/* What to add where nothing but a coordinate could be controlled. */
+static void say_coordinate(const struct build_request *request, const struct tetmesh *mesh, uint32_t field)
+{
+    bool averages = request->reading.options.cell_data == CELL_DATA_AVERAGE;
+    if (strncmp(mesh->fields[field].name, COORDINATE_NAME, strlen(COORDINATE_NAME)) != 0 || request->field_count)
+        return;
+    fprintf(stderr,
+            "tetlod build: there is no field to control: the boundary is kept, and %s says how far a level is off; results come "
+            "from a file that has them%s%s\n",
+            mesh->fields[field].name, request->reading.options.solution ? "" : ", --q for PLOT3D",
+            mesh->cell_field_count && !averages ? ", --cell-data average from values of cells" : "");
+}
+
+/* The field that costs most. */
+static void say_cost(const struct tetmesh *mesh, const struct field_cost *cost)
+{
+    if (cost->field == TETLOD_NONE)
+        return;
+    const char *name = mesh->fields[cost->field].name;
+    fprintf(stderr,
+            "tetlod build: '%.60s' costs most: without it the level within %g %% has about %.2g times fewer "
+            "tetrahedra, %" PRIu32 " instead of %" PRIu32 " (--no-field '%.60s')\n",
+            name, 100 * FIELD_COST_ERROR, (double)cost->tets_with / cost->tets_without, cost->tets_without,
+            cost->tets_with, name);
 }
 
 static void say_warning(void *opaque, const char *line)
@@ -46,6 +95,8 @@ void build_notes(const struct build_request *request, const struct io_report *re
                  const struct build_control *controls, uint32_t count, const struct build_report *report)
 {
     say_fields(request, mesh, controls, count);
+    say_coordinate(request, mesh, controls[0].field);
+    say_cost(mesh, &report->cost);
     struct io_report notes_read = *read;
     if (request->build.series)
         notes_read.steps = 0; // all of them were read
@@ -72,6 +123,14 @@ void build_notes(const struct build_request *request, const struct io_report *re
 
 /* ---- on standard output */
 
+/* Of the level that people take most. */
+static void warn_at_one_percent(const struct tetlod_info *info)
+{
+    uint32_t level = tetlod_level_for_error(info, FIELD_COST_ERROR, TETLOD_NONE, TETLOD_MAX);
+    if (level != TETLOD_NONE)
+        cli_warn_uncontrolled("build", info, level);
+}
+
 int build_print_levels(const struct build_request *request)
 {
     struct tetlod_file *file;
@@ -80,6 +139,11 @@ int build_print_levels(const struct build_request *request)
     if (cli_open_stream(request->output, 1, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     cli_print_levels(tetlod_info(file), request->all);
+    printf("\n");
+    byte_table_print(stdout, NULL, NULL, file);
+    fflush(stdout);
+    byte_table_print(NULL, stderr, "tetlod build", file);
+    warn_at_one_percent(tetlod_info(file));
     if (request->for_mail)
         cli_print_promises(stdout, tetlod_info(file), tetlod_info(file)->level_count - 1);
     tetlod_close(file);

@@ -10,55 +10,76 @@
 const char build_help[] =
     "usage: tetlod build INPUT... [-o OUT.tetlod] [OPTIONS]\n"
     "\n"
-    "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original. A file with several\n"
-    "times, or several files, become a series: one mesh, with the --field values of every step. Points may\n"
-    "move: how far becomes the field point_displacement, which drives as well. Where the tetrahedra change from one step to the next,\n"
-    "a topology group begins: a stream inside the stream, with levels of its own; errors are of the range over all steps.\n"
+    "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the\n"
+    "original. A file with several times, or several files, become a series: one mesh, with the values of\n"
+    "the controlled fields at every step. Points may move: how far becomes the field point_displacement,\n"
+    "which is controlled as well. Where the tetrahedra change from one step to the next, a topology group\n"
+    "begins: a stream inside the stream, with levels of its own; errors are of the range over all steps.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP
-    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude (and the vector,\n"
-    "                          held so that its length is as exact as that), NAME:0 for a component, NAME:0.01 (or :1%)\n"
-    "                          for an error limit of its own, which rounding is inside of; may be given several times\n"
-    "                          (default: the first scalar field)\n"
+    "      --field NAME        a field that is controlled: contractions keep its error within the limit.\n"
+    "                          NAME:mag for a vector's magnitude (and the vector, so that its length is\n"
+    "                          as exact as that), NAME:0 for a component, NAME:0.01 (or :1%) for an error\n"
+    "                          limit of its own, which rounding is inside of. Lists A,B, patterns 'p*'\n"
+    "                          and all are possible; may be given several times (default: all fields but\n"
+    "                          ids, which are integers, names that end in Id or Ids, and whole numbers;\n"
+    "                          with --for mail the first one; without any a coordinate)\n"
+    "      --no-field NAME     a field, list or pattern that is not controlled\n"
     "      --abs-error E       the error limit of the --field before it, in that field's own units\n"
-    "      --carry A,B         the fields to store, at points and of cells (default: all); those of --field and --region always are\n"
-    "      --region NAME       values of cells that tell regions, such as materials: where two meet, vertices and faces stay as\n"
-    "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
-    "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
-    "                          over the whole domain: far fewer tetrahedra for the same error, in tens of times the time\n"
-    "      --certify-all       a 'max' for every field, also without --field: the exact maximum of every level, measured at the end;\n"
-    "                          takes several times as long\n"
-    "      --summary           exact integrals, and the volume that the boundary sweeps: for tetlod ask (under 1 kB)\n"
-    "      --local-bound       a field 'NAME bound' of each --field: how far off it is at most at each point of a level\n"
-    "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
-    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert). Two more are\n"
-    "                          also the limit: sva, the accumulated prediction of scalar value assignment; measured,\n"
-    "                          the true error at samples ('sampled')\n"
-    "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
-    "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
-    "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
+    "      --carry A,B         the fields to store, at points and of cells (default: all); those of\n"
+    "                          --field and --region always are; without --field only these are controlled\n"
+    "      --region NAME       values of cells that tell regions, such as materials: where two meet,\n"
+    "                          vertices and faces stay as they are at every level (default: integers\n"
+    "                          named region, material or the like, or of few values, 2 to 64)\n"
+    "      --no-region         no regions; --region none says the same\n"
+    "      --certify HOW       what holds the error: fast (default), a bound that is carried along;\n"
+    "                          exact, the exact maximum over the whole domain: far fewer tetrahedra for\n"
+    "                          the same error, in tens of times the time\n"
+    "      --certify-all       a 'max' for every field, also those that are not controlled: the exact\n"
+    "                          maximum of every level, measured at the end; takes several times as long\n"
+    "      --summary           exact integrals, and the volume that the boundary sweeps: for tetlod ask\n"
+    "                          (under 1 kB)\n"
+    "      --local-bound       a field 'NAME bound' of each controlled field: how far off it is at most\n"
+    "                          at each point of a level\n"
+    "      --metric M          what orders the contractions: envelope (default of fast), the carried\n"
+    "                          bound; field-quadric (Cignoni and others; default of exact) or quadric\n"
+    "                          (Garland and Heckbert). Two more are also the limit: sva, the accumulated\n"
+    "                          prediction of scalar value assignment; measured, the true error at samples\n"
+    "                          ('sampled')\n"
+    "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one\n"
+    "                          queue\n"
+    "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its\n"
+    "                          middle, then more between, up to 7 on an edge or a face and 19 on a\n"
+    "                          tetrahedron (default: 3, 4 and 5)\n"
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
-    "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
-    "                          (default 0.001; exact, measured: at most 0.000001; a series: 0); 0: only planar boundary is simplified\n"
-    "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
-    "                          turn more are creases, and are kept (default 30)\n"
+    "      --domain-error E    how far the boundary may move from the original's in all, a fraction of\n"
+    "                          the diagonal (default 0.001; exact, measured: at most 0.000001; a series:\n"
+    "                          0); 0: only planar boundary is simplified\n"
+    "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth\n"
+    "                          surface; edges that turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
-    "      --position-error E, --field-error E   as many bits as this error needs: a fraction of the diagonal, of the range\n"
+    "      --position-error E, --field-error E   as many bits as this error needs: a fraction of the\n"
+    "                                            diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
-    "      --times A:B:C       of a series the steps numbered A to B, from 0, every C-th (default: all); --time N: that one step\n"
-    "      --bands E,E,...     errors that the steps' values are stored for, fractions of the --range (default\n"
-    "                          5%,2%,1%,0.5%,0.2%,0.1%); the exact values are always stored\n"
-    "      --range R           series (default): a field's range over all steps; step: each step's own, where it has one\n"
-    "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with the levels up to --error\n"
+    "      --times A:B:C       of a series the steps numbered A to B, from 0, every C-th (default: all);\n"
+    "                          --time N: that one step\n"
+    "      --bands E,E,...     errors that the steps' values are stored for, fractions of the --range\n"
+    "                          (default 5%,2%,1%,0.5%,0.2%,0.1%); the exact values are always stored\n"
+    "      --range R           series (default): a field's range over all steps; step: each step's own,\n"
+    "                          where it has one\n"
+    "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with\n"
+    "                          the levels up to --error\n"
     "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
-    "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning are all tried\n"
+    "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
+    "                          are all tried\n"
     "      --threads N         up to 64; 0 (default): all cores; the bytes do not depend on it\n"
-    "      --memory BYTES      refuse what needs more; K, M, G may follow. Of a series, fewer steps limit the contraction first\n"
+    "      --memory BYTES      refuse what needs more; K, M, G may follow. Of a series, fewer steps limit\n"
+    "                          the contraction first\n"
     "      --all               list every level (default: about ten)\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"
     "      --progress, --quiet draw the progress bar in any case; say nothing but errors\n"
@@ -69,7 +90,7 @@ const char build_help[] =
 enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_STREAM = 0x300, OF_SERIES = 0x400 };
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
-    FIELD = OF_FIELDS, ABS_ERROR, CARRY, REGION,
+    FIELD = OF_FIELDS, NO_FIELD, ABS_ERROR, CARRY, REGION, NO_REGION,
     CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, CANDIDATES, MAX_ERROR, MIN_TETS,
     DOMAIN_ERROR, BOUNDARY_ANGLE,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
@@ -78,8 +99,9 @@ enum {
 
 static const struct option options[] = {
     {"output", required_argument, NULL, OUTPUT}, READING_OPTIONS,
-    {"field", required_argument, NULL, FIELD}, {"abs-error", required_argument, NULL, ABS_ERROR},
-    {"carry", required_argument, NULL, CARRY}, {"region", required_argument, NULL, REGION},
+    {"field", required_argument, NULL, FIELD}, {"no-field", required_argument, NULL, NO_FIELD},
+    {"abs-error", required_argument, NULL, ABS_ERROR}, {"carry", required_argument, NULL, CARRY},
+    {"region", required_argument, NULL, REGION}, {"no-region", no_argument, NULL, NO_REGION},
     {"certify", required_argument, NULL, CERTIFY}, {"certify-all", no_argument, NULL, CERTIFY_ALL},
     {"local-bound", no_argument, NULL, LOCAL_BOUND},
     {"summary", no_argument, NULL, SUMMARY},
@@ -144,11 +166,21 @@ static bool parse_unsigned(const char *option, const char *text, unsigned least,
 
 static bool take_field(struct build_request *request, const char *text)
 {
-    if (request->field_count == MOST_CONTROLS) {
-        cli_usage("build", "at most %d --field", MOST_CONTROLS);
+    if (request->field_count == MAX_FIELD_OPTIONS) {
+        cli_usage("build", "at most %d --field; one may have a list: --field A,B", MAX_FIELD_OPTIONS);
         return false;
     }
     request->fields[request->field_count++] = text;
+    return true;
+}
+
+static bool take_without(struct build_request *request, const char *text)
+{
+    if (request->without_count == MAX_FIELD_OPTIONS) {
+        cli_usage("build", "at most %d --no-field; one may have a list: --no-field A,B", MAX_FIELD_OPTIONS);
+        return false;
+    }
+    request->without[request->without_count++] = text;
     return true;
 }
 
@@ -171,10 +203,15 @@ static bool field_option(struct build_request *request, int option, const char *
     switch (option) {
     case FIELD:
         return take_field(request, value);
+    case NO_FIELD:
+        return take_without(request, value);
     case ABS_ERROR:
         return take_units(request, value);
     case CARRY:
         request->carry = value;
+        return true;
+    case NO_REGION:
+        request->region = "none";
         return true;
     default:
         request->region = value;

@@ -9,13 +9,17 @@
 #include "src/cli/series_topologies.h"
 #include "src/pipeline/build.h"
 
-enum { MOST_CONTROLS = 64 };
+/* Options --field, and --no-field. */
+enum { MAX_FIELD_OPTIONS = 64 };
 
 struct build_request {
     const char *input, *output, *carry, *contract, *region;
-    const char *fields[MOST_CONTROLS];
-    double units[MOST_CONTROLS]; /* --abs-error of each field; 0: none */
-    uint32_t field_count;
+    const char *fields[MAX_FIELD_OPTIONS], *without[MAX_FIELD_OPTIONS];
+    double units[MAX_FIELD_OPTIONS]; /* --abs-error of each field; 0: none */
+    uint32_t field_count, without_count;
+    const char *const *usual; /* without --field: what the first step's mesh has, for the other meshes of a series */
+    uint32_t usual_count;
+    bool regions_are_found; /* no --region names them */
     double mail_error; /* of the finest level that is written; 0: all levels are */
     struct build_options build;
     struct reading reading;

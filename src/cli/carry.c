@@ -5,17 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-
-static bool in_list(const char *list, const char *name)
-{
-    size_t length = strlen(name);
-    for (const char *at = list; at; at = strchr(at, ',')) {
-        at += *at == ',';
-        if (strncmp(at, name, length) == 0 && (at[length] == ',' || !at[length]))
-            return true;
-    }
-    return false;
-}
+#include "src/pipeline/field_choice.h"
 
 static bool is_named(const struct point_field *fields, uint32_t count, const char *name, size_t length)
 {
@@ -41,7 +31,7 @@ static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_co
 {
     uint32_t kept = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++) {
-        bool keep = in_list(carry, mesh->fields[f].name);
+        bool keep = field_choice_lists(carry, mesh->fields[f].name);
         for (uint32_t i = 0; i < count; i++)
             keep |= controls[i].field == f;
         if (!keep) {
@@ -60,9 +50,10 @@ static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_co
 /* The same of cells, but for the regions'. */
 static void drop_cell_fields(struct tetmesh *mesh, const char *carry, const char *region)
 {
-    uint32_t kept = 0, found = region ? tetmesh_find_cell_field(mesh, region) : tetmesh_find_region(mesh);
+    uint32_t kept = 0;
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)
-        if (f == found || in_list(carry, mesh->cell_fields[f].name))
+        if ((region && strcmp(region, mesh->cell_fields[f].name) == 0) ||
+            field_choice_lists(carry, mesh->cell_fields[f].name))
             mesh->cell_fields[kept++] = mesh->cell_fields[f];
         else
             point_field_fini(&mesh->cell_fields[f]);

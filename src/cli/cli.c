@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #ifdef __GLIBC__
@@ -16,6 +17,7 @@
 
 #include "format/fail.h"
 #include "format/utf8.h"
+#include "src/io/io.h"
 
 /* The one place that maps a status to an exit status. */
 static int exit_status(enum tetlod_status status)
@@ -184,6 +186,17 @@ bool cli_operands(const struct command *command, int argc, int count, const char
     return false;
 }
 
+/* Is it the extension, from the dot on, of a mesh that can be read? */
+static bool is_mesh(const char *dot)
+{
+    struct io_format format;
+    for (size_t number = 0; dot && io_format(number, &format); number++)
+        for (size_t e = 0; format.reads && format.extensions && format.extensions[e]; e++)
+            if (strcasecmp(format.extensions[e], dot + 1) == 0 && strcasecmp(dot + 1, "tetlod") != 0)
+                return true;
+    return false;
+}
+
 enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,
                                    struct tetlod_error *error)
 {
@@ -203,5 +216,10 @@ enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct te
         return TETLOD_OK;
     close(*out_fd);
     *out_fd = -1;
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
+    if (status == TETLOD_ERR_NOT_TETLOD && is_mesh(dot))
+        return tetlodi_fail(error, status,
+                            "%s: is a mesh, not a stream; make one of it: tetlod build %.200s -o %.*s.tetlod", path,
+                            path, (int)(dot - name), name);
     return tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
 }

@@ -32,6 +32,9 @@ extern const struct command command_build, command_info, command_extract, comman
     command_convert, command_sample, command_serve, command_explode, command_plot,
     command_formats, command_ask;
 
+/* What `tetlod help words` prints. */
+extern const char cli_words[];
+
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);
 
@@ -80,6 +83,9 @@ void cli_print_levels(const struct tetlod_info *info, bool all);
 
 /* Prints a line for each field: its error at a level, certified or measured, in percent and in its units. */
 void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level);
+
+/* Warns of the worst field, but ids, that is not controlled, if it is more than 10 % off at a level. */
+void cli_warn_uncontrolled(const char *command, const struct tetlod_info *info, uint32_t level);
 
 /* Opens a stream file that cursors decode with so many threads; messages start with the path. *out_fd is to be closed after the file. */
 TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,

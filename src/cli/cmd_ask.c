@@ -28,7 +28,7 @@ static const char help[] =
     "\n"
     "A field's name with other signs than letters, digits, '_' and '.' stands in \"quotes\".\n"
     "\n"
-    "      --within W  how wide the interval may be, in the answer's units; or a percentage of the field's range\n"
+    "      --within W  how wide the interval may be, in the answer's units; or % of the field's range\n"
     "                  (of the volume; of the volume times the range) (default: 1%; 0: the finest level)\n"
     "      --json      as JSON\n"
     "\n"

@@ -10,6 +10,8 @@
 #include "src/cli/build_request.h"
 #include "src/cli/carry.h"
 #include "src/cli/mail.h"
+#include "src/mesh/ids.h"
+#include "src/pipeline/field_choice.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/topology_spool.h"
 #include "src/report/series_json.h"
@@ -20,7 +22,7 @@
 struct input {
     struct tetmesh mesh;
     struct io_report read;
-    struct build_control controls[2 * MOST_CONTROLS + 1]; // a magnitude brings its vector; and how far points move
+    struct build_control controls[2 * MAX_CONTROLS + 1]; // a magnitude brings its vector; and how far points move
     uint32_t count;
 };
 
@@ -41,13 +43,25 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
 
 /* ---- fields */
 
-static enum tetlod_status choose_fields(const struct build_request *request, struct tetmesh *mesh,
-                                        struct build_control *controls, uint32_t *count, struct tetlod_error *error)
+static enum tetlod_status choose_fields(struct build_request *request, struct tetmesh *mesh,
+                                        const struct tetmesh *later, struct build_control *controls, uint32_t *count,
+                                        struct tetlod_error *error)
 {
-    TETLOD_TRY(build_controls_parse(mesh, request->fields, request->units, request->field_count, controls, count, error));
+    bool among = request->carry && request->carry[0];
+    bool usual = !request->field_count && request->usual_count;
+    const struct field_choice choice = {.texts = usual ? request->usual : request->fields,
+                                        .units = usual ? NULL : request->units,
+                                        .count = usual ? request->usual_count : request->field_count,
+                                        .without = request->without,
+                                        .without_count = request->without_count,
+                                        .among = among ? request->carry : NULL,
+                                        .first_only = request->carry && !among,
+                                        .later = later};
+    request->regions_are_found = !request->region;
+    TETLOD_TRY(field_choice_make(&choice, mesh, controls, count, error));
+    TETLOD_TRY(build_regions_choose(mesh, request->region, &request->build.regions, error));
     if (request->carry)
-        TETLOD_TRY(carry_only(mesh, request->carry, request->region, controls, *count, error));
-    build_controls_add_vectors(mesh, controls, count);
+        TETLOD_TRY(carry_only(mesh, request->carry, request->build.regions, controls, *count, error));
     return TETLOD_OK;
 }
 
@@ -68,6 +82,18 @@ static void add_bound_unit(json_t *units, const struct point_field *field)
     if (name)
         json_object_set_new(units, name, json_string(field->unit));
     free(name);
+}
+
+/* The names of the fields that are ids. */
+static void add_ids(json_t *object, const struct tetmesh *mesh)
+{
+    json_t *ids = json_array();
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        if (mesh->fields[f].is_ids)
+            json_array_append_new(ids, json_string(mesh->fields[f].name));
+    if (object && json_array_size(ids))
+        json_object_set(object, "ids", ids);
+    json_decref(ids);
 }
 
 /* Units, and provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
@@ -94,6 +120,7 @@ static char *make_metadata(const struct build_request *request, const struct tet
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
+    add_ids(object, mesh);
     json_t *units = json_object();
     add_units(units, mesh->cell_fields, mesh->cell_field_count);
     add_units(units, mesh->fields, mesh->field_count);
@@ -120,6 +147,7 @@ static enum tetlod_status write_stream(struct build_request *request, const stru
     options->controls = in->controls;
     options->control_count = in->count;
     options->metadata = metadata;
+    options->finds_cost = !request->quiet;
     options->progress = on_progress;
     options->progress_opaque = request;
     request->phase = BUILD_CONTRACT;
@@ -173,6 +201,24 @@ static enum tetlod_status read_first(struct build_request *request, struct tetme
     return series_input_read(series, series->begin, &request->reading, mesh, read, error);
 }
 
+/* The last step, if it must say whether fields of whole numbers are ids: a flow often begins with whole numbers. */
+static enum tetlod_status read_later(const struct build_request *request, const struct tetmesh *first,
+                                     const struct io_report *read, struct tetmesh *later, struct tetlod_error *error)
+{
+    const struct series_input *series = &request->series;
+    uint64_t steps = series->path_count > 1 ? series->path_count : read->steps;
+    struct io_report report;
+    bool asks = false;
+    for (uint32_t f = 0; f < first->field_count; f++) {
+        const struct point_field *field = &first->fields[f];
+        asks |= !ids_by_kind(field) && ids_by_values(field, (size_t)field->components * first->vertex_count);
+    }
+    if (!asks || !is_series(request, read))
+        return TETLOD_OK;
+    return series_input_read(series, series->end < steps ? series->end : steps - 1, &request->reading, later, &report,
+                             error);
+}
+
 /* Why a series cannot be built with these options, or NULL. */
 static const char *against_series(const struct build_request *request)
 {
@@ -208,12 +254,15 @@ static enum tetlod_status load_series(struct build_request *request, struct inpu
 static enum tetlod_status prepare(struct build_request *request, struct input *in, struct tetlod_error *error)
 {
     struct tetlod_error inner = {0};
+    struct tetmesh later = {0};
     *in = (struct input){0};
     TETLOD_TRY(read_first(request, &in->mesh, &in->read, error));
     request->nan_filled += in->read.nan_filled;
-    enum tetlod_status status = choose_fields(request, &in->mesh, in->controls, &in->count, &inner);
+    enum tetlod_status status = read_later(request, &in->mesh, &in->read, &later, &inner);
     if (status == TETLOD_OK)
-        status = build_regions_choose(&in->mesh, request->region, &request->build.regions, &inner);
+        status =
+            choose_fields(request, &in->mesh, later.vertex_count ? &later : NULL, in->controls, &in->count, &inner);
+    tetmesh_fini(&later);
     if (status == TETLOD_OK && is_series(request, &in->read))
         status = load_series(request, in, &inner);
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", request->input, inner.message);
@@ -232,7 +281,7 @@ static enum tetlod_status check_controls(const struct input *in, const char *con
 {
     for (uint32_t c = 0; c < count; c++)
         if (c >= in->count || strcmp(in->mesh.fields[in->controls[c].field].name, names[c]) != 0)
-            return tetlodi_fail(error, TETLOD_ERR_FIELD, "its first field is not '%.60s', as in the first step; --field names the ones to be controlled", names[c]);
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "'%.60s' is not among its controlled fields, as in the first step; --field names the ones to be controlled", names[c]);
     return TETLOD_OK;
 }
 
@@ -264,6 +313,8 @@ static enum tetlod_status build_rest(struct build_request *request, struct topol
 {
     const struct series_topologies *topologies = &request->topologies;
     request->series.series.ranges = (const double(*)[2])topologies->ranges;
+    request->usual = names;
+    request->usual_count = count;
     TETLOD_TRY(topology_spool_init(spool, topologies->count, error));
     TETLOD_TRY(topology_spool_note(spool, 0, topologies->groups[0].count, topologies->times, error));
     for (uint32_t g = 1; g < topologies->count; g++)
@@ -278,7 +329,7 @@ static enum tetlod_status build_rest(struct build_request *request, struct topol
 static enum tetlod_status build_topologies(struct build_request *request, struct input *in, struct topology_spool *spool, struct tetlod_error *error)
 {
     uint32_t count = in->count - request->series.series.points_move;
-    char *copies[2 * MOST_CONTROLS + 1];
+    char *copies[2 * MAX_CONTROLS + 1];
     bool room = true;
     for (uint32_t c = 0; c < count; c++)
         room &= (copies[c] = strdup(in->mesh.fields[in->controls[c].field].name)) != NULL;
@@ -291,6 +342,7 @@ static enum tetlod_status build_topologies(struct build_request *request, struct
         status = build_rest(request, spool, names, count, error);
     request->series.from = 0;
     request->nan_filled = 0;
+    request->usual_count = 0;
     for (uint32_t c = 0; c < count; c++)
         free(copies[c]);
     return status == TETLOD_OK ? prepare(request, in, error) : status;

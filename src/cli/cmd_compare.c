@@ -9,21 +9,24 @@
 #include "src/cli/cli.h"
 #include "src/cli/print_json.h"
 #include "src/io/io.h"
+#include "src/mesh/ids.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
     "usage: tetlod compare A B --field NAME [--json]\n"
     "\n"
-    "Measures a field of mesh B against mesh A. 'max' is the true largest difference, over the overlay of both meshes;\n"
-    "'sampled' and 'rms' are of all vertices of A and two points inside each of its tetrahedra. A point of A outside B is\n"
-    "compared with the closest point of B's boundary. Degenerate tetrahedra have no interpolant: they are left out.\n"
+    "Measures a field of mesh B against mesh A. 'max' is the true largest difference, over the overlay of\n"
+    "both meshes; 'sampled' and 'rms' are of all vertices of A and two points inside each of its\n"
+    "tetrahedra. A point of A outside B is compared with the closest point of B's boundary. Degenerate\n"
+    "tetrahedra have no interpolant: they are left out.\n"
     "\n"
-    "      --field NAME  the field; both meshes have it (default: A's first). NAME:mag is a vector's magnitude, NAME:0 a component\n"
+    "      --field NAME  the field; both meshes have it (default: A's first). NAME:mag is a vector's\n"
+    "                    magnitude, NAME:0 a component\n"
     "      --threads N   up to 64; 0 (default): all cores\n"
     "      --json        as JSON\n"
     "\n"
-    "Errors are fractions of the field's range in A; the domain error, the largest distance of a boundary vertex of one\n"
-    "from the other's boundary, is a fraction of the diagonal of A's bounding box.\n";
+    "Errors are fractions of the field's range in A; the domain error, the largest distance of a boundary\n"
+    "vertex of one from the other's boundary, is a fraction of the diagonal of A's bounding box.\n";
 
 /* What was found, in the field's units and units of length. */
 struct findings {
@@ -77,7 +80,12 @@ static enum tetlod_status find_fields(struct tetmesh *a, struct tetmesh *b, cons
 {
     if (!a->field_count)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "the first mesh has no field");
-    TETLOD_TRY(find_field(a, "first", name ? name : a->fields[0].name, &fields[0], error));
+    bool ids[MAX_CONTROLS] = {false};
+    uint32_t first = 0, count = a->field_count < MAX_CONTROLS ? a->field_count : MAX_CONTROLS;
+    ids_find(a->fields, count, a->vertex_count, ids);
+    while (first < count && ids[first])
+        first++;
+    TETLOD_TRY(find_field(a, "first", name ? name : a->fields[first < count ? first : 0].name, &fields[0], error));
     TETLOD_TRY(find_field(b, "second", a->fields[fields[0]].name, &fields[1], error));
     if (b->fields[fields[1]].components != a->fields[fields[0]].components)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "the second mesh has no field '%.100s' of %u components",

@@ -6,10 +6,12 @@
 static const char help[] =
     "usage: tetlod convert INPUT -o OUT [OPTIONS]\n"
     "\n"
-    "Reads a mesh and writes it in the format that OUT's extension names. Cells that are not tetrahedra are split so\n"
-    "that neighbours match, points that no tetrahedron uses are dropped; each such change is reported.\n"
+    "Reads a mesh and writes it in the format that OUT's extension names. Cells that are not tetrahedra\n"
+    "are split so that neighbours match, points that no tetrahedron uses are dropped; each such change is\n"
+    "reported.\n"
     "\n"
-    "  -o, --output OUT        the file to write; 'tetlod formats' lists the formats that are read and written\n"
+    "  -o, --output OUT        the file to write; 'tetlod formats' lists the formats that are read and\n"
+    "                          written\n"
     READING_HELP
     "\n"
     "example: tetlod convert bluntfinxyz.bin --q bluntfinq.bin -o blunt.vtu\n";

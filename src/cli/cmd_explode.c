@@ -5,13 +5,14 @@
 static const char help[] =
     "usage: tetlod explode PATH... -o FOLDER [--meshes] [--viewer]\n"
     "\n"
-    "Lays streams out as files at the paths of the HTTP interface, for a server that only sends files: FOLDER/v1/meshes/...\n"
-    "with the descriptions (index.json), the whole stream, the base mesh, and the records from each level to the next.\n"
-    "server/deploy/nginx-static.conf serves such a folder.\n"
+    "Lays streams out as files at the paths of the HTTP interface, for a server that only sends files:\n"
+    "FOLDER/v1/meshes/... with the descriptions (index.json), the whole stream, the base mesh, and the\n"
+    "records from each level to the next. server/deploy/nginx-static.conf serves such a folder.\n"
     "\n"
     "  -o, --output FOLDER  the folder; created if it is not there\n"
     "      --meshes         also every level as VTU\n"
-    "      --viewer         also the page: FOLDER/index.html shows the streams on any host of files, under any path\n"
+    "      --viewer         also the page: FOLDER/index.html shows the streams on any host of files,\n"
+    "                       under any path\n"
     "\n"
     "example: tetlod explode streams/ -o /srv/www --viewer\n";
 

@@ -17,32 +17,40 @@
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N] [--box BOX]...\n"
+    "usage: tetlod extract FILE.tetlod -o OUT [--box BOX]...\n"
+    "                      [--error E | --abs-error E | --level K | --tets N | --bytes N]\n"
     "\n"
-    "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a choice: the finest,\n"
-    "which is the original mesh. With OUT.tetlod: a stream of the levels up to that one.\n"
+    "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a\n"
+    "choice: the finest, which is the original mesh. With OUT.tetlod: a stream of the levels up to that\n"
+    "one.\n"
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --error E      the coarsest level within this error, a fraction of the range: 0.01 or 1%\n"
     "      --abs-error E  the same in the field's units; of several fields, each in its own\n"
-    "      --field NAME   the field that the error is about (default: every field that the stream controls)\n"
+    "      --field NAME   the field that the error is about (default: every field that the stream\n"
+    "                     controls)\n"
     "      --measure M    the measure: max (default, certified), sampled, rms, predicted\n"
     "      --level K      this level; 0 is the coarsest\n"
     "      --tets N       the finest level of at most N tetrahedra\n"
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
-    "      --box X0,Y0,Z0,X1,Y1,Z1  finer in this box, up to --box-error: every tetrahedron of that finer level that meets the box is\n"
-    "                     there as it is; in the transition around it no error is certified, it is measured. Up to 16 times. A cell field,\n"
-    "                     Region, tells the parts: 0 the coarse level, 1 the fine one, 2 the transition; one of that name in the stream\n"
-    "                     is left out. A local bound (build --local-bound) holds in all three\n"
+    "      --box X0,Y0,Z0,X1,Y1,Z1  finer in this box, up to --box-error: every tetrahedron of that finer\n"
+    "                     level that meets the box is there as it is; in the transition around it no\n"
+    "                     error is certified, it is measured. Up to 16 times. A cell field, Region, tells\n"
+    "                     the parts: 0 the coarse level, 1 the fine one, 2 the transition; one of that\n"
+    "                     name in the stream is left out. A local bound (build --local-bound) holds in\n"
+    "                     all three\n"
     "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
-    "      --time T       in a series the step whose time is nearest to T, in its coarsest form within --error or --abs-error: a fraction\n"
-    "                     of the range over all steps. Without an error it is exact. Only fields that have steps are written\n"
+    "      --time T       in a series the step whose time is nearest to T, in its coarsest form within\n"
+    "                     --error or --abs-error: a fraction of the range over all steps. Without an\n"
+    "                     error it is exact. Only fields that have steps are written\n"
     "      --step N       the same for the step with this number, from 0\n"
-    "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
+    "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order\n"
+    "                        kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
-    "If a file is cut off, such as a download that stopped, the levels that are whole can still be extracted. Values of cells lie\n"
-    "behind the levels: those of which bytes are missing are left out. A box needs the finest level.\n"
+    "If a file is cut off, such as a download that stopped, the levels that are whole can still be\n"
+    "extracted. Values of cells lie behind the levels: those of which bytes are missing are left out. A\n"
+    "box needs the finest level.\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
@@ -254,6 +262,7 @@ static int extract(const struct request *request)
         fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
                 info->levels[level].vertices, info->levels[level].tets);
         cli_print_promises(stderr, info, level);
+        cli_warn_uncontrolled("extract", info, level);
         if (info->topology_count)
             fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on their own\n",
                     info->topologies[0].step_count);

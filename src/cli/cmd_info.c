@@ -8,20 +8,24 @@
 #include "src/report/info_json.h"
 #include "src/level/metadata.h"
 #include "src/report/series_json.h"
+#include "src/report/byte_table.h"
 
 static const char help[] =
     "usage: tetlod info FILE.tetlod [--all | --json]\n"
     "\n"
-    "Says what is in a stream: counts, fields, and the levels with their errors and bytes. About ten levels are shown: the\n"
-    "coarsest, the finest, and those at an error of 20, 10, 5, 2, 1, 0.5, 0.2 and 0.1 %.\n"
+    "Says what is in a stream: counts, fields, where its bytes are, and the levels with their errors and\n"
+    "bytes. About ten levels are shown: the coarsest, the finest, and those at an error of 20, 10, 5, 2,\n"
+    "1, 0.5, 0.2 and 0.1 %.\n"
     "\n"
     "      --all   every level, and the measure 'predicted'\n"
     "      --json  the index as JSON, as /v1/meshes/{id} of the server gives it\n"
     "\n"
     "For a series in time it also lists the bands that hold the steps, with the bytes of a step.\n"
     "\n"
-    "Errors are fractions of the field's range, in percent; a dash means that one is not known. 'bytes' is the length of the prefix of the\n"
-    "file that decodes to the level. 'others' is the largest measured error of the fields that are not controlled.\n";
+    "Errors are the largest of the controlled fields, each in percent of its range; a dash means that one\n"
+    "is not known. 'bytes' is the length of the prefix of the file that decodes to the level. 'others' is\n"
+    "the largest measured error of the fields that are not controlled. 'tetlod help words' explains the\n"
+    "words.\n";
 
 static bool is_cell_values(const struct tetlod_section *section)
 {
@@ -80,7 +84,7 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_series *series = find_series(file);
-    json_t *metadata = metadata_json(info);
+    json_t *metadata = metadata_json(info), *ids = json_object_get(metadata, "ids");
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
     printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets, (unsigned long long)info->degenerate_tets,
@@ -95,7 +99,7 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
         print_field("field         ", field->name, field->components, field->type == TETLOD_FLOAT64 ? "float64" : "float32",
                     field->range, metadata);
         if (field->bounds == TETLOD_NONE)
-            printf("%s\n", field->controlled ? ", controlled" : "");
+            printf("%s\n", field->controlled ? ", controlled" : metadata_is_id(ids, field->name) ? ", ids" : "");
         else
             printf(", bounds the error of %s\n", info->fields[field->bounds].name);
     }
@@ -115,7 +119,11 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
         series_print(stdout, series, info);
     tetlod_series_free(series);
     printf("\n");
+    byte_table_print(stdout, NULL, NULL, file);
+    printf("\n");
     cli_print_levels(info, all);
+    fflush(stdout);
+    byte_table_print(NULL, stderr, "tetlod info", file);
 }
 
 static int print_json(const struct tetlod_file *file, const char *path)

@@ -18,9 +18,10 @@
 static const char help[] =
     "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME] [--steps]\n"
     "\n"
-    "Draws the error of a stream's levels against their tetrahedra and their bytes, both axes logarithmic, a line for each\n"
-    "measure that the index has. With --steps it draws, for a series in time, the largest error at samples and the RMS of every\n"
-    "step in each band, beside what the band promises.\n"
+    "Draws the error of a stream's levels against their tetrahedra and their bytes, both axes\n"
+    "logarithmic, a line for each measure that the index has. With --steps it draws, for a series in\n"
+    "time, the largest error at samples and the RMS of every step in each band, beside what the band\n"
+    "promises.\n"
     "\n"
     "  -o, --output OUT.svg  the picture\n"
     "      --field NAME      the field (default: the first that the stream was built to control)\n"

@@ -18,8 +18,10 @@ static const char help[] =
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --size N       how fine it is; what N counts, and the default, differ between samples\n"
-    "      --steps N      a series of N steps in time, from 0 to 1: OUT.pvd and, beside it, OUT_0.vtu, OUT_1.vtu, ...\n"
-    "      --remesh K     another, finer mesh after every K steps, as simulations that adapt theirs write it\n"
+    "      --steps N      a series of N steps in time, from 0 to 1: OUT.pvd and, beside it, OUT_0.vtu,\n"
+    "                     OUT_1.vtu, ...\n"
+    "      --remesh K     another, finer mesh after every K steps, as simulations that adapt theirs write\n"
+    "                     it\n"
     "      --list         list the samples\n"
     "\n"
     "example: tetlod sample fin -o fin.vtu\n";

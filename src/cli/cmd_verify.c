@@ -28,17 +28,18 @@
 static const char help[] =
     "usage: tetlod verify FILE.tetlod [--against INPUT [--all-levels]] [--json]\n"
     "\n"
-    "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, holds what the index\n"
-    "says against what is decoded, checks every level's mesh.\n"
+    "Decodes a stream whole: checks every digest and section, replays all records and undoes them again,\n"
+    "holds what the index says against what is decoded, checks every level's mesh.\n"
     "\n"
-    "      --against INPUT  also: the finest level is this mesh, exactly or rounded to the stream's grids, with its fields, values of\n"
-    "                       cells and times; at every level 'sampled' and 'rms' are what is measured,\n"
-    "                       the boundary is nowhere further off than the domain error, and 'max' is not below the exact maximum.\n"
-    "                       Large meshes (levels times tetrahedra above 4 million) have the exact maximum taken at six levels,\n"
-    "                       which it names\n"
-    "                       Of a part of a stream only max and the domain error are held against the input.\n"
-    "                       Every step of a series is read: exact values are the input's bit for bit, and no band is further off\n"
-    "                       than it says. Give the option once for each file if the series is made of several\n"
+    "      --against INPUT  also: the finest level is this mesh, exactly or rounded to the stream's\n"
+    "                       grids, with its fields, values of cells and times; at every level 'sampled'\n"
+    "                       and 'rms' are what is measured, the boundary is nowhere further off than the\n"
+    "                       domain error, and 'max' is not below the exact maximum. Large meshes (levels\n"
+    "                       times tetrahedra above 4 million) have the exact maximum taken at six levels,\n"
+    "                       which it names Of a part of a stream only max and the domain error are held\n"
+    "                       against the input. Every step of a series is read: exact values are the\n"
+    "                       input's bit for bit, and no band is further off than it says. Give the option\n"
+    "                       once for each file if the series is made of several\n"
     "      --times A:B:C    the steps of a series, as when it was built\n"
     "      --all-levels     the exact maximum at every level of large meshes, too\n"
     "      --threads N      up to 64; 0 (default): all cores\n"
@@ -48,9 +49,9 @@ static const char help[] =
     "How INPUT is read, as when the stream was built:\n"
     READING_HELP
     "\n"
-    "Exit status 0: all is well; 3: the stream is damaged or says what is not true: the message says what, and which levels can\n"
-    "be read; 4: it is valid, but its quality is poor: a level has inverted, degenerate or duplicate tetrahedra, or another\n"
-    "topology, which its original has not.\n";
+    "Exit status 0: all is well; 3: the stream is damaged or says what is not true: the message says\n"
+    "what, and which levels can be read; 4: it is valid, but its quality is poor: a level has inverted,\n"
+    "degenerate or duplicate tetrahedra, or another topology, which its original has not.\n";
 
 enum { MOST_INPUTS = 1024 };
 

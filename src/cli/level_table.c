@@ -11,6 +11,9 @@
 /* The errors whose levels are shown: those that people ask for. */
 static const double shown_errors[] = {0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001};
 
+/* A field that is not controlled and further off at a level that somebody takes is warned of. */
+static const double MAX_OFF = 0.1;
+
 uint32_t cli_finest_here(const struct tetlod_info *info, int fd)
 {
     struct stat about;
@@ -36,26 +39,29 @@ bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field)
     return false;
 }
 
-/* The field that the table's errors are about: the first controlled one. */
-static uint32_t shown_field(const struct tetlod_info *info)
+/* The largest error of the controlled fields at a level; NaN if that of one of them is not known. */
+static double error_at(const struct tetlod_info *info, uint32_t level, enum tetlod_measure measure)
 {
-    for (uint32_t f = 0; f < info->field_count; f++)
+    double worst = -1;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double error = info->levels[level].errors[f * TETLOD_MEASURES + (uint32_t)measure];
         if (info->fields[f].controlled)
-            return f;
-    return 0;
+            worst = isnan(worst) || isnan(error) ? NAN : fmax(worst, error);
+    }
+    return worst < 0 ? NAN : worst;
 }
 
 /* Where max is not known, what is measured says which levels to show. */
-static enum tetlod_measure shown_measure(const struct tetlod_info *info, uint32_t field)
+static enum tetlod_measure shown_measure(const struct tetlod_info *info)
 {
-    return info->field_count && isnan(info->levels[0].errors[field * TETLOD_MEASURES + TETLOD_MAX]) ? TETLOD_SAMPLED : TETLOD_MAX;
+    return isnan(error_at(info, 0, TETLOD_MAX)) ? TETLOD_SAMPLED : TETLOD_MAX;
 }
 
-static bool is_shown(const struct tetlod_info *info, uint32_t field, uint32_t level)
+static bool is_shown(const struct tetlod_info *info, uint32_t level)
 {
     bool shown = level == 0 || level + 1 == info->level_count || !info->field_count;
     for (size_t i = 0; i < sizeof shown_errors / sizeof *shown_errors && !shown; i++)
-        shown = tetlod_level_for_error(info, shown_errors[i], field, shown_measure(info, field)) == level;
+        shown = tetlod_level_for_error(info, shown_errors[i], TETLOD_NONE, shown_measure(info)) == level;
     return shown;
 }
 
@@ -73,12 +79,12 @@ static void print_head(const struct tetlod_info *info, bool all, bool others)
     printf("%s\n", others ? "    others%" : "");
 }
 
-static void print_row(const struct tetlod_info *info, uint32_t field, uint32_t k, bool all, bool others)
+static void print_row(const struct tetlod_info *info, uint32_t k, bool all, bool others)
 {
     const struct tetlod_level *level = &info->levels[k];
     printf("%5u %10u %10u %12llu %10.3g", k, level->vertices, level->tets, (unsigned long long)level->end, level->domain_error);
     for (int m = 0; m < measure_count(all) && info->field_count; m++) {
-        double error = level->errors[field * TETLOD_MEASURES + (uint32_t)m];
+        double error = error_at(info, k, (enum tetlod_measure)m);
         if (isnan(error))
             printf(" %10s", "-");
         else
@@ -89,23 +95,46 @@ static void print_row(const struct tetlod_info *info, uint32_t field, uint32_t k
     printf("\n");
 }
 
+/* Whose errors the table has. */
+static void print_fields(const struct tetlod_info *info, const struct uncontrolled *others)
+{
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        count += info->fields[f].controlled != 0;
+    printf(count == 1 ? "errors of " : "errors: the largest of the controlled fields ");
+    for (uint32_t f = 0, said = 0; f < info->field_count; f++)
+        if (info->fields[f].controlled)
+            printf("%s%s", said++ ? ", " : "", info->fields[f].name);
+    printf(count == 1 ? ", %% of its range\n" : ", each in %% of its range\n");
+    if (others->count)
+        printf("others: the largest measured error of the %u field%s not controlled, at level 0 that of %s\n",
+               others->count, others->count == 1 ? " that is" : "s that are", info->fields[others->worst].name);
+}
+
 void cli_print_levels(const struct tetlod_info *info, bool all)
 {
-    uint32_t field = shown_field(info), left_out = 0;
+    uint32_t left_out = 0;
     const struct uncontrolled others = uncontrolled_at(info, 0);
     print_head(info, all, others.count);
     for (uint32_t k = 0; k < info->level_count; k++)
-        if (all || is_shown(info, field, k))
-            print_row(info, field, k, all, others.count);
+        if (all || is_shown(info, k))
+            print_row(info, k, all, others.count);
         else
             left_out++;
     if (info->field_count)
-        printf("errors of %s, %% of its range\n", info->fields[field].name);
-    if (others.count)
-        printf("others: the largest measured error of the %u field%s not controlled, at level 0 that of %s\n", others.count,
-               others.count == 1 ? " that is" : "s that are", info->fields[others.worst].name);
+        print_fields(info, &others);
     if (left_out)
         printf("%u more levels: tetlod info --all\n", left_out);
+}
+
+void cli_warn_uncontrolled(const char *command, const struct tetlod_info *info, uint32_t level)
+{
+    const struct uncontrolled others = uncontrolled_at(info, level);
+    if (others.count && others.sampled > MAX_OFF)
+        fprintf(stderr,
+                "tetlod %s: warning: '%.60s' is not controlled, and %.3g %% off at level %u; to control it, name it "
+                "in tetlod build --field\n",
+                command, info->fields[others.worst].name, promise_percent(others.sampled), level);
 }
 
 void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level)

@@ -6,6 +6,7 @@
 
 #include "src/cli/cli.h"
 #include "src/util/file.h"
+#include "src/util/nearest.h"
 
 static const struct command *const commands[] = {
     &command_build,   &command_info,    &command_extract, &command_verify,
@@ -32,13 +33,21 @@ static void print_commands(FILE *out)
                  "usage: tetlod COMMAND [OPTIONS] ...\n\n");
     for (int i = 0; i < COMMANDS; i++)
         fprintf(out, "  %-9s %s\n", commands[i]->name, commands[i]->summary);
-    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input,\n"
-                 "4 a valid stream whose levels are worse meshes than its original (verify); 4 no, 5 unknown (ask).\n");
+    fprintf(out,
+            "\n'tetlod help COMMAND' explains one, 'tetlod help words' the words. Exit status: 0 done, 1 failed,\n"
+            "2 usage, 3 invalid input, 4 a valid stream whose levels are worse meshes than its original (verify);\n"
+            "4 no, 5 unknown (ask).\n");
 }
 
 static int unknown_command(const char *name)
 {
-    fprintf(stderr, "tetlod: there is no command '%s'; 'tetlod help' lists them\n", name);
+    const char *best = NULL;
+    for (int i = 0; i < COMMANDS; i++)
+        nearest_offer(name, commands[i]->name, &best);
+    fprintf(stderr, "tetlod: there is no command '");
+    cli_print_safe(name);
+    fprintf(stderr, "'%s%s%s; 'tetlod help' lists them\n", best ? ", did you mean '" : "", best ? best : "",
+            best ? "'?" : "");
     return EXIT_USAGE;
 }
 
@@ -49,9 +58,10 @@ static int help(int argc, char **argv)
         return EXIT_DONE;
     }
     const struct command *command = find_command(argv[1]);
-    if (!command)
+    bool words = strcmp(argv[1], "words") == 0;
+    if (!command && !words)
         return unknown_command(argv[1]);
-    printf("%s", command->help);
+    printf("%s", words ? cli_words : command->help);
     return EXIT_DONE;
 }
 

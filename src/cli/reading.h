@@ -26,17 +26,19 @@ enum { READING_FIRST = 0x1000, READING_Q = READING_FIRST, READING_NAN_FILL, READ
 /* For a command's help. */
 #define READING_HELP                                                                                                   \
     "      --q SOLUTION        the solution file of a PLOT3D grid, a Medit .sol or an MFEM grid function\n"            \
-    "      --time N            the step to read where the file holds several: last (default), or its number from 0\n"  \
+    "      --time N            the step to read where the file holds several: last (default), or its\n"                \
+    "                          number from 0\n"                                                                        \
     "      --block NAME        the one block to read of a file of several (default: all, merged)\n"                    \
-    "      --cell-data HOW     values of cells: keep them (default; where there are no others, also average), "        \
-    "average:\n"                                                                                                       \
-    "                          also make point fields, the mean over a point's tetrahedra by volume; or drop\n"        \
-    "      --subdivide         use the points in the middle of edges of quadratic cells (default: corners only)\n"     \
+    "      --cell-data HOW     values of cells: keep them (default; where there are no others, also\n"                 \
+    "                          average), average: also make point fields, the mean over a point's\n"                   \
+    "                          tetrahedra by volume; or drop\n"                                                        \
+    "      --subdivide         use the points in the middle of edges of quadratic cells (default: corners\n"           \
+    "                          only)\n"                                                                                \
     "      --weld T            merge points that are at most T apart and have the same values (default:\n"             \
     "                          0 between pieces and blocks, and not at all within one)\n"                              \
     "      --drop-degenerate   drop degenerate and duplicate tetrahedra (default: they are carried along)\n"           \
-    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points that edges\n" \
-    "                          join them to, ring by ring (default: they are refused)\n"                               \
+    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points\n"            \
+    "                          that edges join them to, ring by ring (default: they are refused)\n"                    \
     "      --follow            also read files that a file names outside its folder\n"
 
 /* Takes one of these options; false after a usage message. */

@@ -10,6 +10,7 @@
 #include "src/io/read_input.h"
 #include "src/io/registry.h"
 #include "src/mesh/cell_average.h"
+#include "src/mesh/ids.h"
 #include "src/mesh/nan_fill.h"
 #include "src/mesh/tet_clean.h"
 #include "src/util/array.h"
@@ -73,16 +74,19 @@ static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_
                                           struct io_report *report, struct tetlod_error *error)
 {
     bool averages = options->cell_data == CELL_DATA_AVERAGE || (options->cell_data == CELL_DATA_KEEP && !mesh->field_count);
-    uint32_t region = options->cell_data == CELL_DATA_AVERAGE ? TETLOD_NONE : tetmesh_find_region(mesh);
-    for (uint32_t f = 0; f < mesh->cell_field_count && averages; f++) {
-        if (f == region)
-            continue; // a mean of numbers of regions means nothing
-        TETLOD_TRY(cell_average(mesh, f, error));
-        report->averaged_fields++;
-    }
+    bool *ids = array_zero(mesh->cell_field_count, sizeof *ids);
+    enum tetlod_status status = ids ? TETLOD_OK : tetlodi_fail_nomem(error, "the cell fields", mesh->cell_field_count);
+    if (ids && averages)
+        ids_find(mesh->cell_fields, mesh->cell_field_count, mesh->tet_count, ids);
+    for (uint32_t f = 0; f < mesh->cell_field_count && averages && status == TETLOD_OK; f++)
+        if (!ids[f]) { // a mean of ids means nothing
+            status = cell_average(mesh, f, error);
+            report->averaged_fields++;
+        }
+    free(ids);
     while (options->cell_data == CELL_DATA_DROP && mesh->cell_field_count)
         point_field_fini(&mesh->cell_fields[--mesh->cell_field_count]);
-    return TETLOD_OK;
+    return status;
 }
 
 static uint64_t count_nan_cells(const struct tetmesh *mesh)

@@ -81,6 +81,8 @@ enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetme
         return tetlodi_fail_nomem(error, "the metadata", info->metadata_size);
     take_units(metadata, mesh->fields, mesh->field_count);
     take_units(metadata, mesh->cell_fields, mesh->cell_field_count);
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        mesh->fields[f].is_ids = metadata_is_id(json_object_get(metadata, "ids"), mesh->fields[f].name);
     json_decref(metadata);
     return TETLOD_OK;
 }

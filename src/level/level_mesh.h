@@ -26,7 +26,7 @@ TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *fil
 TETLOD_CHECKED enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets,
                                                         struct tetmesh *mesh, struct tetlod_error *error);
 
-/* Gives the mesh's fields the units that the stream's metadata say. */
+/* Gives the mesh's fields what the stream's metadata say: units, and which are ids. */
 TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetmesh *mesh, struct tetlod_error *error);
 
 /* Puts the mesh of the finest level into the original's own numbering of vertices, tetrahedra and corners. ERR_ARGUMENT if the

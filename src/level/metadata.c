@@ -172,3 +172,22 @@ const char *metadata_unit(const json_t *metadata, const char *field)
     const char *unit = json_string_value(json_object_get(json_object_get(metadata, "units"), field));
     return unit && tetlodi_plain_text(unit, strlen(unit)) ? unit : "";
 }
+
+json_t *metadata_ids(const struct tetlod_info *info)
+{
+    if (!info->metadata || !strstr(info->metadata, "\"ids\"")) // most have none: they need not be parsed
+        return NULL;
+    json_t *object = metadata_json(info), *ids = json_incref(json_object_get(object, "ids"));
+    json_decref(object);
+    return ids;
+}
+
+bool metadata_is_id(const json_t *ids, const char *field)
+{
+    for (size_t i = 0; i < json_array_size(ids); i++) {
+        const char *name = json_string_value(json_array_get(ids, i));
+        if (name && strcmp(name, field) == 0)
+            return true;
+    }
+    return false;
+}

@@ -17,6 +17,12 @@ bool metadata_is_part(const struct tetlod_info *info);
 /* May the stream lack fields of its input: by the option "carry" of its build, or because no options are said? */
 bool metadata_is_selection(const struct tetlod_info *info);
 
+/* The names of fields that are ids, as an array; NULL if the metadata have none. */
+json_t *metadata_ids(const struct tetlod_info *info);
+
+/* Is the name among them? */
+bool metadata_is_id(const json_t *ids, const char *field);
+
 /* The unit of the field of that name; "" if the metadata, which may be NULL, do not say it, or say what no
  * name may hold: control characters. */
 const char *metadata_unit(const json_t *metadata, const char *field);

@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "src/library/library.h"
 #include "src/pipeline/build_warnings.h"
+#include "src/pipeline/field_choice.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -80,7 +81,7 @@ static enum tetlod_status copy_fields(struct tetmesh *mesh, const struct tetlod_
 {
     for (uint32_t f = 0; f < given->field_count; f++) {
         const struct tetlod_build_array *array = &given->fields[f];
-        TETLOD_TRY(check_array(array, "points", TETLOD_CELL_FLOAT64, error));
+        TETLOD_TRY(check_array(array, "points", TETLOD_CELL_INT64, error));
         if (tetmesh_find_field(mesh, array->name) != TETLOD_NONE)
             return tetlodi_fail(error, TETLOD_ERR_FIELD, "two fields are named '%.60s'", array->name);
         TETLOD_TRY(tetmesh_add_field(mesh, array->name, array->components, type_of(array), error));
@@ -184,18 +185,22 @@ enum tetlod_status library_options(const struct tetlod_build_options *options, s
 
 /* ---- building */
 
-enum tetlod_status library_choose(struct tetmesh *mesh, const struct tetlod_build_options *given,
+enum tetlod_status library_choose(struct tetmesh *mesh, const struct tetlod_build_options *given, bool has_steps,
                                   struct build_options *build, struct build_control **out_controls,
                                   struct tetlod_error *error)
 {
     uint32_t count;
-    size_t room = 2 * ((size_t)given->control_count + 1); // a magnitude brings its vector
+    size_t room = 2 * MAX_CONTROLS; // a magnitude brings its vector
     struct build_control *controls = *out_controls = array_new(room, sizeof *controls);
+    const struct field_choice choice = {.texts = given->controls,
+                                        .count = given->control_count,
+                                        .without = given->without,
+                                        .without_count = given->without_count,
+                                        .has_steps = has_steps};
     if (!controls)
         return tetlodi_fail_nomem(error, "the controlled fields", room * sizeof *controls);
-    TETLOD_TRY(build_controls_parse(mesh, given->controls, NULL, given->control_count, controls, &count, error));
+    TETLOD_TRY(field_choice_make(&choice, mesh, controls, &count, error));
     TETLOD_TRY(build_regions_choose(mesh, given->region, &build->regions, error));
-    build_controls_add_vectors(mesh, controls, &count);
     build->controls = controls;
     build->control_count = count;
     return TETLOD_OK;
@@ -229,7 +234,7 @@ enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const stru
     if (status == TETLOD_OK)
         status = library_copy_mesh(&copy, mesh, error);
     if (status == TETLOD_OK)
-        status = library_choose(&copy, &given, &build, &controls, error);
+        status = library_choose(&copy, &given, false, &build, &controls, error);
     if (status == TETLOD_OK)
         status = library_build(&copy, &given, build, &(const struct tetlodi_sink){write, opaque}, error);
     free(controls);

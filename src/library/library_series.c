@@ -83,7 +83,7 @@ static enum tetlod_status take_first(struct tetlod_build_series *series, struct 
 {
     series->first = *mesh;
     *mesh = (struct tetmesh){0};
-    TETLOD_TRY(library_choose(&series->first, &series->given, &series->options, &series->controls, error));
+    TETLOD_TRY(library_choose(&series->first, &series->given, true, &series->options, &series->controls, error));
     uint32_t count = series->options.control_count;
     series->types = array_new(count, sizeof *series->types);
     if (!series->types)

@@ -35,16 +35,18 @@ struct tetlod_build_mesh {
     const void *positions;   /* [3 * vertices] of that type */
     const uint32_t *corners; /* [4 * tets] 0-based */
     uint32_t field_count, cell_field_count;
-    const struct tetlod_build_array *fields;      /* values of the points: at least one */
+    const struct tetlod_build_array *fields;      /* values of the points; integers are ids */
     const struct tetlod_build_array *cell_fields; /* values of the tetrahedra, stored exactly */
 };
 
 /* tetlod_build_defaults sets what `tetlod build` does without options. `tetlod help build` says more about each of them. */
 struct tetlod_build_options {
     size_t struct_size;
-    const char *const *controls; /* fields whose error is certified: "p", "p:1%", "U:mag", "U:0"; none: the first scalar */
+    const char *const
+        *controls; /* fields whose error is certified: "p", "p:1%", "U:mag", "U:0", lists "p,U", patterns "p*", "all";
+                    * none: all but ids; where there is no such field, a coordinate of the points */
     uint32_t control_count;
-    const char *region;          /* field of the tetrahedra that tells regions; "none"; NULL: by its name */
+    const char *region;          /* field of the tetrahedra that tells regions; "none"; NULL: integers of few values */
     double max_error;            /* stop at this error, a fraction of the range */
     uint32_t min_tets;           /* stop at that many tetrahedra */
     double domain_error;         /* how far the boundary may move, a fraction of the diagonal */
@@ -66,6 +68,8 @@ struct tetlod_build_options {
     /* Called with what the build found in the mesh: inverted tetrahedra, say. A line without its end, valid for the call. May be NULL. */
     void (*warn)(void *opaque, const char *line);
     void *warn_opaque;
+    const char *const *without; /* fields that are not controlled: names, lists, patterns */
+    uint32_t without_count;
 };
 
 TETLOD_API void tetlod_build_defaults(struct tetlod_build_options *options);

@@ -21,6 +21,7 @@ struct point_field {
     double *values; /* owned, [components * vertex_count]; of a cell field [components * tet_count] */
     struct grid grid; /* that the values lie on */
     bool is_integer;  /* the file holds integers: ids of regions, of materials */
+    bool is_ids;      /* not controlled, and no value is a mean of others (ids.h) */
 };
 
 struct tetmesh {

@@ -50,6 +50,7 @@ struct build {
     struct tetlodi_write_level *levels; /* coarse to fine */
     double *errors;                     /* [mark][field][measure], fine to coarse */
     struct overlay_levels *overlay;     /* if it is asked for */
+    struct field_cost cost;
     double *exact;                      /* [field] what it says of the mark at hand */
     struct tetlod_error *error;
 };
@@ -92,6 +93,17 @@ static const double *regions_of(const struct build *build)
     return field == TETLOD_NONE ? NULL : build->original->cell_fields[field].values;
 }
 
+/* Can it be found which field costs most? It takes the default's bounds, and memory that --memory may not allow. */
+static bool finds_cost(const struct build_options *options)
+{
+    bool own_limits = false;
+    for (uint32_t i = 0; i < options->control_count; i++)
+        own_limits |= options->controls[i].limit > 0 || options->controls[i].share > 0;
+    return options->finds_cost && options->control_count > 1 && !own_limits && !options->series && !options->memory &&
+           options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST &&
+           options->contract == CONTRACT_EDGES && !options->candidates && options->max_error >= FIELD_COST_ERROR;
+}
+
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
@@ -111,7 +123,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_limit = domain_error * mesh_diagonal(build->original),
         .boundary_least = BOUNDARY_KEPT * mesh_diagonal(build->original),
         .regions = regions_of(build),
-        .local_bound = options->local_bound,
+        .local_bound = options->local_bound || finds_cost(options),
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,
@@ -121,6 +133,9 @@ static enum tetlod_status contract(struct build *build)
         build->series ? series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options, build->error)
                       : simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights, &simplify_options,
                                  build->error);
+    if (status == TETLOD_OK && finds_cost(options))
+        status = field_cost_find(&build->cost, build->mesh, &build->log, limits.fields, options->control_count,
+                                 &simplify_options, build->error);
     limits_fini(&limits);
     return status;
 }
@@ -556,7 +571,12 @@ static enum tetlod_status orient_mesh(struct build *build, const struct tetmesh 
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
 {
-    struct build build = {.mesh = mesh, .original = mesh, .numbering = mesh->corners, .options = options, .error = error};
+    struct build build = {.mesh = mesh,
+                          .original = mesh,
+                          .numbering = mesh->corners,
+                          .options = options,
+                          .cost = {.field = TETLOD_NONE},
+                          .error = error};
     enum tetlod_status status;
     TETLOD_TRY_DONE(check_local_bound(&build));
     TETLOD_TRY_DONE(check_written(mesh, options, error));
@@ -581,7 +601,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
                                     .turned_tets = build.oriented.turned_count,
                                     .degenerate_tets = build.log.degenerate_tets,
                                     .inverted_tets = build.log.inverted_tets,
-                                    .folded_tets = build.log.folded_tets};
+                                    .folded_tets = build.log.folded_tets,
+                                    .cost = build.cost};
     memcpy(report->refused, build.log.refused, sizeof report->refused);
     report->keys = build.series ? series_key_count(build.series) : 0;
 done:

@@ -5,9 +5,13 @@
 
 #include "format/writer.h"
 #include "src/log/contraction_log.h"
+#include "src/pipeline/field_cost.h"
 #include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
 #include "src/mesh/tetmesh.h"
+
+/* As many fields as a stream has at most can be controlled; each may bring its vector. */
+enum { MAX_CONTROLS = 256 };
 
 enum build_phase { BUILD_CONTRACT, BUILD_MEASURE, BUILD_ENCODE, BUILD_PHASES };
 
@@ -41,6 +45,7 @@ struct build_options {
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */
+    bool finds_cost; /* the report says which controlled field costs most (field_cost.h), where that can be found */
     const char *regions;     /* the cell field that tells regions, or NULL */
     const struct tetlodi_write_section *sections; /* further ones of the stream */
     uint32_t section_count;
@@ -52,6 +57,7 @@ struct build_options {
 struct build_report {
     uint32_t contractions, levels;
     uint64_t refused[LOG_REFUSALS]; /* (contraction_log.h) */
+    struct field_cost cost;
     uint32_t keys;                  /* steps of a series that drove the contraction */
     uint64_t turned_tets; /* numbered against their neighbours (orient.h); the counts that follow are without that */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
@@ -77,17 +83,24 @@ TETLOD_CHECKED enum tetlod_status build_stream(const struct tetmesh *mesh, const
                                                const struct tetlodi_sink *sink, struct build_report *report,
                                                struct tetlod_error *error);
 
-/* Resolves what --field says: NAME, NAME:mag or NAME:COMPONENT, each with :LIMIT behind it if wanted. Magnitudes and
- * components become fields of their own under that name. ERR_FIELD lists what there is. */
+/* Resolves a --field that names one field: NAME, NAME:mag, NAME:COMPONENT or coordinate_x, each with :LIMIT behind it
+ * if wanted. Magnitudes, components and coordinates become fields of their own under that name. ERR_FIELD lists what
+ * there is. */
 TETLOD_CHECKED enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                                       struct tetlod_error *error);
 
-/* The controls that `count` texts, as above, say; without any the usual one. units[i] > 0 is the limit of text i in the field's units;
- * `units` may be NULL. `controls` has room for one at least. ERR_ARGUMENT if a field is given twice, or has two limits. */
-TETLOD_CHECKED enum tetlod_status build_controls_parse(struct tetmesh *mesh, const char *const *texts, const double *units, uint32_t count,
-                                                       struct build_control *controls, uint32_t *out_count, struct tetlod_error *error);
+/* Is it a limit, such as 0.01 or 1%? */
+bool build_control_limit(const char *text, double *out);
 
-/* The cell field that tells regions: `name`; without one (NULL) the field whose name says so; for "none" no field (*out is NULL). */
+/* Fields of coordinates are named so, with x, y or z behind it. */
+#define COORDINATE_NAME "coordinate_"
+
+/* The coordinate along the mesh's longest side becomes a field, which is controlled. */
+TETLOD_CHECKED enum tetlod_status build_control_coordinate(struct tetmesh *mesh, struct build_control *out,
+                                                           struct tetlod_error *error);
+
+/* The cell field that tells regions: `name`; without one (NULL) integers that may tell them (ids.h); for "none" no
+ * field (*out is NULL). */
 TETLOD_CHECKED enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out,
                                                        struct tetlod_error *error);
 
@@ -97,9 +110,5 @@ uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32
 /* Where a magnitude is controlled, its vector becomes so as well, each component within the share of the limit that keeps the vector, and thus
  * every magnitude of it, within the magnitude's limit. `controls` has room for twice as many. */
 void build_controls_add_vectors(const struct tetmesh *mesh, struct build_control *controls, uint32_t *count);
-
-/* Without --field: the first scalar field, or the first field's magnitude. ERR_MESH if there is no field. */
-TETLOD_CHECKED enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_control *out,
-                                                        struct tetlod_error *error);
 
 #endif

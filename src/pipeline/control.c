@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which fields drive the contraction. */
+/* What the name of a controlled field means: a field, a magnitude, a component or a coordinate, and a limit. */
 #include <ctype.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,9 +7,10 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/ids.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build.h"
-#include "src/util/array.h"
+#include "src/util/nearest.h"
 
 static double derived_value(const double *row, uint32_t components, uint32_t component)
 {
@@ -107,13 +108,24 @@ void build_controls_add_vectors(const struct tetmesh *mesh, struct build_control
 static enum tetlod_status no_such_field(const struct tetmesh *mesh, const char *text, struct tetlod_error *error)
 {
     char names[160] = "";
+    const char *best = NULL;
     size_t used = 0;
-    for (uint32_t f = 0; f < mesh->field_count && used < sizeof names; f++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", f ? ", " : "", mesh->fields[f].name);
-    return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.60s'; there is %s", text, names);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        nearest_offer(text, mesh->fields[f].name, &best);
+        if (used < sizeof names)
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", f ? ", " : "", mesh->fields[f].name);
+    }
+    if (tetmesh_find_cell_field(mesh, text) != TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                            "'%.60s' has values of cells, which are stored exactly; --cell-data average makes a field "
+                            "at points of it",
+                            text);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.60s'%s%.60s%s; there is %s", text,
+                        best ? " (did you mean '" : "", best ? best : "", best ? "'?)" : "",
+                        mesh->field_count ? names : "none");
 }
 
-static bool is_limit(const char *text, double *out)
+bool build_control_limit(const char *text, double *out)
 {
     char *end;
     if (!strpbrk(text, ".%e") || !isdigit((unsigned char)*text))
@@ -143,6 +155,51 @@ static enum tetlod_status unit_limit(const char *text, struct tetlod_error *erro
                         "one in the range %.*s:0.01 or %.*s:1%%", text, colon + 1, length, text, colon + 1, length, text, length, text);
 }
 
+/* ---- coordinates */
+
+static const char *const coordinate_names[3] = {COORDINATE_NAME "x", COORDINATE_NAME "y", COORDINATE_NAME "z"};
+
+/* Adds a coordinate of the points as a field of its own, once. */
+static enum tetlod_status add_coordinate(struct tetmesh *mesh, uint32_t axis, uint32_t *out, struct tetlod_error *error)
+{
+    *out = tetmesh_find_field(mesh, coordinate_names[axis]);
+    if (*out != TETLOD_NONE)
+        return TETLOD_OK;
+    TETLOD_TRY(tetmesh_add_field(mesh, coordinate_names[axis], 1, mesh->position_type, error));
+    *out = mesh->field_count - 1;
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        mesh->fields[*out].values[v] = mesh->positions[3 * v + axis];
+    return TETLOD_OK;
+}
+
+static enum tetlod_status named_coordinate(struct tetmesh *mesh, const char *name, uint32_t *out,
+                                           struct tetlod_error *error)
+{
+    for (uint32_t axis = 0; axis < 3; axis++)
+        if (strcmp(name, coordinate_names[axis]) == 0)
+            return add_coordinate(mesh, axis, out, error);
+    return TETLOD_OK;
+}
+
+enum tetlod_status build_control_coordinate(struct tetmesh *mesh, struct build_control *out, struct tetlod_error *error)
+{
+    double width[3];
+    for (size_t axis = 0; axis < 3; axis++) {
+        double least = INFINITY, greatest = -INFINITY;
+        for (size_t v = 0; v < mesh->vertex_count; v++) {
+            least = smaller(least, mesh->positions[3 * v + axis]);
+            greatest = larger(greatest, mesh->positions[3 * v + axis]);
+        }
+        width[axis] = greatest - least;
+    }
+    uint32_t axis = width[1] > width[0] ? 1 : 0;
+    axis = width[2] > width[axis] ? 2 : axis;
+    *out = (struct build_control){0};
+    return add_coordinate(mesh, axis, &out->field, error);
+}
+
+/* ---- what a text names */
+
 enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                        struct tetlod_error *error)
 {
@@ -152,7 +209,7 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
     uint32_t component;
     enum tetlod_status status = TETLOD_OK;
     *out = (struct build_control){.field = tetmesh_find_field(mesh, name)};
-    if (out->field == TETLOD_NONE && (colon = strrchr(name, ':')) && is_limit(colon + 1, &out->limit)) {
+    if (out->field == TETLOD_NONE && (colon = strrchr(name, ':')) && build_control_limit(colon + 1, &out->limit)) {
         *colon = 0;
         out->field = tetmesh_find_field(mesh, name);
     }
@@ -167,65 +224,21 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
             status = derive(mesh, whole, component, name, &out->field, error);
     }
     if (status == TETLOD_OK && out->field == TETLOD_NONE)
+        status = named_coordinate(mesh, name, &out->field, error);
+    if (status == TETLOD_OK && out->field == TETLOD_NONE)
         status = looks_like_units(mesh, name) ? unit_limit(name, error) : no_such_field(mesh, name, error);
     free(name);
     return status;
 }
 
-enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_control *out, struct tetlod_error *error)
-{
-    *out = (struct build_control){0};
-    if (!mesh->field_count)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "it has no point field; give it one, such as the solution of a PLOT3D grid (--q) or its cell data (--cell-data average)");
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        if (mesh->fields[f].components == 1) {
-            out->field = f;
-            return TETLOD_OK;
-        }
-    size_t length = strlen(mesh->fields[0].name) + sizeof ":mag";
-    char *name = array_new(length, 1);
-    if (!name)
-        return tetlodi_fail_nomem(error, "a field's name", length);
-    snprintf(name, length, "%s:mag", mesh->fields[0].name);
-    enum tetlod_status status = derive(mesh, 0, TETLOD_NONE, name, &out->field, error);
-    free(name);
-    return status;
-}
-
-/* A text's control with the limit that its units give it. */
-static enum tetlod_status parse_control(struct tetmesh *mesh, const char *text, double units, struct build_control *out, struct tetlod_error *error)
-{
-    double range[2];
-    TETLOD_TRY(build_control_parse(mesh, text, out, error));
-    if (!(units > 0))
-        return TETLOD_OK;
-    if (out->limit > 0)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %.60s has a limit already; leave out --abs-error", text);
-    point_field_range(&mesh->fields[out->field], mesh->vertex_count, range);
-    if (units < range[1] - range[0])
-        out->limit = units / (range[1] - range[0]);
-    return TETLOD_OK;
-}
-
-enum tetlod_status build_controls_parse(struct tetmesh *mesh, const char *const *texts, const double *units, uint32_t count,
-                                        struct build_control *controls, uint32_t *out_count, struct tetlod_error *error)
-{
-    for (uint32_t i = 0; i < count; i++)
-        TETLOD_TRY(parse_control(mesh, texts[i], units ? units[i] : 0, &controls[i], error));
-    if (!count)
-        TETLOD_TRY(build_control_default(mesh, controls, error));
-    for (uint32_t i = 0; i < count; i++)
-        for (uint32_t j = 0; j < i; j++)
-            if (controls[i].field == controls[j].field)
-                return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the field %.60s is given twice", mesh->fields[controls[i].field].name);
-    *out_count = count ? count : 1;
-    return TETLOD_OK;
-}
-
 enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out, struct tetlod_error *error)
 {
-    uint32_t field = name ? tetmesh_find_cell_field(mesh, name) : tetmesh_find_region(mesh);
+    uint32_t field = TETLOD_NONE;
     *out = NULL;
+    if (name)
+        field = tetmesh_find_cell_field(mesh, name);
+    else
+        TETLOD_TRY(ids_find_region(mesh, &field, error));
     if (name && field == TETLOD_NONE && strcmp(name, "none") == 0)
         return TETLOD_OK;
     if (name && field == TETLOD_NONE)

@@ -22,8 +22,9 @@ bool precision_is_narrow(const double *values, size_t count)
 }
 
 /* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends inside the
- * range. bits 0: there is no grid, every value is exact at once. */
-static struct grid choose_grid(const double range[2], enum tetlod_type type)
+ * range. bits 0: there is no grid, every value is exact at once.
+ * The step of ids is 1 at most, so that they are exact. */
+static struct grid choose_grid(const double range[2], enum tetlod_type type, bool ids)
 {
     struct grid none = {0, 0, 0, 0};
     double width = range[1] - range[0], size = fmax(fabs(range[0]), fabs(range[1]));
@@ -35,6 +36,7 @@ static struct grid choose_grid(const double range[2], enum tetlod_type type)
     exponent = exponent - 1 - STEP_BITS; // the range has 2^15 to 2^16 steps
     int least = of_size - (type == TETLOD_FLOAT32 ? 24 : 53); // between neighbours among the numbers of the type
     exponent = exponent > least ? exponent : least;
+    exponent = ids && exponent > 0 ? 0 : exponent;
     double step = ldexp(1, exponent), origin = ceil(range[0] / step) * step, most = floor((range[1] - origin) / step);
     unsigned bits = 1;
     while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
@@ -68,7 +70,7 @@ static void choose_precision(struct precision *precision, const struct tetmesh *
     if (field->type == TETLOD_FLOAT64 && precision_is_narrow(field->values, (size_t)mesh->vertex_count * field->components))
         field->type = TETLOD_FLOAT32;
     point_field_range(field, mesh->vertex_count, range);
-    field->grid = choose_grid(range, field->type);
+    field->grid = choose_grid(range, field->type, field->is_ids);
     precision->tail |= field->grid.bits > 0;
     weigh_rounding(precision, f);
 }

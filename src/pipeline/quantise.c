@@ -82,6 +82,7 @@ static enum tetlod_status copy_mesh(struct tetmesh *out, const struct tetmesh *m
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
         TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, error));
+        out->fields[f].is_ids = field->is_ids;
         memcpy(out->fields[f].values, field->values, (size_t)mesh->vertex_count * field->components * sizeof(double));
     }
     return TETLOD_OK;
@@ -104,7 +105,8 @@ enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh
     if (position_bits)
         round_positions(out, position_bits);
     for (uint32_t f = 0; f < out->field_count && field_bits; f++)
-        round_field(&out->fields[f], out->vertex_count, field_bits);
+        if (!mesh->fields[f].is_ids)
+            round_field(&out->fields[f], out->vertex_count, field_bits);
     return TETLOD_OK;
 }
 

@@ -7,17 +7,26 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "src/level/metadata.h"
+
 static double error_of(const struct tetlod_info *info, uint32_t level, uint32_t field, enum tetlod_measure measure)
 {
     return info->levels[level].errors[field * TETLOD_MEASURES + (uint32_t)measure];
 }
 
+static bool is_uncontrolled(const struct tetlod_info *info, uint32_t field, const json_t *ids)
+{
+    const struct tetlod_field *of = &info->fields[field];
+    return !of->controlled && of->bounds == TETLOD_NONE && !metadata_is_id(ids, of->name);
+}
+
 struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t level)
 {
     struct uncontrolled found = {0, TETLOD_NONE, 0};
+    json_t *ids = metadata_ids(info);
     for (uint32_t f = 0; f < info->field_count; f++) {
         double sampled = error_of(info, level, f, TETLOD_SAMPLED);
-        if (info->fields[f].controlled || info->fields[f].bounds != TETLOD_NONE)
+        if (!is_uncontrolled(info, f, ids))
             continue;
         found.count++;
         if (found.worst == TETLOD_NONE || sampled > found.sampled) {
@@ -25,6 +34,7 @@ struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t lev
             found.sampled = sampled;
         }
     }
+    json_decref(ids);
     return found;
 }
 

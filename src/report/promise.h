@@ -7,7 +7,8 @@
 
 #include "format/tetlod.h"
 
-/* The fields of a stream that nothing held down, without local bounds, and the one of them that is furthest off at a level. */
+/* The fields of a stream that are not controlled, without local bounds and ids, and the one of them that is furthest
+ * off at a level. */
 struct uncontrolled {
     uint32_t count, worst; /* worst: TETLOD_NONE where there is none */
     double sampled;        /* its measured error, a fraction of its range */

@@ -53,7 +53,8 @@ static bool init_field(struct working_field *field, const struct point_field *fr
                                     .middles = array_new(k, sizeof(double)),
                                     .component_range = array_new(k, 2 * sizeof(double)),
                                     .values = array_new(vertices * k, sizeof(double)),
-                                    .grid = from->grid};
+                                    .grid = from->grid,
+                                    .is_ids = from->is_ids};
     if (!field->middles || !field->component_range || !field->values)
         return false;
     for (size_t c = 0; c < k; c++) {
@@ -349,12 +350,27 @@ static void star_range(const struct complex *complex, const struct star *star, c
         }
 }
 
+/* Of the vertex that is at p, or of the first one. */
+static void contract_ids(const struct working_field *field, const struct complex *complex, const struct star *star,
+                         const double p[3], double *out)
+{
+    uint32_t v = star->simplex[0];
+    for (uint32_t s = star->simplex_count; s-- > 0;)
+        if (memcmp(complex->positions + 3 * (size_t)star->simplex[s], p, 3 * sizeof *p) == 0)
+            v = star->simplex[s];
+    memcpy(out, field->values + (size_t)v * field->components, field->components * sizeof *out);
+}
+
 /* What does not drive has no bound that keeps it from extrapolating out of thin tetrahedra: it stays among its neighbours'
  * values. */
 static void contract_field(struct working_field *field, const struct complex *complex, const struct star *star,
                            const double p[3], double *out)
 {
     double range[2];
+    if (field->is_ids) {
+        contract_ids(field, complex, star, p, out);
+        return;
+    }
     for (uint32_t c = 0; c < field->components; c++) {
         extremes(complex, star, field->values + c, field->components, p, false, range);
         double middle = (range[0] + range[1]) / 2;

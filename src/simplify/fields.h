@@ -34,6 +34,7 @@ struct working_field {
     double (*component_range)[2]; /* [components] of the original: assigned values stay inside */
     double *values;               /* [components * slot] */
     struct grid grid;
+    bool is_ids;                  /* a contraction takes one of its vertices' values */
 };
 
 struct fields {

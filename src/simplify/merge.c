@@ -220,6 +220,10 @@ static double carried_value(const struct worker *worker, const struct working *w
     uint32_t at = working->firsts[f] + component, i = at % WIDE;
     const struct said *said = said_of(worker, at);
     double there[2], spread = (said->greatest[i] - said->least[i]) / 2;
+    if (field->is_ids) { // of the end that stays where it is, if one does
+        bool dead = memcmp(working_row(working, join->dead), join->p, sizeof join->p) == 0;
+        return working_values(working, dead ? join->dead : join->kept, f)[component];
+    }
     double value = field_round(field, component, smaller(larger(said->mean[i], said->low[i]), said->high[i]));
     uint32_t count = free_values(working, join, f, component, there);
     return field_cheap(field, component, there, count, value, larger(said->low[i], value - spread),

@@ -53,6 +53,7 @@ static enum tetlod_status make_mesh(struct tetmesh *mesh, const struct tetmesh *
         TETLOD_TRY(tetmesh_add_field(mesh, field->name, field->components, field->type, error));
         mesh->fields[f].grid = field->grid;
         mesh->fields[f].is_integer = field->is_integer;
+        mesh->fields[f].is_ids = field->is_ids;
         memcpy(mesh->fields[f].unit, field->unit, sizeof field->unit);
     }
     return TETLOD_OK;

@@ -176,7 +176,8 @@ static bool init_values(struct working *working, uint32_t f, const struct point_
                                     .type = from->type,
                                     .middles = array_new(k, sizeof(double)),
                                     .component_range = array_new(k, 2 * sizeof(double)),
-                                    .grid = from->grid};
+                                    .grid = from->grid,
+                                    .is_ids = from->is_ids};
     if (!field->middles || !field->component_range)
         return false;
     for (size_t c = 0; c < k; c++) {

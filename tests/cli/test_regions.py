@@ -124,10 +124,11 @@ def without():
 
 
 def named():
-    """By --region only: no name says that these are regions. One that is not there, or no integers, is refused."""
+    """No name says that these are regions: --region does, or that they have few values. One that is not there, or no
+    integers, is refused."""
     points, tets, regions = waves(6)
     save('in.vtu', points, tets, {'heat': points[:, 0]}, {'q': regions, 'w': regions * 0.5})
-    must('build', path('in.vtu'), '-o', path('a.tetlod'), '--quiet')
+    must('build', path('in.vtu'), '-o', path('a.tetlod'), '--quiet', '--no-region')
     plain = json.loads(must('info', path('a.tetlod'), '--json').stdout)
     must('build', path('in.vtu'), '-o', path('b.tetlod'), '--quiet', '--region', 'q')
     regions = json.loads(must('info', path('b.tetlod'), '--json').stdout)

@@ -60,5 +60,5 @@ def test_c_programs():
 
 
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '14', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', 'fin.tetlod', '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', 'fin.tetlod', '--quiet'], cwd=SCRATCH, check=True)
 run([test_curl, test_c_programs])

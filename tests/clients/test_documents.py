@@ -84,13 +84,13 @@ def test_tutorial():
 def test_faq():
     folder = place('faq')
     shell('tetlod sample fin --size 6 -o mesh.vtu', folder)
-    assert len(follow(text('client-examples/FAQ.md'), folder)) == 15
+    assert len(follow(text('client-examples/FAQ.md'), folder)) == 17
 
 
 def test_http_guide():
     page, folder = text('server/HTTP.md'), place('http')
-    shell('tetlod sample fin --size 12 -o fin.vtu && tetlod build fin.vtu -o fin.tetlod --quiet', folder)
-    shell('tetlod sample wake --size 6 --steps 3 -o run.pvd && tetlod build run.pvd -o run.tetlod --quiet', folder)
+    shell('tetlod sample fin --size 12 -o fin.vtu && tetlod build fin.vtu --field Pressure -o fin.tetlod --quiet', folder)
+    shell('tetlod sample wake --size 6 --steps 3 -o run.pvd && tetlod build run.pvd --field Pressure -o run.tetlod --quiet', folder)
     with Server(os.path.join(folder, 'fin.tetlod'), os.path.join(folder, 'run.tetlod')) as server:
         said = follow(page, folder, server.url)
     names, heads = set(re.findall(r'`(Tetlod-[A-Za-z]+)`', page)), [text for text in said if text.startswith('HTTP/')]

@@ -23,7 +23,8 @@ def test_plugin():
     if not PVPYTHON:
         return 'pvpython is not there: Debian cannot install python3-paraview beside python3-vtk9; $PVPYTHON may name one'
     stream, series = (os.path.join(SCRATCH, name) for name in ('fin.tetlod', 'wake.tetlod'))
-    for arguments in (('sample', 'fin', '--size', '14', '-o', 'fin.vtu'), ('build', 'fin.vtu', '-o', stream, '--quiet'),
+    for arguments in (('sample', 'fin', '--size', '14', '-o', 'fin.vtu'),
+                      ('build', 'fin.vtu', '--field', 'Pressure', '-o', stream, '--quiet'),
                       ('sample', 'wake', '--size', '8', '--steps', '9', '-o', 'wake.pvd'),
                       ('build', 'wake.pvd', '--field', 'Pressure', '-o', series, '--quiet')):
         subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)

@@ -413,7 +413,12 @@ def test_build_by_library():
     raises(ValueError, 'growth', tetlod.build, mesh, growth=99.0)
     raises(ValueError, 'points', tetlod.build, mesh.points, mesh.tets + 10 ** 6, {'a': mesh.fields['Pressure']})
     raises(ValueError, 'NaN', tetlod.build, mesh.points, mesh.tets, {'a': np.full(len(mesh.points), np.nan)})
-    raises(ValueError, 'no point field', tetlod.build, mesh.points, mesh.tets)
+    def controlled(*arguments, **options):
+        return [field.name for field in tetlod.open(tetlod.build(*arguments, **options)).fields if field.controlled]
+
+    assert controlled(mesh.points, mesh.tets)[0].startswith('coordinate_')
+    two = {'a': mesh.points[:, 0] ** 2, 'b': mesh.points[:, 1] ** 2, 'number': np.arange(len(mesh.points))}
+    assert controlled(mesh.points, mesh.tets, two) == ['a', 'b'] and controlled(mesh.points, mesh.tets, two, no_field='a') == ['b']
     raises(ValueError, 'beyond 2^53', tetlod.build, mesh.points, mesh.tets, fields, cells={'i': np.full(len(mesh.tets), 2 ** 60)})
     raises(TypeError, 'complex', tetlod.build, mesh.points, mesh.tets, {'a': np.zeros(len(mesh.points), complex)})
     raises(TypeError, 'progress=', tetlod.build, mesh, program=TETLOD, progress=print)
@@ -489,6 +494,6 @@ def test_types():
 
 
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
-command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
+command('build', os.path.join(SCRATCH, 'fin.vtu'), '--field', 'Pressure', '-o', FIN)
 run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off, test_cells_cut_off,
      test_server, test_cells, test_series, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

@@ -339,6 +339,7 @@ def test_reload_under_load():
 
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
+               cwd=SCRATCH, check=True)
 run([test_none_on_loopback, test_any_elsewhere, test_named_origins, test_host_on_loopback, test_token, test_way_in, test_cookies_of_several_servers,
      test_the_address_of_metrics, test_wrong_tokens_cost_time, test_forwarded_addresses, test_forwarded_addresses_and_guesses, test_reload, test_reload_under_load])

@@ -28,7 +28,8 @@ def make_streams():
     """Two streams of the same length that differ, another one, and a series whose mesh changes."""
     for name, sample in (('fin', ['fin', '--size', '10' if CHANGES < 500 else '24']), ('cube', ['cube', '--size', '8'])):
         subprocess.run([TETLOD, 'sample', *sample, '-o', name + '.vtu'], cwd=SCRATCH, check=True)
-        subprocess.run([TETLOD, 'build', name + '.vtu', '-o', name + '.tetlod', '--quiet'], cwd=SCRATCH, check=True)
+        field = 'Pressure' if name == 'fin' else 'xyz'
+        subprocess.run([TETLOD, 'build', name + '.vtu', '--field', field, '-o', name + '.tetlod', '--quiet'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'sample', 'wake', '--size', '6', '--steps', '6', '--remesh', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'build', 'run.pvd', '--field', 'Pressure', '-o', 'run.tetlod', '--quiet'], cwd=SCRATCH, check=True)
     streams = {name: open(os.path.join(SCRATCH, name + '.tetlod'), 'rb').read() for name in ('fin', 'cube', 'run')}

@@ -451,7 +451,8 @@ def test_unit_files():
 
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '8', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
+               cwd=SCRATCH, check=True)
 with Server(FOLDER) as first:
     cid = first.json('/v1/meshes/fin')['cid']
 run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_varnish_and_tokens, test_nginx_and_tokens, test_plain_files, test_socket_activation, test_unit_files])

@@ -335,6 +335,6 @@ def test_stop_while_scanning():
 
 
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
      test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_a_clock_that_was_set, test_stop_while_scanning])

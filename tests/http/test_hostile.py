@@ -223,7 +223,8 @@ os.makedirs(FOLDER, exist_ok=True)
 with open(os.path.join(SCRATCH, 'secret'), 'wb') as secret:
     secret.write(MARK)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
+               cwd=SCRATCH, check=True)
 for name in ('topologies', 'cells_float32', 'series_moving'):
     shutil.copy(os.path.join(ROOT, 'tests', 'golden', name + '.tetlod'), FOLDER)
 run([test_hostile_requests, test_guarded_server])

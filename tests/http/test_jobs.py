@@ -173,7 +173,8 @@ def test_grace():
 
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '20', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
+               cwd=SCRATCH, check=True)
 with Server(FOLDER) as first:
     described = first.json('/v1/meshes/fin')
     cid, last = described['cid'], len(described['levels']) - 1

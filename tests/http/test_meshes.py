@@ -28,6 +28,7 @@ from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, ru
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 FIN = os.path.join(FOLDER, 'fin.tetlod')
+FIELDS = {'fin': 'Pressure', 'cube': 'xyz'}
 server = info = base = None
 
 
@@ -38,7 +39,7 @@ def tetlod(*arguments):
 def make_stream(name, path, size):
     mesh = os.path.join(SCRATCH, os.path.basename(path) + '.vtu')
     tetlod('sample', name, '--size', size, '-o', mesh)
-    tetlod('build', mesh, '-o', path, '--quiet')
+    tetlod('build', mesh, '--field', FIELDS[name], '-o', path, '--quiet')
 
 
 def save(name, data):

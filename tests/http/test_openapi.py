@@ -174,9 +174,9 @@ def build(mesh, stream, *options):
 
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-build('fin.vtu', os.path.join(FOLDER, 'fin.tetlod'))
+build('fin.vtu', os.path.join(FOLDER, 'fin.tetlod'), '--field', 'Pressure')
 subprocess.run([TETLOD, 'sample', 'wake', '--size', '4', '--steps', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
-build('run.pvd', os.path.join(FOLDER, 'run.tetlod'), '--bands', '10%,1%')
+build('run.pvd', os.path.join(FOLDER, 'run.tetlod'), '--field', 'Pressure', '--bands', '10%,1%')
 with Server(FOLDER) as server:
     assert server.json('/openapi.json') == document
     run([test_document, test_every_operation, test_steps, test_formats, test_pages, test_too_much, test_all_was_seen])

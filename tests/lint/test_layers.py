@@ -29,9 +29,10 @@ LAYERS = {
     'src/log': MESHES,
     'src/forest': MESHES,
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
-    'src/pipeline': MESHES + ['format/bytes.h', 'format/summary.h', 'format/step_code.h', 'format/time_table.h', 'format/topologies.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
+    'src/pipeline': MESHES + ['format/bytes.h', 'format/summary.h', 'format/step_code.h', 'format/time_table.h', 'format/topologies.h',
+                     'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
-                             'src/pipeline/series_spool.h'],
+                             'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
     'src/report': MESHES + ['src/level/'],
     'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
     'server/net': ARRAYS + ['server/http/message.h'],
@@ -45,7 +46,7 @@ LAYERS = {
     'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/ask/ask.h', 'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
-LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
+LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files

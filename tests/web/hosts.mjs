@@ -16,7 +16,7 @@ export function sampleStream() {
   const path = join(SCRATCH, 'fin.tetlod');
   if (!existsSync(path)) {
     execFileSync(TETLOD, ['sample', 'fin', '-o', join(SCRATCH, 'fin.vtu')], { stdio: 'ignore' });
-    execFileSync(TETLOD, ['build', join(SCRATCH, 'fin.vtu'), '-o', path, '--quiet']);
+    execFileSync(TETLOD, ['build', join(SCRATCH, 'fin.vtu'), '--field', 'Pressure', '-o', path, '--quiet']);
   }
   return { path, bytes: readFileSync(path) };
 }

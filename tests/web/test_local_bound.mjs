@@ -12,7 +12,7 @@ import { run } from './tap.mjs';
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
 const path = join(SCRATCH, 'bounded.tetlod');
 execFileSync(TETLOD, ['sample', 'fin', '-o', join(SCRATCH, 'bounded.vtu')], { stdio: 'ignore' });
-execFileSync(TETLOD, ['build', join(SCRATCH, 'bounded.vtu'), '-o', path, '--local-bound', '--quiet']);
+execFileSync(TETLOD, ['build', join(SCRATCH, 'bounded.vtu'), '--field', 'Pressure', '--local-bound', '-o', path, '--quiet']);
 const server = await program([path]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });

@@ -12,7 +12,7 @@ from served import SCRATCH, TETLOD, Server  # noqa: E402
 mesh, folder = os.path.join(SCRATCH, 'fin.vtu'), os.path.join(SCRATCH, 'streams')
 os.mkdir(folder)
 subprocess.run([TETLOD, 'sample', 'fin', '-o', mesh], check=True, stdout=subprocess.DEVNULL)
-subprocess.run([TETLOD, 'build', mesh, '--quiet', '-o', os.path.join(folder, 'fin.tetlod')], check=True)
+subprocess.run([TETLOD, 'build', mesh, '--field', 'Pressure', '--quiet', '-o', os.path.join(folder, 'fin.tetlod')], check=True)
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
 import tetlod  # noqa: E402
 from nbconvert import HTMLExporter  # noqa: E402

@@ -24,7 +24,7 @@ const states = {
   volume: 'error=0&surface=off&volume=1&volumeSize=48&opacity=0:0,0.3:0.01,1:0.4',
 };
 const stream = join(SCRATCH, 'fin.tetlod');
-execFileSync(TETLOD, ['build', join(ROOT, 'samples/fin.vtu'), '-o', stream, '--quiet']);
+execFileSync(TETLOD, ['build', join(ROOT, 'samples/fin.vtu'), '--field', 'Pressure', '-o', stream, '--quiet']);
 const server = await program([stream]);
 const browser = await launch();
 const page = await openViewer(browser, server.url);

@@ -9,7 +9,7 @@ import json
 import os
 import warnings
 from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint32, c_uint64, c_void_p
-from typing import Any, Callable, Dict, List, Mapping, Optional
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -41,14 +41,14 @@ class COptions(Structure):
                 ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
                 ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
                 ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p),
-                ('warn', WARN), ('warn_opaque', c_void_p)]
+                ('warn', WARN), ('warn_opaque', c_void_p), ('without', POINTER(c_char_p)), ('without_count', c_uint32)]
 
 
 FUNCTIONS = (('tetlod_build_defaults', None, (POINTER(COptions),)),
              ('tetlod_build', c_int, (POINTER(CMesh), POINTER(COptions), WRITE, c_void_p, POINTER(CError))))
 FRACTIONS = ('max_error', 'domain_error', 'position_error', 'field_error')
 NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'local_bound', 'position_bits', 'field_bits', 'keep_order', 'threads', 'memory')
-OPTIONS = {'field', 'region', 'certify', 'compress', 'metadata', 'progress', *FRACTIONS, *NUMBERS}
+OPTIONS = {'field', 'no_field', 'region', 'certify', 'compress', 'metadata', 'progress', *FRACTIONS, *NUMBERS}
 
 
 def library_path() -> Optional[str]:
@@ -71,10 +71,10 @@ def fraction(value: Any) -> float:
     return float(text[:-1]) / 100 if text.endswith('%') else float(text)
 
 
-def field_array(name: str, values: Any, floats: bool, kept: List[Any]) -> CArray:
+def field_array(name: str, values: Any, kept: List[Any]) -> CArray:
     values = np.ascontiguousarray(values)
     form = values.dtype.str[1:]
-    form = 'f8' if floats and values.dtype.kind in 'iu' else WIDER.get(form, form)
+    form = WIDER.get(form, form)
     if form not in CELL_TYPES:
         raise TypeError('%r has values of type %s; convert them to float32 or float64' % (name, values.dtype))
     values = np.ascontiguousarray(values, '=' + form)
@@ -87,11 +87,18 @@ def c_mesh(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str
     if tets.size and (tets.min() < 0 or tets.max() >= len(points)):
         raise ValueError('tets refer to points %d to %d; there are %d' % (tets.min(), tets.max(), len(points)))
     tets = np.ascontiguousarray(tets, '=u4')
-    c_fields = (CArray * len(fields))(*(field_array(n, v, True, kept) for n, v in fields.items()))
-    c_cells = (CArray * len(cells))(*(field_array(n, v, False, kept) for n, v in cells.items()))
+    c_fields = (CArray * len(fields))(*(field_array(n, v, kept) for n, v in fields.items()))
+    c_cells = (CArray * len(cells))(*(field_array(n, v, kept) for n, v in cells.items()))
     kept += [points, tets, c_fields, c_cells]
     return CMesh(ctypes.sizeof(CMesh), len(points), len(tets), points.dtype.itemsize == 8, points.ctypes.data, tets.ctypes.data, len(fields),
                  len(cells), c_fields, c_cells)
+
+
+def c_names(given: Any, kept: List[Any]) -> Tuple[Any, int]:
+    names = [str(name).encode() for name in (given if isinstance(given, (list, tuple)) else [given])]
+    array = (c_char_p * len(names))(*names)
+    kept.append(array)
+    return array, len(names)
 
 
 def c_options(library: ctypes.CDLL, given: Mapping[str, Any], kept: List[Any]) -> COptions:
@@ -103,11 +110,8 @@ def c_options(library: ctypes.CDLL, given: Mapping[str, Any], kept: List[Any]) -
     for name in NUMBERS:
         if given.get(name) is not None:
             setattr(options, name, given[name])
-    field = given.get('field') or ()
-    names = [str(f).encode() for f in (field if isinstance(field, (list, tuple)) else [field])]
-    controls = (c_char_p * len(names))(*names)
-    kept.append(controls)
-    options.controls, options.control_count = controls, len(names)
+    options.controls, options.control_count = c_names(given.get('field') or (), kept)
+    options.without, options.without_count = c_names(given.get('no_field') or (), kept)
     options.region = str(given['region']).encode() if given.get('region') is not None else None
     options.certify_exact = given.get('certify') == 'exact'
     options.compression = given.get('compress') or options.compression

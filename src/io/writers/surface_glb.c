@@ -11,6 +11,7 @@
 #include "format/fail.h"
 #include "src/cut/cut.h"
 #include "src/io/writers/writers.h"
+#include "src/mesh/ids.h"
 #include "src/util/put.h"
 
 static bool has_attribute(const struct point_field *field)
@@ -162,13 +163,12 @@ static void put_array(struct put *put, const struct cut *surface, const double *
             put_double(put, cut_value(surface, v, values, components, c), TETLOD_FLOAT32);
 }
 
-/* From blue by white to red over the mesh's range of the first scalar field; white if there is none. */
+/* From blue by white to red over the mesh's range of the first scalar field that is not ids; white if there is none. */
 static void put_colours(struct put *put, const struct tetmesh *mesh, const struct cut *surface)
 {
-    const struct point_field *field = NULL;
+    uint32_t first = ids_first_other(mesh, 1);
+    const struct point_field *field = first == TETLOD_NONE ? NULL : &mesh->fields[first];
     double range[2] = {0, 0};
-    for (uint32_t f = 0; f < mesh->field_count && !field; f++)
-        field = mesh->fields[f].components == 1 ? &mesh->fields[f] : NULL;
     if (field)
         point_field_range(field, mesh->vertex_count, range);
     for (uint32_t v = 0; v < surface->vertex_count; v++) {

@@ -9,6 +9,7 @@
 #include "format/fail.h"
 #include "src/io/writers/layout.h"
 #include "src/io/writers/writers.h"
+#include "src/mesh/ids.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 #include "src/util/put.h"
@@ -134,16 +135,15 @@ static void put_array(struct writer *w, const char *name, const char *unit)
     w->offset += w->packed[w->next++].size;
 }
 
-/* What a program shows first: the first scalar and the first vector. */
+/* What a program shows first: the first scalar and the first vector that are not ids. */
 static void put_active(struct writer *w, const char *attribute, uint32_t components)
 {
-    for (uint32_t f = 0; f < w->mesh->field_count; f++)
-        if (w->mesh->fields[f].components == components) {
-            put_text(&w->put, attribute);
-            put_escaped(&w->put, w->mesh->fields[f].name);
-            put_text(&w->put, "\"");
-            return;
-        }
+    uint32_t f = ids_first_other(w->mesh, components);
+    if (f == TETLOD_NONE)
+        return;
+    put_text(&w->put, attribute);
+    put_escaped(&w->put, w->mesh->fields[f].name);
+    put_text(&w->put, "\"");
 }
 
 static void put_fields(struct writer *w, const struct point_field *fields, uint32_t count)
