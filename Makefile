@@ -528,6 +528,13 @@ install-doc:
 	$(foreach f,$(DOCUMENTS),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/$(f)$(newline)	)
 	$(foreach f,$(EXAMPLES),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/examples/$(f:client-examples/%=%)$(newline)	)
 
+## amalgamation: the reader as two files, build/amalgamation/tetlod.c and tetlod.h, to be copied into another program
+.PHONY: amalgamation
+WRITING := $(addprefix format/,cells_write.c container.c grids.c lineage.c parts.c prefix.c summary.c writer.c)
+amalgamation:
+	$(Q)python3 format/amalgamate.py build/amalgamation $(filter-out $(WRITING),$(FORMAT_SRC))
+	@ls build/amalgamation/tetlod.[ch]
+
 ## dist: the sources with the page prebuilt: what is built from them needs neither npm nor a network
 .PHONY: dist
 DIST := tetlod-$(VERSION)

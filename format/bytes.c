@@ -43,7 +43,7 @@ void tetlodi_put_block(struct tetlodi_buffer *buffer, const void *block, size_t 
 {
     if (!buffer->failed && size > buffer->capacity - buffer->size) {
         size_t capacity = buffer->capacity + buffer->capacity / 2 + size + 256;
-        uint8_t *grown = capacity > size ? realloc(buffer->bytes, capacity) : NULL;
+        uint8_t *grown = capacity > size ? (uint8_t *)realloc(buffer->bytes, capacity) : NULL;
         buffer->failed = !grown;
         buffer->bytes = grown ? grown : buffer->bytes;
         buffer->capacity = grown ? capacity : buffer->capacity;

@@ -24,8 +24,8 @@ void tetlodi_number_init(struct tetlodi_number *models)
 
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size)
 {
-    *coder = (struct tetlodi_coder){.range = UINT32_MAX, .at = bytes, .end = bytes + size,
-                                    .seen_most = (1u << slowest) - 2};
+    *coder =
+        (struct tetlodi_coder){.at = bytes, .end = bytes + size, .range = UINT32_MAX, .seen_most = (1u << slowest) - 2};
     for (int i = 0; i < 4; i++)
         coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
     coder->bad = coder->code == coder->range;

@@ -9,7 +9,6 @@
 #include "format/allowance.h"
 #include "format/round.h"
 #include "format/utf8.h"
-#include "format/writer.h"
 
 enum { FIELD_CONTROLLED = 1, FIELD_EXACT_LATER = 2, FIELD_BOUND = 4, SCALE_FLOAT64 = 1, SCALE_NARROW = 2 };
 enum { LEVEL_BYTES = 48, LEVEL_FIELD_BYTES = 56, FIELD_BYTES = 22 };
@@ -370,13 +369,14 @@ static const char *get_text(struct tetlodi_bytes *in, size_t size, char **text)
     return start;
 }
 
-/* The field whose name this one's is, but for BOUND_SUFFIX. */
+/* The field whose name this one's is, but for TETLOD_BOUND_SUFFIX. */
 static uint32_t find_bounded(const struct tetlod_info *info, const char *name)
 {
-    size_t length = strlen(name), suffix = sizeof BOUND_SUFFIX - 1;
+    size_t length = strlen(name), suffix = sizeof TETLOD_BOUND_SUFFIX - 1;
     for (uint32_t f = 0; f < info->field_count && length > suffix; f++)
-        if (strlen(info->fields[f].name) == length - suffix && memcmp(info->fields[f].name, name, length - suffix) == 0 &&
-            strcmp(name + length - suffix, BOUND_SUFFIX) == 0)
+        if (strlen(info->fields[f].name) == length - suffix &&
+            memcmp(info->fields[f].name, name, length - suffix) == 0 &&
+            strcmp(name + length - suffix, TETLOD_BOUND_SUFFIX) == 0)
             return f;
     return TETLOD_NONE;
 }
@@ -457,7 +457,7 @@ static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_byt
 enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size, uint64_t first_offset,
                                         struct tetlod_error *error)
 {
-    struct tetlodi_bytes in = {bytes, size, false};
+    struct tetlodi_bytes in = {(const uint8_t *)bytes, size, false};
     *index = (struct tetlodi_index){0};
     enum tetlod_status status = decode(index, &in, first_offset, error);
     if (status != TETLOD_OK)

@@ -139,7 +139,7 @@ enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t 
 {
     if (section >= file->index.info.section_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no section number %u", section);
-    return read_section_into(file, &file->index.sections[section], out, error);
+    return read_section_into(file, &file->index.sections[section], (uint8_t *)out, error);
 }
 
 uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag)

@@ -297,7 +297,8 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
         pair2 of_b = (nx * (b[0] - p0.x) + ny * (b[1] - p0.y)) + nz * (b[2] - p0.z);
         pair2 near = ((((p0.x + p1.x) + p2.x) - m[0]) * d[0] + (((p0.y + p1.y) + p2.y) - m[1]) * d[1]) +
                      (((p0.z + p1.z) + p2.z) - m[2]) * d[2];
-        pair2 sign = {1 - 2 * (int)(corners[i] & 1), 1 - 2 * (int)(corners[i + (i + 1 < size)] & 1)};
+        pair2 sign = {(double)(1 - 2 * (int)(corners[i] & 1)),
+                      (double)(1 - 2 * (int)(corners[i + (i + 1 < size)] & 1))};
         mask2 passed = (near > s[0]) + (near > s[1]) + (near > s[2]) + (near > s[3]) + (near > s[4]) + (near > s[5]) +
                        (near > s[6]);
         mask2 larger = of_a * of_a > of_b * of_b;

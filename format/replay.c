@@ -70,18 +70,18 @@ static unsigned class_of(uint32_t size)
     return 4 * octave + (((size - 1) >> octave) & 3) + 1;
 }
 
-static uint32_t class_room(unsigned class)
+static uint32_t class_room(unsigned kind)
 {
-    return (4 + (class & 3)) << (class >> 2);
+    return (4 + (kind & 3)) << (kind >> 2);
 }
 
 static int run_take(struct tetlodi_replay *replay, uint32_t size, struct tetlodi_star *star)
 {
-    unsigned class = class_of(size);
-    star->room = class_room(class);
-    if (replay->free_runs[class] != TETLOD_NONE) {
-        star->at = replay->free_runs[class];
-        replay->free_runs[class] = replay->pool[star->at];
+    unsigned kind = class_of(size);
+    star->room = class_room(kind);
+    if (replay->free_runs[kind] != TETLOD_NONE) {
+        star->at = replay->free_runs[kind];
+        replay->free_runs[kind] = replay->pool[star->at];
         return 1;
     }
     if (replay->pool_size + star->room >= TETLOD_NONE ||
@@ -94,9 +94,9 @@ static int run_take(struct tetlodi_replay *replay, uint32_t size, struct tetlodi
 
 static void run_give(struct tetlodi_replay *replay, const struct tetlodi_star *star)
 {
-    unsigned class = class_of(star->room);
-    replay->pool[star->at] = replay->free_runs[class];
-    replay->free_runs[class] = star->at;
+    unsigned kind = class_of(star->room);
+    replay->pool[star->at] = replay->free_runs[kind];
+    replay->free_runs[kind] = star->at;
 }
 
 /* Makes room for `size` elements in a star; those there stay. */

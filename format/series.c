@@ -173,10 +173,15 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
         series->fields[f] = time->fields[f].field;
         memcpy(series->ranges[f], time->fields[f].range, sizeof *series->ranges);
     }
-    series->info = (struct tetlod_series_info){.step_count = time->step_count, .band_count = time->band_count,
-                                               .field_count = time->field_count, .times = time->times, .bands = time->bands,
-                                               .displacement = time->displacement ? time->displacement - 1 : TETLOD_NONE,
-                                               .fields = series->fields, .ranges = (const double(*)[2])series->ranges};
+    series->info =
+        (struct tetlod_series_info){.step_count = time->step_count,
+                                    .band_count = time->band_count,
+                                    .field_count = time->field_count,
+                                    .displacement = time->displacement ? time->displacement - 1 : TETLOD_NONE,
+                                    .times = time->times,
+                                    .bands = time->bands,
+                                    .fields = series->fields,
+                                    .ranges = (const double(*)[2])series->ranges};
     return check_table(series, error);
 }
 

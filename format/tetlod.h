@@ -6,16 +6,48 @@
  * prefix of the stream. A reader (struct tetlod_file) gives the index; a cursor (struct tetlod_cursor) holds the mesh
  * of one level and moves to another by replaying or undoing refinement records, exactly both ways.
  *
+ * An example: the coarsest level within 1 % of the fields' ranges.
+ *
+ *     struct tetlod_file *file = NULL;
+ *     struct tetlod_cursor *cursor = NULL;
+ *     struct tetlod_mesh mesh = {0};
+ *     struct tetlod_error error = {TETLOD_OK, 0, ""};
+ *     enum tetlod_status status = tetlod_open_fd(&file, open(path, O_RDONLY), NULL, &error);
+ *     if (status == TETLOD_OK)
+ *         status = tetlod_cursor_new(&cursor, file, NULL, 0, &error);
+ *     const struct tetlod_info *info = status == TETLOD_OK ? tetlod_info(file) : NULL;
+ *     if (status == TETLOD_OK)
+ *         status = tetlod_cursor_seek(cursor, tetlod_level_for_error(info, 0.01, TETLOD_NONE, TETLOD_MAX), &error);
+ *     if (status == TETLOD_OK)
+ *         tetlod_cursor_mesh(cursor, &mesh); // mesh.vertices, positions, tets, corners, fields
+ *
+ * Ownership.
+ *
+ *     what                                  whose, and how long
+ *     file, cursor, feed, series            the caller's; tetlod_close and the like free each
+ *     source, bytes, descriptor of a file   borrowed until tetlod_close
+ *     file of a cursor, series, topology    borrowed until that is freed: close the file last
+ *     file of tetlod_feed_file              the feed's: do not close it
+ *     what tetlod_info gives                the file's, until it is closed
+ *     arrays of tetlod_cursor_mesh          the cursor's, until it moves
+ *     values of tetlod_step_values          the series', until its next step
+ *     arrays that a function fills          the caller's, before and after
+ *
+ * Caveats. A bound (TETLOD_MAX) is there for controlled fields; of others it is NaN, and a measured error may be known.
+ * A level's vertices have new numbers: an index means something within one level. Positions and values are doubles,
+ * whatever the original's type was. A stream that is cut off opens if its index is whole; the levels that are missing
+ * fail when they are asked for.
+ *
  * Conventions. Handles are opaque; every free accepts NULL. Fallible functions return enum tetlod_status and describe
  * a failure in the optional last argument. Nothing prints, exits or keeps global state. Ids and counts are 0-based.
  *
- * Threads. An open file does not change: any number of threads may use it, and cursors on it, at the same time, if its source's
- * `read` may be called by several at once (those of tetlod_open_memory and tetlod_open_fd may). A cursor is for one thread at a
- * time. So is a feed, together with its file and the cursors on that. With `threads` of struct tetlod_options above 1, a cursor
- * has helpers of its own while it decodes.
+ * Threads. An open file does not change: any number of threads may use it, and cursors on it, at the same time, if its
+ * source's `read` may be called by several at once (those of tetlod_open_memory and tetlod_open_fd may). A cursor is
+ * for one thread at a time. So is a feed, together with its file and the cursors on that. With `threads` of struct
+ * tetlod_options above 1, a cursor has helpers of its own while it decodes.
  *
- * Growing. Structs that the library fills have room for members to come, `reserved`, 0 until then. Those that a caller fills
- * begin with struct_size: members beyond it have their defaults.
+ * Growing. Structs that the library fills have room for members to come, `reserved`, 0 until then. Those that a caller
+ * fills begin with struct_size: members beyond it have their defaults.
  */
 #ifndef TETLOD_H
 #define TETLOD_H
@@ -94,6 +126,9 @@ enum tetlod_measure { TETLOD_MAX = 0, TETLOD_SAMPLED = 1, TETLOD_RMS = 2, TETLOD
 
 /* "max", "sampled", "rms", "predicted". */
 TETLOD_API const char *tetlod_measure_name(enum tetlod_measure measure);
+
+/* A field that bounds the error of another one has that one's name and this behind it. */
+#define TETLOD_BOUND_SUFFIX " bound"
 
 struct tetlod_field {
     const char *name; /* UTF-8 */

@@ -57,7 +57,8 @@ static void *help(void *argument)
 struct tetlodi_helpers *tetlodi_helpers_new(uint32_t count)
 {
     count = count < MOST_HELPERS ? count : MOST_HELPERS;
-    struct tetlodi_helpers *helpers = count ? calloc(1, sizeof *helpers + count * sizeof *helpers->threads) : NULL;
+    size_t size = sizeof(struct tetlodi_helpers) + count * sizeof(pthread_t);
+    struct tetlodi_helpers *helpers = count ? (struct tetlodi_helpers *)calloc(1, size) : NULL;
     if (!helpers)
         return NULL;
     pthread_mutex_init(&helpers->mutex, NULL);

@@ -9,23 +9,18 @@
 
 enum { TIME_HEAD = 16, FIELD_ROW = 24, BAND_ROW = 16, NUMBER = 8 };
 
-static void *zeroed(size_t count, size_t size)
-{
-    return calloc(count ? count : 1, size);
-}
-
 int tetlodi_time_allocate(struct tetlodi_time *time, uint32_t fields, uint32_t bands, uint32_t steps)
 {
     size_t rows = (size_t)fields * bands;
     *time = (struct tetlodi_time){.field_count = fields, .band_count = bands, .step_count = steps,
                                   .group_count = (steps + STEP_GROUP - 1) / STEP_GROUP};
-    time->fields = zeroed(fields, sizeof *time->fields);
-    time->bands = zeroed(bands, sizeof *time->bands);
-    time->quanta = zeroed(rows, sizeof *time->quanta);
-    time->times = zeroed(steps, sizeof *time->times);
-    time->entries = zeroed(rows * steps, sizeof *time->entries);
-    time->digests = zeroed(rows * time->group_count, sizeof *time->digests);
-    time->ends = zeroed(rows * time->group_count, sizeof *time->ends);
+    time->fields = calloc(fields + 1, sizeof *time->fields);
+    time->bands = calloc(bands + 1, sizeof *time->bands);
+    time->quanta = calloc(rows + 1, sizeof *time->quanta);
+    time->times = calloc(steps + 1, sizeof *time->times);
+    time->entries = calloc(rows * steps + 1, sizeof *time->entries);
+    time->digests = calloc(rows * time->group_count + 1, sizeof *time->digests);
+    time->ends = calloc(rows * time->group_count + 1, sizeof *time->ends);
     return time->fields && time->bands && time->quanta && time->times && time->entries && time->digests && time->ends;
 }
 

@@ -14,7 +14,7 @@ enum { TOPOLOGY_ENTRY = 32 }; /* bytes of the table for one, without its times *
 void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_t count, const uint8_t (*cids)[DIGEST_SIZE],
                                struct tetlodi_buffer *out)
 {
-    static const uint8_t none[DIGEST_SIZE];
+    static const uint8_t none[DIGEST_SIZE] = {0};
     tetlodi_put(out, count, 4);
     for (uint32_t t = 0; t < count; t++) {
         tetlodi_put(out, topologies[t].step_count, 4);

@@ -12,15 +12,14 @@
 
 #include "format/tetlod.h"
 
-#define BOUND_SUFFIX " bound"
-
 struct tetlodi_write_field {
     const char *name;
     uint32_t components;
     enum tetlod_type type; /* values below are exactly representable in it */
     int was_float64;       /* the original's type is float64 although `type`, float32, is enough for its values */
     int controlled;
-    int local_bound; /* it bounds, at every point of every level, the error of the field that has its name without BOUND_SUFFIX */
+    int local_bound; /* it bounds, at every point of every level, the error of the field that has its name without
+                        TETLOD_BOUND_SUFFIX */
     double range[2];
     const double *values;      /* [components * vertices], the original's in all levels; NULL: `exact` at the nearest k up to `most` */
     const double *node_values; /* [components * contractions], of the nodes that contractions made */

@@ -1,14 +1,35 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Building streams from arrays in memory: the public interface of libtetlod-build, with libtetlod's conventions (tetlod.h).
+ * Building streams from arrays in memory: the public interface of libtetlod-build, with libtetlod's conventions
+ * (tetlod.h).
  *
- * A solver passes its mesh and its fields and receives the bytes of the stream in order. The bytes are those that `tetlod build`
- * writes of the same mesh, with the same options and metadata. Nothing of the mesh is changed or kept.
+ * A solver passes its mesh and its fields and receives the bytes of the stream in order. The bytes are those that
+ * `tetlod build` writes of the same mesh, with the same options and metadata. Nothing of the mesh is changed or kept.
  *
  *     struct tetlod_build_array p = {.name = "p", .components = 1, .type = TETLOD_CELL_FLOAT64, .values = pressure};
- *     struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = n, .tets = m, .position_type = TETLOD_FLOAT64,
- *                                      .positions = xyz, .corners = tets, .field_count = 1, .fields = &p};
- *     status = tetlod_build(&mesh, NULL, write_bytes, file, &error);
+ *     struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = n, .tets = m};
+ *     struct tetlod_error error = {TETLOD_OK, 0, ""};
+ *     mesh.position_type = TETLOD_FLOAT64;
+ *     mesh.positions = xyz;
+ *     mesh.corners = tets;
+ *     mesh.field_count = 1;
+ *     mesh.fields = &p;
+ *     enum tetlod_status status = tetlod_build(&mesh, NULL, write_bytes, file, &error);
+ *     if (status != TETLOD_OK)
+ *         fprintf(stderr, "%s\n", error.message);
+ *
+ * Ownership.
+ *
+ *     what                                      whose, and how long
+ *     mesh, arrays, names                       borrowed for the call
+ *     options and their texts                   borrowed for the call; of a series until it is freed
+ *     bytes that `write` gets                   the library's, for that call
+ *     series                                    the caller's: tetlod_build_series_free
+ *
+ * Caveats. Set struct_size: it says how much of a struct the caller knows. Points that no tetrahedron uses are dropped.
+ * Values of points that are not finite are refused. 64 bit integers beyond 2^53 are refused. The memory of a build is
+ * about 115 bytes a tetrahedron beside the arrays, and their copy. Threads are the library's own, and end before the
+ * call does; the callbacks are called by the calling thread.
  */
 #ifndef TETLOD_BUILD_PUBLIC_H
 #define TETLOD_BUILD_PUBLIC_H

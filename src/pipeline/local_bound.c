@@ -24,10 +24,10 @@ static const double TIE = 1e-9;
 
 char *local_bound_name(const char *field)
 {
-    size_t size = strlen(field) + sizeof BOUND_SUFFIX;
+    size_t size = strlen(field) + sizeof TETLOD_BOUND_SUFFIX;
     char *name = array_new(size, 1);
     if (name)
-        snprintf(name, size, "%s%s", field, BOUND_SUFFIX);
+        snprintf(name, size, "%s%s", field, TETLOD_BOUND_SUFFIX);
     return name;
 }
 

@@ -236,8 +236,8 @@ static bool open_stream(struct attack *a)
 
 static bool is_local_bound(const char *name)
 {
-    size_t length = strlen(name), suffix = strlen(BOUND_SUFFIX);
-    return length > suffix && strcmp(name + length - suffix, BOUND_SUFFIX) == 0;
+    size_t length = strlen(name), suffix = strlen(TETLOD_BOUND_SUFFIX);
+    return length > suffix && strcmp(name + length - suffix, TETLOD_BOUND_SUFFIX) == 0;
 }
 
 /* Value `component` of a field of the stream at vertex v of the input; derived ones are worked out. */
