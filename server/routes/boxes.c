@@ -24,7 +24,7 @@ struct region_choice {
     struct cell_choice cells;
     uint32_t coarse, fine;
     size_t box_count;
-    struct region_box boxes[MOST_BOXES];
+    struct region_box boxes[MAX_BOXES];
 };
 
 static struct region region_of(const struct region_choice *choice)
@@ -34,26 +34,7 @@ static struct region region_of(const struct region_choice *choice)
 
 /* ---- boxes ---- */
 
-static bool parse_box(const char *text, size_t size, struct region_box *out)
-{
-    char one[200];
-    double numbers[6];
-    if (size >= sizeof one)
-        return false;
-    memcpy(one, text, size);
-    one[size] = 0;
-    if (!text_numbers(one, 6, numbers))
-        return false;
-    for (int i = 0; i < 3; i++) {
-        out->low[i] = numbers[i] + 0.0; // -0 is 0: one text for both
-        out->high[i] = numbers[i + 3] + 0.0;
-        if (out->low[i] > out->high[i])
-            return false;
-    }
-    return true;
-}
-
-bool parse_boxes(struct exchange *exchange, struct region_box out[static MOST_BOXES], size_t *out_count)
+bool parse_boxes(struct exchange *exchange, struct region_box out[static MAX_BOXES], size_t *out_count)
 {
     char text[1200];
     enum query_result result = query_value(exchange->query, "box", text, sizeof text);
@@ -63,13 +44,13 @@ bool parse_boxes(struct exchange *exchange, struct region_box out[static MOST_BO
     bool good = result == QUERY_FOUND;
     for (const char *at = text; good && at; ) {
         size_t size = strcspn(at, ";");
-        good = *out_count < MOST_BOXES && parse_box(at, size, &out[*out_count]);
+        good = *out_count < MAX_BOXES && selection_read_box(at, size, &out[*out_count]);
         ++*out_count;
         at = at[size] ? at + size + 1 : NULL;
     }
     if (!good)
         response_problem(exchange->response, 400, exchange->request->target,
-                         "box is x0,y0,z0,x1,y1,z1, the least corner first; up to %d boxes are separated by ';'", MOST_BOXES);
+                         "box is x0,y0,z0,x1,y1,z1, the least corner first; up to %d boxes are separated by ';'", MAX_BOXES);
     return good;
 }
 

@@ -13,23 +13,17 @@
 #include "server/routes/groups.h"
 #include "server/routes/handlers.h"
 #include "server/routes/mesh_formats.h"
+#include "src/stream/selection.h"
 #include "src/util/number_text.h"
 
-enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
-
-static const char *const budget_names[BUDGETS] = {"error", "abs_error", "level", "tets", "bytes"};
+static const char *const kind_names[] = {[TAKE_ERROR] = "error", [TAKE_ABS_ERROR] = "abs_error", [TAKE_LEVEL] = "level",
+                                         [TAKE_TETS] = "tets", [TAKE_BYTES] = "bytes"};
 
 struct choice {
-    enum budget budget;
-    char text[80];
-    double number;
-    uint64_t count;
-    uint32_t field; /* TETLOD_NONE: all controlled ones */
-    enum tetlod_measure measure;
+    struct selection selection; /* box_count 0: no box, or none that is finer */
+    char text[80];              /* the amount's */
     char format[16];
-    size_t box_count; /* 0: no box, or none that is finer */
     uint32_t box_level;
-    struct region_box boxes[MOST_BOXES];
     struct cell_choice cells;
 };
 
@@ -40,30 +34,11 @@ static const char *target_of(const struct exchange *exchange)
     return exchange->request->target;
 }
 
-static bool field_has(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
-{
-    return info->level_count && !isnan(info->levels[0].errors[field * TETLOD_MEASURES + measure]);
-}
-
-/* Whether the index knows a measure for the asked field, or for all that were controlled. */
-static bool measure_known(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
-{
-    if (field != TETLOD_NONE)
-        return field_has(info, field, measure);
-    bool any = false;
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        if (info->fields[f].controlled && !field_has(info, f, measure))
-            return false;
-        any |= info->fields[f].controlled != 0;
-    }
-    return any;
-}
-
 static json_t *known_measures(const struct tetlod_info *info, uint32_t field)
 {
     json_t *array = json_array();
     for (int m = 0; m < TETLOD_MEASURES; m++)
-        if (measure_known(info, field, (enum tetlod_measure)m))
+        if (selection_measured(info, field, (enum tetlod_measure)m))
             json_array_append_new(array, json_string(tetlod_measure_name((enum tetlod_measure)m)));
     return array;
 }
@@ -71,46 +46,51 @@ static json_t *known_measures(const struct tetlod_info *info, uint32_t field)
 static bool parse_budget(struct exchange *exchange, struct choice *choice)
 {
     int given = 0;
-    for (int b = 0; b < BUDGETS; b++) {
+    for (int kind = TAKE_ERROR; kind <= TAKE_BYTES; kind++) {
         char text[sizeof choice->text];
-        enum query_result result = query_value(exchange->query, budget_names[b], text, sizeof text);
+        enum query_result result = query_value(exchange->query, kind_names[kind], text, sizeof text);
         if (result == QUERY_BAD) {
             response_problem(exchange->response, 400, target_of(exchange),
-                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", budget_names[b]);
+                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", kind_names[kind]);
             return false;
         }
         if (result == QUERY_ABSENT)
             continue;
         given++;
-        choice->budget = (enum budget)b;
+        choice->selection.kind = (enum selection_kind)kind;
         memcpy(choice->text, text, sizeof text);
     }
     if (given == 1)
         return true;
-    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters", json_texts(budget_names, BUDGETS),
+    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters", json_texts(kind_names + TAKE_ERROR, TAKE_BYTES),
                              given ? "give one of error, abs_error, level, tets and bytes, once"
                                    : "say which mesh: error=0.01 or another of error, abs_error, level, tets and bytes");
     return false;
 }
 
+static bool parse_error(struct exchange *exchange, enum selection_kind kind, const char *name, const char *text, double *out)
+{
+    if (text_number(text, kind == TAKE_ERROR, out) && *out >= 0)
+        return true;
+    response_problem(exchange->response, 400, target_of(exchange), "%s is a finite number of at least 0, such as %s, not '%s'",
+                     name, kind == TAKE_ERROR ? "0.01 or 1%25" : "0.5", text);
+    return false;
+}
+
 static bool parse_amount(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
 {
-    const char *name = budget_names[choice->budget];
-    if (choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR) {
-        if (text_number(choice->text, choice->budget == BY_ERROR, &choice->number) && choice->number >= 0)
-            return true;
-        response_problem(exchange->response, 400, target_of(exchange), "%s is a finite number of at least 0, such as %s, not '%s'",
-                         name, choice->budget == BY_ERROR ? "0.01 or 1%25" : "0.5", choice->text);
-        return false;
-    }
-    if (choice->budget == BY_LEVEL) {
-        if (text_count(choice->text, false, &choice->count) && choice->count < info->level_count)
+    struct selection *selection = &choice->selection;
+    const char *name = kind_names[selection->kind];
+    if (selection->kind == TAKE_ERROR || selection->kind == TAKE_ABS_ERROR)
+        return parse_error(exchange, selection->kind, name, choice->text, &selection->error);
+    if (selection->kind == TAKE_LEVEL) {
+        if (text_count(choice->text, false, &selection->count) && selection->count < info->level_count)
             return true;
         response_problem(exchange->response, 400, target_of(exchange), "level is a whole number from 0 to %" PRIu32 ", not '%s'",
                          info->level_count - 1, choice->text);
         return false;
     }
-    if (text_count(choice->text, true, &choice->count))
+    if (text_count(choice->text, true, &selection->count))
         return true;
     response_problem(exchange->response, 400, target_of(exchange), "%s is a whole number such as 50000 or 4M, not '%s'", name,
                      choice->text);
@@ -121,29 +101,28 @@ static bool parse_field(struct exchange *exchange, const struct tetlod_info *inf
 {
     char name[256] = "";
     enum query_result result = query_form_value(exchange->query, "field", name, sizeof name);
-    choice->field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
+    choice->selection.field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
     query_value(exchange->query, "field", name, sizeof name);
     if (result == QUERY_FOUND && tetlod_field_index(info, name) != TETLOD_NONE)
-        choice->field = tetlod_field_index(info, name);
-    if (result == QUERY_ABSENT || choice->field != TETLOD_NONE)
+        choice->selection.field = tetlod_field_index(info, name);
+    if (result == QUERY_ABSENT || choice->selection.field != TETLOD_NONE)
         return true;
     response_problem_choices(exchange->response, 400, target_of(exchange), "fields", field_names(info),
                              "there is no field '%.128s'", result == QUERY_FOUND ? name : "");
     return false;
 }
 
-static bool parse_measure(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+/* `needed`: the index must have it. */
+static bool parse_measure(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice, bool needed)
 {
     char name[32] = "max";
-    int m = TETLOD_MEASURES;
+    enum tetlod_measure m = TETLOD_MEASURES;
     if (query_value(exchange->query, "measure", name, sizeof name) != QUERY_BAD)
-        for (m = 0; m < TETLOD_MEASURES && strcmp(name, tetlod_measure_name((enum tetlod_measure)m)) != 0; m++)
-            ;
-    choice->measure = (enum tetlod_measure)m;
-    bool needed = choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR;
-    if (m < TETLOD_MEASURES && (!needed || measure_known(info, choice->field, choice->measure)))
+        m = selection_measure(name);
+    choice->selection.measure = m;
+    if (m != TETLOD_MEASURES && (!needed || selection_measured(info, choice->selection.field, m)))
         return true;
-    json_t *measures = known_measures(info, choice->field);
+    json_t *measures = known_measures(info, choice->selection.field);
     char known[80] = "";
     for (size_t i = 0; i < json_array_size(measures); i++)
         snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "",
@@ -164,32 +143,16 @@ static bool parse_format(struct exchange *exchange, struct choice *choice, bool 
     return take_mesh_format(exchange, choice->format, from_mesh) != NULL;
 }
 
-static uint32_t choose_level(const struct tetlod_info *info, const struct choice *choice)
-{
-    switch (choice->budget) {
-    case BY_ERROR:
-        return tetlod_level_for_error(info, choice->number, choice->field, choice->measure);
-    case BY_ABS_ERROR:
-        return tetlod_level_for_abs_error(info, choice->number, choice->field, choice->measure);
-    case BY_TETS:
-        return tetlod_level_for_tets(info, choice->count);
-    case BY_BYTES:
-        return tetlod_level_for_bytes(info, choice->count);
-    default:
-        return (uint32_t)choice->count;
-    }
-}
-
 static void redirect(struct exchange *exchange, const struct dataset *dataset, const struct choice *choice, uint32_t level)
 {
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
     char boxes[BOXES_CAPACITY];
     const char *cells = choice->cells.any ? choice->cells.text : "";
-    if (choice->box_count && !print_boxes(exchange, choice->boxes, choice->box_count, boxes))
+    if (choice->selection.box_count && !print_boxes(exchange, choice->selection.boxes, choice->selection.box_count, boxes))
         return;
     response_static(response, 303, "text/plain; charset=utf-8", redirected);
-    if (choice->box_count) // from .../mesh
+    if (choice->selection.box_count) // from .../mesh
         response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,
                         choice->format, choice->box_level, boxes, choice->cells.any ? "&cells=" : "", cells);
     else
@@ -211,40 +174,42 @@ static bool ask_level(struct exchange *exchange, const struct dataset *dataset, 
 {
     const struct tetlod_info *info = dataset_info(dataset);
     if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) || !parse_field(exchange, info, choice) ||
-        !parse_measure(exchange, info, choice))
+        !parse_measure(exchange, info, choice, choice->selection.kind <= TAKE_ABS_ERROR))
         return false;
-    *out = choose_level(info, choice);
+    *out = selection_level(info, &choice->selection);
     if (*out != TETLOD_NONE)
         return true;
     respond_no_level(exchange, dataset, choice->text);
     return false;
 }
 
-/* Boxes, and the level in them, by the same field, measure and kind of error; false: answered. */
+/* Boxes, and the level in them; false: answered. */
 static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t level)
 {
+    struct selection *selection = &choice->selection;
     const struct tetlod_info *info = dataset_info(dataset);
-    struct choice fine = *choice;
-    fine.budget = choice->budget == BY_ABS_ERROR ? BY_ABS_ERROR : BY_ERROR;
-    snprintf(fine.text, sizeof fine.text, "0");
-    enum query_result result = query_value(exchange->query, "box_error", fine.text, sizeof fine.text);
-    if (!parse_boxes(exchange, choice->boxes, &choice->box_count))
+    bool absolute = selection->kind == TAKE_ABS_ERROR;
+    char text[sizeof choice->text] = "0";
+    enum query_result result = query_value(exchange->query, "box_error", text, sizeof text);
+    if (!parse_boxes(exchange, selection->boxes, &selection->box_count))
         return false;
-    if (result == QUERY_BAD || (result == QUERY_FOUND && !choice->box_count)) {
+    if (result == QUERY_BAD || (result == QUERY_FOUND && !selection->box_count)) {
         response_problem(exchange->response, 400, target_of(exchange), "box_error is one number, and goes with box");
         return false;
     }
-    if (!choice->box_count)
+    if (!selection->box_count)
         return true;
-    if (!parse_amount(exchange, info, &fine) || !parse_measure(exchange, info, &fine))
+    if (!parse_error(exchange, absolute ? TAKE_ABS_ERROR : TAKE_ERROR, "box_error", text, &selection->box_error))
         return false;
-    choice->box_level = choose_level(info, &fine);
+    if (!parse_measure(exchange, info, choice, true))
+        return false;
+    choice->box_level = selection_box_level(info, selection);
     if (choice->box_level == TETLOD_NONE) {
-        respond_no_level(exchange, dataset, fine.text);
+        respond_no_level(exchange, dataset, text);
         return false;
     }
     if (choice->box_level <= level)
-        choice->box_count = 0;
+        selection->box_count = 0;
     return true;
 }
 
@@ -272,7 +237,7 @@ static enum outcome answer_mesh(struct exchange *exchange, struct dataset *datas
     if (asked != QUERY_ABSENT)
         return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
     if (check_parameters(exchange) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.selection.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }

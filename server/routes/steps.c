@@ -11,6 +11,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "src/report/series_json.h"
+#include "src/stream/selection.h"
 #include "src/util/array.h"
 #include "src/util/number_text.h"
 
@@ -27,46 +28,45 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
 }
 
 /* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
-static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_choice *out)
+static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection, struct step_choice *out)
 {
     const struct tetlod_info *stream = dataset_info(whole);
     const struct tetlod_series_info *info = tetlod_series_info(dataset_series(whole));
-    uint32_t groups = stream->topology_count, count = series_step_count(stream, info);
+    uint32_t count = series_step_count(stream, info), number = 0;
+    uint64_t own;
     char time[80], step[24];
-    double moment;
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);
     enum query_result by_step = query_value(exchange->query, "step", step, sizeof step);
+    selection->by_time = by_time == QUERY_FOUND;
     if (by_time == QUERY_ABSENT && by_step == QUERY_FOUND) {
-        if (!take_number(exchange, step, "step", count, &out->step))
+        if (!take_number(exchange, step, "step", count, &number))
             return false;
-        out->dataset = dataset_topology(whole, groups ? tetlod_topology_of_step(stream, out->step, &out->step) : 0);
-        return true;
+    } else if (by_step != QUERY_ABSENT || by_time != QUERY_FOUND || !text_number(time, false, &selection->time)) {
+        print_number(time, sizeof time, info->times[info->step_count - 1]);
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "give one number, once: time=%s or step=%" PRIu32, time, count - 1);
+        return false;
     }
-    if (by_step == QUERY_ABSENT && by_time == QUERY_FOUND && text_number(time, false, &moment)) {
-        out->dataset = dataset_topology(whole, groups ? tetlod_topology_for_time(stream, moment) : 0);
-        out->step = tetlod_step_for_time(tetlod_series_info(dataset_series(out->dataset)), moment);
-        return true;
-    }
-    print_number(time, sizeof time, info->times[info->step_count - 1]);
-    response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%s or step=%" PRIu32, time, count - 1);
-    return false;
+    selection->step = number;
+    out->dataset = dataset_topology(whole, selection_topology(stream, selection, &own));
+    out->step = selection_step(tetlod_series_info(dataset_series(out->dataset)), selection, own);
+    return true;
 }
 
-static bool take_band(struct exchange *exchange, struct step_choice *out)
+static bool take_band(struct exchange *exchange, struct step_selection *selection, struct step_choice *out)
 {
     const struct tetlod_series_info *info = tetlod_series_info(dataset_series(out->dataset));
     char fraction[80], units[80];
-    double error;
     enum query_result by_fraction = query_value(exchange->query, "error", fraction, sizeof fraction);
     enum query_result by_units = query_value(exchange->query, "abs_error", units, sizeof units);
-    bool absolute = by_units == QUERY_FOUND;
+    bool absolute = selection->absolute = by_units == QUERY_FOUND;
     if (!((by_fraction == QUERY_FOUND && by_units == QUERY_ABSENT) || (absolute && by_fraction == QUERY_ABSENT)) ||
-        !text_number(absolute ? units : fraction, !absolute, &error) || error < 0) {
+        !text_number(absolute ? units : fraction, !absolute, &selection->error) || selection->error < 0) {
         response_problem(exchange->response, 400, exchange->request->target,
                          "a step goes with one of error=0.01 and abs_error=0.2, a number of at least 0");
         return false;
     }
-    out->band = absolute ? tetlod_band_for_abs_error(info, error) : tetlod_band_for_error(info, error);
+    out->band = selection_band(info, selection);
     if (out->band != TETLOD_NONE) {
         out->level = info->bands[out->band].level;
         return true;
@@ -79,11 +79,13 @@ static bool take_band(struct exchange *exchange, struct step_choice *out)
 
 enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names, struct step_choice *out)
 {
+    struct step_selection selection = {0};
     char text[2];
     *out = (struct step_choice){.any = true};
     if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
-    bool good = series_info(exchange, dataset) && check_parameters_of(exchange, names) && take_step(exchange, dataset, out) && take_band(exchange, out);
+    bool good = series_info(exchange, dataset) && check_parameters_of(exchange, names) &&
+                take_step(exchange, dataset, &selection, out) && take_band(exchange, &selection, out);
     return good ? QUERY_FOUND : QUERY_BAD;
 }
 

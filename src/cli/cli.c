@@ -18,6 +18,8 @@
 #include "format/fail.h"
 #include "format/utf8.h"
 #include "src/io/io.h"
+#include "src/stream/selection.h"
+#include "src/util/number_text.h"
 
 /* The one place that maps a status to an exit status. */
 static int exit_status(enum tetlod_status status)
@@ -109,10 +111,8 @@ int cli_option(const struct command *command, int argc, char **argv, const char 
 
 bool cli_parse_number(const struct command *command, const char *option, const char *text, double least, double *out)
 {
-    char *end;
-    errno = 0;
-    double value = strtod(text, &end);
-    if (end == text || *end || !isfinite(value) || !(value >= least)) {
+    double value;
+    if (!text_number(text, false, &value) || !(value >= least)) {
         cli_usage(command->name, "--%s takes a number of at least %g, not '%s'", option, least, text);
         return false;
     }
@@ -122,32 +122,20 @@ bool cli_parse_number(const struct command *command, const char *option, const c
 
 bool cli_parse_fraction(const struct command *command, const char *option, const char *text, double *out)
 {
-    char *end;
-    double value = strtod(text, &end);
-    double scale = end != text && strcmp(end, "%") == 0 ? 0.01 : 1;
-    if (end == text || (*end && scale == 1) || !isfinite(value) || value < 0) {
+    double value;
+    if (!text_number(text, true, &value) || value < 0) {
         cli_usage(command->name, "--%s takes a fraction of the range such as 0.01 or 1%%, not '%s'", option, text);
         return false;
     }
-    *out = value * scale;
+    *out = value;
     return true;
 }
 
 bool cli_parse_count(const struct command *command, const char *option, const char *text, uint64_t least, uint64_t most,
                      uint64_t *out)
 {
-    char *end;
-    errno = 0;
-    unsigned long long value = strtoull(text, &end, 10);
-    unsigned shift = 0;
-    if (most > UINT32_MAX && end != text && *end) {
-        const char *suffix = strchr("KMGT", *end);
-        shift = suffix && !end[1] ? 10 * (unsigned)(suffix - "KMGT" + 1) : 0;
-        end += shift ? 1 : 0;
-    }
-    bool whole = end != text && !*end && !errno && text[0] >= '0' && text[0] <= '9' && value <= (UINT64_MAX >> shift);
-    value <<= whole ? shift : 0;
-    if (!whole || value < least || value > most) {
+    uint64_t value;
+    if (!text_count(text, most > UINT32_MAX, &value) || value < least || value > most) {
         cli_usage(command->name, "--%s takes a whole number from %llu to %llu, not '%s'", option,
                   (unsigned long long)least, (unsigned long long)most, text);
         return false;
@@ -168,11 +156,9 @@ bool cli_parse_nan_fill(const struct command *command, const char *text, struct 
 
 bool cli_parse_measure(const struct command *command, const char *text, enum tetlod_measure *out)
 {
-    for (int m = 0; m < TETLOD_MEASURES; m++)
-        if (strcmp(text, tetlod_measure_name((enum tetlod_measure)m)) == 0) {
-            *out = (enum tetlod_measure)m;
-            return true;
-        }
+    *out = selection_measure(text);
+    if (*out != TETLOD_MEASURES)
+        return true;
     cli_usage(command->name, "--measure is one of max, sampled, rms, predicted, not '%s'", text);
     return false;
 }

@@ -13,7 +13,9 @@
 #include "src/cli/extract_step.h"
 #include "src/io/io.h"
 #include "src/level/level_mesh.h"
+#include "src/stream/selection.h"
 #include "src/util/file.h"
+#include "src/util/number_text.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
@@ -54,19 +56,11 @@ static const char help[] =
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
-enum choice { FINEST, BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES };
-
 struct request {
     const char *input, *output, *field;
-    enum choice choice;
-    double error;
-    uint64_t number;
-    enum tetlod_measure measure;
+    struct selection selection;
     bool original_order, quiet;
-    struct region_box boxes[MOST_BOXES];
-    size_t box_count;
-    double box_error;
-    struct step_choice step;
+    struct step_selection step;
     bool of_step;
 };
 
@@ -85,51 +79,31 @@ static enum tetlod_status find_field(const struct tetlod_info *info, const char 
     return tetlodi_fail(error, TETLOD_ERR_FIELD, "it has no field '%.60s'; it has %s", name, names);
 }
 
-static enum tetlod_status choose_by_error(const struct tetlod_info *info, const struct request *request, uint32_t *out,
-                                          struct tetlod_error *error)
+/* Why no level is within an error. */
+static enum tetlod_status fail_error(const struct tetlod_info *info, const struct selection *selection, double wanted,
+                                     struct tetlod_error *error)
 {
-    uint32_t field, finest = info->level_count - 1;
-    TETLOD_TRY(find_field(info, request->field, &field, error));
-    if (request->choice == BY_ABS_ERROR)
-        *out = tetlod_level_for_abs_error(info, request->error, field, request->measure);
-    else
-        *out = tetlod_level_for_error(info, request->error, field, request->measure);
-    if (*out != TETLOD_NONE)
-        return TETLOD_OK;
+    uint32_t finest = info->level_count - 1, field = selection->field;
     for (uint32_t f = 0; f < info->field_count; f++)
         if ((field == TETLOD_NONE ? info->fields[f].controlled : f == field) &&
-            isnan(info->levels[finest].errors[f * TETLOD_MEASURES + (uint32_t)request->measure]))
+            isnan(info->levels[finest].errors[f * TETLOD_MEASURES + (uint32_t)selection->measure]))
             return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                                 "its index has no '%s' error of %.60s; take --measure sampled or rms, or a field that it "
                                 "controls",
-                                tetlod_measure_name(request->measure), info->fields[f].name);
-    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", request->error);
+                                tetlod_measure_name(selection->measure), info->fields[f].name);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", wanted);
 }
 
-static enum tetlod_status choose(const struct tetlod_info *info, const struct request *request, uint32_t *out,
+static enum tetlod_status choose(const struct tetlod_info *info, const struct selection *selection, uint32_t *out,
                                  struct tetlod_error *error)
 {
-    *out = info->level_count - 1;
-    switch (request->choice) {
-    case FINEST:
+    *out = selection_level(info, selection);
+    if (*out != TETLOD_NONE)
         return TETLOD_OK;
-    case BY_ERROR:
-    case BY_ABS_ERROR:
-        return choose_by_error(info, request, out, error);
-    case BY_LEVEL:
-        if (request->number >= info->level_count)
-            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has no level %llu; its finest is %u",
-                                (unsigned long long)request->number, info->level_count - 1);
-        *out = (uint32_t)request->number;
-        return TETLOD_OK;
-    case BY_TETS:
-        *out = tetlod_level_for_tets(info, request->number);
-        return TETLOD_OK;
-    case BY_BYTES:
-        *out = tetlod_level_for_bytes(info, request->number);
-        return TETLOD_OK;
-    }
-    return TETLOD_OK;
+    if (selection->kind != TAKE_LEVEL)
+        return fail_error(info, selection, selection->error, error);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has no level %llu; its finest is %u",
+                        (unsigned long long)selection->count, info->level_count - 1);
 }
 
 /* Of a file that is cut off: the finest level that is there, or a refusal that says what is there. */
@@ -137,15 +111,15 @@ static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, co
                                       struct tetlod_error *error)
 {
     uint32_t here = cli_finest_here(info, fd);
-    TETLOD_TRY(choose(info, request, level, error));
-    if (request->box_count && here != TETLOD_NONE && here + 1 < info->level_count)
+    TETLOD_TRY(choose(info, &request->selection, level, error));
+    if (request->selection.box_count && here != TETLOD_NONE && here + 1 < info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
                             "against which it measures", here, info->level_count - 1);
     if (here != TETLOD_NONE && *level <= here)
         return TETLOD_OK;
     if (here == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off before the end of level 0");
-    if (request->choice != FINEST)
+    if (request->selection.kind != TAKE_FINEST)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, not level %u", here,
                             info->level_count - 1, *level);
     fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here, info->level_count - 1);
@@ -183,22 +157,15 @@ static enum tetlod_status extract_stream(const struct tetlod_file *file, const s
     return file_output_finish(output, status, error);
 }
 
-/* The level in the boxes: by the same field, measure and kind of error. */
-static enum tetlod_status choose_fine(const struct tetlod_info *info, const struct request *request, uint32_t *out,
-                                      struct tetlod_error *error)
-{
-    struct request fine = *request;
-    fine.choice = request->choice == BY_ABS_ERROR ? BY_ABS_ERROR : BY_ERROR;
-    fine.error = request->box_error;
-    return choose_by_error(info, &fine, out, error);
-}
-
 /* A level, or what is finer in boxes where they ask for a finer one: then `about` says what is promised of it. */
 static enum tetlod_status extract_boxes(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
                                         uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
 {
-    struct region region = {.coarse = level, .boxes = request->boxes, .box_count = request->box_count};
-    TETLOD_TRY(choose_fine(tetlod_info(file), request, &region.fine, error));
+    const struct selection *selection = &request->selection;
+    struct region region = {.coarse = level, .boxes = selection->boxes, .box_count = selection->box_count};
+    region.fine = selection_box_level(tetlod_info(file), selection);
+    if (region.fine == TETLOD_NONE)
+        return fail_error(tetlod_info(file), selection, selection->box_error, error);
     if (region.fine <= level)
         return TETLOD_MORE;
     return extract_region(file, &region, mesh, about, about_size, error);
@@ -211,7 +178,7 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     struct tetlod_cursor *cursor;
     if (request->of_step)
         return extract_step(file, &request->step, request->original_order, mesh, about, about_size, error);
-    if (request->box_count) {
+    if (request->selection.box_count) {
         enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
             return made;
@@ -234,7 +201,7 @@ static bool is_stream(const char *path)
     return length > ending && strcasecmp(path + length - ending, ".tetlod") == 0;
 }
 
-static int extract(const struct request *request)
+static int extract(struct request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
     struct tetlod_file *file;
@@ -247,7 +214,9 @@ static int extract(const struct request *request)
     if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
-    enum tetlod_status status = request->of_step ? TETLOD_OK : choose_here(info, fd, request, &level, &inner);
+    enum tetlod_status status = find_field(info, request->field, &request->selection.field, &inner);
+    if (status == TETLOD_OK && !request->of_step)
+        status = choose_here(info, fd, request, &level, &inner);
     if (status == TETLOD_OK && !is_stream(request->output))
         status = extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
     if (status == TETLOD_OK)
@@ -275,27 +244,13 @@ static int extract(const struct request *request)
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
-static bool parse_box(struct request *request, const char *value)
+static bool parse_box(struct selection *selection, const char *value)
 {
-    double numbers[6];
-    const char *at = value;
-    bool good = request->box_count < MOST_BOXES;
-    for (int i = 0; i < 6 && good; i++) {
-        char *end;
-        numbers[i] = strtod(at, &end);
-        good = end != at && isfinite(numbers[i]) && *end == (i < 5 ? ',' : 0);
-        at = end + 1;
-    }
-    for (int i = 0; i < 3 && good; i++)
-        good = numbers[i] <= numbers[i + 3];
-    if (!good) {
-        cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'", MOST_BOXES, value);
-        return false;
-    }
-    struct region_box *box = &request->boxes[request->box_count++];
-    memcpy(box->low, numbers, sizeof box->low);
-    memcpy(box->high, numbers + 3, sizeof box->high);
-    return true;
+    if (selection->box_count < MAX_BOXES &&
+        selection_read_box(value, strlen(value), &selection->boxes[selection->box_count++]))
+        return true;
+    cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'", MAX_BOXES, value);
+    return false;
 }
 
 static bool parse_step(struct request *request, int option, const char *value)
@@ -307,9 +262,7 @@ static bool parse_step(struct request *request, int option, const char *value)
         cli_usage("extract", "--time or --step: one step can be chosen");
         return false;
     }
-    char *end;
-    request->step.time = strtod(value, &end);
-    if (option == 'T' && (end == value || *end || !isfinite(request->step.time))) {
+    if (option == 'T' && !text_number(value, false, &request->step.time)) {
         cli_usage("extract", "--time takes a number, not '%s'", value);
         return false;
     }
@@ -319,34 +272,34 @@ static bool parse_step(struct request *request, int option, const char *value)
 /* What does not go with a step. */
 static const char *against_step(const struct request *request)
 {
-    if (request->choice != FINEST && request->choice != BY_ERROR && request->choice != BY_ABS_ERROR)
+    if (request->selection.kind != TAKE_FINEST && request->selection.kind != TAKE_ERROR && request->selection.kind != TAKE_ABS_ERROR)
         return "--level, --tets or --bytes: a step is there within errors; take --error";
-    if (request->box_count)
+    if (request->selection.box_count)
         return "--box";
-    if (request->field || request->measure != TETLOD_MAX)
+    if (request->field || request->selection.measure != TETLOD_MAX)
         return "--field or --measure: its error is certified for every field";
     return is_stream(request->output) ? "a stream as output: it holds all steps" : NULL;
 }
 
-static bool parse_choice(struct request *request, int option, const char *name, const char *value)
+static bool parse_choice(struct selection *selection, int option, const char *name, const char *value)
 {
     static const struct {
         int option;
-        enum choice choice;
-    } choices[] = {{'e', BY_ERROR}, {'a', BY_ABS_ERROR}, {'k', BY_LEVEL}, {'t', BY_TETS}, {'b', BY_BYTES}};
-    if (request->choice != FINEST) {
+        enum selection_kind kind;
+    } kinds[] = {{'e', TAKE_ERROR}, {'a', TAKE_ABS_ERROR}, {'k', TAKE_LEVEL}, {'t', TAKE_TETS}, {'b', TAKE_BYTES}};
+    if (selection->kind != TAKE_FINEST) {
         cli_usage("extract", "--%s: one of --error, --abs-error, --level, --tets, --bytes is enough", name);
         return false;
     }
-    for (size_t i = 0; i < sizeof choices / sizeof *choices; i++)
-        if (choices[i].option == option)
-            request->choice = choices[i].choice;
-    if (request->choice == BY_ERROR)
-        return cli_parse_fraction(&command_extract, name, value, &request->error);
-    if (request->choice == BY_ABS_ERROR)
-        return cli_parse_number(&command_extract, name, value, 0, &request->error);
-    return cli_parse_count(&command_extract, name, value, 0, request->choice == BY_BYTES ? UINT64_MAX : UINT32_MAX,
-                           &request->number);
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
+        if (kinds[i].option == option)
+            selection->kind = kinds[i].kind;
+    if (selection->kind == TAKE_ERROR)
+        return cli_parse_fraction(&command_extract, name, value, &selection->error);
+    if (selection->kind == TAKE_ABS_ERROR)
+        return cli_parse_number(&command_extract, name, value, 0, &selection->error);
+    return cli_parse_count(&command_extract, name, value, 0, selection->kind == TAKE_BYTES ? UINT64_MAX : UINT32_MAX,
+                           &selection->count);
 }
 
 static int run(int argc, char **argv)
@@ -361,7 +314,8 @@ static int run(int argc, char **argv)
         {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
         {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
-    struct request request = {.measure = TETLOD_MAX};
+    struct request request = {.selection.measure = TETLOD_MAX};
+    struct selection *selection = &request.selection;
     const char *box_error = NULL;
     for (int option; (option = cli_option(&command_extract, argc, argv, "o:", options)) != -1;) {
         bool good = option != '?';
@@ -374,15 +328,15 @@ static int run(int argc, char **argv)
         else if (option == 'T' || option == 'S')
             good = parse_step(&request, option, optarg);
         else if (option == 'B')
-            good = parse_box(&request, optarg);
+            good = parse_box(selection, optarg);
         else if (option == 'E')
             box_error = optarg;
         else if (option == 'O')
             request.original_order = true;
         else if (option == 'm')
-            good = cli_parse_measure(&command_extract, optarg, &request.measure);
+            good = cli_parse_measure(&command_extract, optarg, &selection->measure);
         else if (good)
-            good = parse_choice(&request, option, names[option], optarg);
+            good = parse_choice(selection, option, names[option], optarg);
         if (!good)
             return EXIT_USAGE;
     }
@@ -390,23 +344,24 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!request.output)
         return cli_usage("extract", "-o OUT is missing");
-    if (box_error && !(request.choice == BY_ABS_ERROR ? cli_parse_number(&command_extract, "box-error", box_error, 0, &request.box_error)
-                                                      : cli_parse_fraction(&command_extract, "box-error", box_error, &request.box_error)))
+    bool absolute = selection->kind == TAKE_ABS_ERROR;
+    if (box_error && !(absolute ? cli_parse_number(&command_extract, "box-error", box_error, 0, &selection->box_error)
+                                : cli_parse_fraction(&command_extract, "box-error", box_error, &selection->box_error)))
         return EXIT_USAGE;
-    if (box_error && !request.box_count)
+    if (box_error && !selection->box_count)
         return cli_usage("extract", "--box-error needs a --box");
-    if (request.box_count && request.choice == FINEST)
+    if (selection->box_count && selection->kind == TAKE_FINEST)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
-    if (request.original_order && request.choice != FINEST)
+    if (request.original_order && selection->kind != TAKE_FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
     if (request.of_step && against_step(&request))
         return cli_usage("extract", "--time and --step do not go with %s", against_step(&request));
-    request.step.error = request.choice == FINEST ? 0 : request.error;
-    request.step.absolute = request.choice == BY_ABS_ERROR;
+    request.step.error = selection->kind == TAKE_FINEST ? 0 : selection->error;
+    request.step.absolute = absolute;
     request.input = argv[optind];
     if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;
-    if (request.box_count && is_stream(request.output))
+    if (selection->box_count && is_stream(request.output))
         return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
     if (request.original_order && is_stream(request.output))
         return cli_usage("extract", "--original-order is for a mesh file; a stream keeps the order that it has");

@@ -11,14 +11,16 @@
 #include "src/report/promise.h"
 #include "src/report/series_json.h"
 
-static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
-                                      struct tetlod_error *error)
+struct step_choice {
+    const struct step_selection *selection;
+    uint64_t step;          /* in its topology group */
+    uint32_t before, total; /* steps of the topology groups before, and of all of them; 0: there is one mesh */
+};
+
+static enum tetlod_status fail_step(uint32_t count, uint64_t step, struct tetlod_error *error)
 {
-    *step = choice->by_time ? tetlod_step_for_time(info, choice->time) : (uint32_t)choice->step;
-    if (choice->by_time || choice->step < info->step_count)
-        return TETLOD_OK;
-    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", info->step_count, info->step_count - 1,
-                        (unsigned long long)choice->step);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", count, count - 1,
+                        (unsigned long long)step);
 }
 
 static void describe(const struct tetlod_series *series, const struct tetlod_info *info, const struct step_choice *choice, uint32_t band,
@@ -50,10 +52,12 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
 {
     const struct tetlod_info *info = tetlod_info(file);
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    uint32_t step, band = choice->absolute ? tetlod_band_for_abs_error(steps, choice->error) : tetlod_band_for_error(steps, choice->error);
+    uint32_t band = selection_band(steps, choice->selection);
+    uint32_t step = selection_step(steps, choice->selection, choice->step);
     if (band == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g", choice->error);
-    TETLOD_TRY(choose_step(steps, choice, &step, error));
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g", choice->selection->error);
+    if (step == TETLOD_NONE)
+        return fail_step(steps->step_count, choice->step, error);
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, choice, band, step, about, about_size);
@@ -61,32 +65,9 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
 }
 
-/* Of a step in one of several topology groups. */
-static enum tetlod_status extract_from(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,
-                                       char *about, size_t about_size, struct tetlod_error *error)
+static enum tetlod_status extract_from(struct tetlod_file *file, const struct step_choice *choice, bool original_order,
+                                       struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
-    const struct tetlod_info *info = tetlod_info(file);
-    struct step_choice own = *choice;
-    struct tetlod_file *part;
-    uint32_t step = 0, topology = choice->by_time ? tetlod_topology_for_time(info, choice->time)
-                                                  : choice->step > UINT32_MAX ? TETLOD_NONE : tetlod_topology_of_step(info, (uint32_t)choice->step, &step);
-    own.before = series_steps_before(info, topology);
-    own.total = series_steps_before(info, info->topology_count);
-    if (topology == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", own.total, own.total - 1,
-                            (unsigned long long)choice->step);
-    own.step = step;
-    TETLOD_TRY(tetlod_open_topology(&part, file, topology, error));
-    enum tetlod_status status = extract_step(part, &own, original_order, out, about, about_size, error);
-    tetlod_close(part);
-    return status;
-}
-
-enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,
-                                char *about, size_t about_size, struct tetlod_error *error)
-{
-    if (tetlod_info(file)->topology_count && !choice->total)
-        return extract_from(file, choice, original_order, out, about, about_size, error);
     static const uint32_t none[1] = {0};
     struct tetlod_series *series = NULL;
     struct tetlod_cursor *cursor = NULL;
@@ -103,5 +84,24 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choi
     tetlod_series_free(series);
     if (status != TETLOD_OK)
         tetmesh_fini(out);
+    return status;
+}
+
+enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection, bool original_order,
+                                struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct step_choice choice = {.selection = selection};
+    struct tetlod_file *part;
+    uint32_t topology = selection_topology(info, selection, &choice.step);
+    if (!info->topology_count)
+        return extract_from(file, &choice, original_order, out, about, about_size, error);
+    choice.total = series_steps_before(info, info->topology_count);
+    if (topology == TETLOD_NONE)
+        return fail_step(choice.total, selection->step, error);
+    choice.before = series_steps_before(info, topology);
+    TETLOD_TRY(tetlod_open_topology(&part, file, topology, error));
+    enum tetlod_status status = extract_from(part, &choice, original_order, out, about, about_size, error);
+    tetlod_close(part);
     return status;
 }
