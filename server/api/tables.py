@@ -58,6 +58,10 @@ PARAMETERS = {
     'topology': parameter('query',
                           'Describes this topology group of a series whose mesh changes: its levels, times and '
                           'bands. Without it, and for 0, the whole stream', COUNT, example=0),
+    'q': parameter('query', "The question, as `tetlod help ask` says", {'type': 'string', 'maxLength': 511}, required=True,
+                   example='mean(Pressure)'),
+    'within': parameter('query', "How wide the interval may be, in the answer's units; or a percentage of the field's "
+                        'range (of the volume; of the volume times the range)', {'type': 'string', 'default': '1%'}),
     'level': parameter('path', 'A level; 0 is the coarsest', COUNT, example=0),
     'from': parameter('path', 'The coarser level', COUNT, example=0),
     'to': parameter('path', 'The finer level', COUNT, example=1),
@@ -178,6 +182,11 @@ SCHEMAS = {
     'Catalogue': record({'meshes': several(record({'id': TEXT, 'cid': TEXT, 'vertices': COUNT, 'tets': COUNT,
                                                'bytes': COUNT, 'levels': COUNT, 'fields': several(TEXT),
                                                'links': record({'self': TEXT})}))}),
+    'Answer': record({'question': TEXT, 'lower': NUMBER, 'upper': NUMBER, 'unit': TEXT,
+                      'bound': {'enum': ['exact', 'certified']},
+                      'answer?': about('Of a question with a comparison', {'enum': ['yes', 'no', 'unknown']}),
+                      'level?': about('That answered; without it what lies before the levels did', COUNT),
+                      'tets?': COUNT, 'bytes': about('That such a client reads', COUNT), 'of_bytes': COUNT}),
     'Stream': record({'id': TEXT, 'cid': {'type': 'string', 'pattern': '^[0-9a-f]{32}$'}, 'vertices': COUNT,
                       'tets': COUNT, 'bytes': COUNT, 'bounds': several(several(NUMBER, 3), 2), 'lossless': FLAG,
                       'degenerate_tets': COUNT, 'inverted_tets': COUNT, 'unused_points': COUNT,
@@ -259,6 +268,8 @@ ANSWERS = {
                         'NotModified BadRequest'),
     'stream_info': answer("The stream's index", ref('Stream'), ['ETag', 'Accept-Ranges', 'Server-Timing'],
                           'NotModified BadRequest NotFound'),
+    'ask': answer('An interval that holds the answer', ref('Answer'), ['ETag', 'Accept-Ranges', 'Server-Timing'],
+                  'NotModified BadRequest NotFound TooLarge'),
     'choice': answer('The level that was chosen', ['text/plain'], ['Location'] + MESH + ['Tetlod-Uncontrolled'] + STEP,
                      'BadRequest NotFound TooFine', status='303'),
     'prefix': answer('Header, index, and the frames of levels 0 to the chosen one. With `time` or `step`: header, '

@@ -9,6 +9,7 @@
 
 #include "server/http/params.h"
 #include "src/util/clock.h"
+#include "src/util/hash.h"
 
 enum { TOKEN_CAPACITY = 256, COOKIE_NAME = 32 };
 
@@ -67,11 +68,11 @@ static enum token bearer_token(const struct request *request, const char *token)
 static void print_cookie_name(const struct exchange *exchange, char out[static COOKIE_NAME])
 {
     const char *parts[] = {request_header(exchange->request, "Host"), exchange->site->base_path};
-    uint32_t hash = 2166136261u; // FNV-1a
+    uint64_t hash = HASH_START;
     for (size_t i = 0; i < 2; i++)
         for (const char *c = parts[i] ? parts[i] : ""; *c; c++)
-            hash = (hash ^ (unsigned char)tolower((unsigned char)*c)) * 16777619u;
-    snprintf(out, COOKIE_NAME, "tetlod_token_%08" PRIx32 "=", hash);
+            hash = hash_byte(hash, (unsigned char)tolower((unsigned char)*c));
+    snprintf(out, COOKIE_NAME, "tetlod_token_%08" PRIx32 "=", hash_folded(hash));
 }
 
 static enum token cookie_token(const struct exchange *exchange, const char *token)

@@ -9,31 +9,11 @@
 #include "server/http/conditions.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
+#include "server/jobs/json_body.h"
 #include "server/jobs/obtain.h"
 #include "server/routes/handlers.h"
 #include "server/routes/stream_json.h"
-#include "src/report/info_json.h"
 #include "src/util/array.h"
-#include "src/util/clock.h"
-
-/* Makes a cached JSON answer: prints, encodes. Takes over the object. */
-static enum tetlod_status json_body(json_t *object, enum coding coding, struct cache_value *out, struct tetlod_error *error)
-{
-    struct buffer buffer = {0};
-    double started = monotonic_seconds();
-    char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
-    enum tetlod_status status = TETLOD_OK;
-    json_decref(object);
-    if (!text || buffer_append(&buffer, text, strlen(text)) != TETLOD_OK || buffer_append(&buffer, "\n", 1) != TETLOD_OK)
-        status = tetlodi_fail_nomem(error, "an answer", 0);
-    free(text);
-    if (status == TETLOD_OK)
-        status = buffer_encode(&buffer, coding, error);
-    if (status == TETLOD_OK)
-        status = body_take(&buffer, started, started, out, error);
-    buffer_fini(&buffer);
-    return status;
-}
 
 struct info_context {
     struct dataset *dataset;

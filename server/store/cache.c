@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "src/util/array.h"
+#include "src/util/hash.h"
 
 enum { BUCKETS = 1024, ENTRY_BYTES = 256 /* what an entry takes beside its value */ };
 
@@ -49,10 +50,7 @@ struct cache *cache_new(uint64_t capacity)
 
 static size_t bucket_of(const char *key)
 {
-    uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    for (; *key; key++)
-        hash = (hash ^ (unsigned char)*key) * 0x100000001b3u;
-    return (size_t)(hash ^ hash >> 32) % BUCKETS;
+    return hash_folded(hash_text(HASH_START, key)) % BUCKETS;
 }
 
 static void free_dead(struct cache_entry *entry)

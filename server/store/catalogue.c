@@ -18,6 +18,7 @@
 #include "format/utf8.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
+#include "src/util/hash.h"
 #include "src/util/utf8_clean.h"
 
 static const char suffix[] = ".tetlod";
@@ -407,18 +408,15 @@ static enum tetlod_status take_path(struct scan *scan, const char *path, struct 
     return keep_folder(scan, path, errno, error);
 }
 
-/* FNV-1a */
+/* With its end, so that two texts are not one. */
 static uint64_t digest_text(uint64_t hash, const char *text)
 {
-    do
-        hash = (hash ^ (unsigned char)*text) * 0x100000001b3u;
-    while (*text++);
-    return hash;
+    return hash_byte(hash_text(hash, text), 0);
 }
 
 static uint64_t digest_of(const struct table *table)
 {
-    uint64_t hash = 0xcbf29ce484222325u;
+    uint64_t hash = HASH_START;
     for (size_t i = 0; i < table->count; i++)
         if (table->entries[i].dataset)
             hash = digest_text(digest_text(hash, table->entries[i].id), dataset_info(table->entries[i].dataset)->cid);

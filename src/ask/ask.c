@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "format/summary.h"
@@ -20,10 +21,22 @@ struct asking {
     struct tetlodi_summary summary;  /* empty: the stream has none */
 };
 
-static enum tetlod_status find_field(struct asking *asking, struct tetlod_error *error)
+bool ask_parse_within(const char *text, struct ask_options *out)
 {
-    const struct ask_quantity *quantity = &asking->question->quantity;
-    const struct tetlod_info *info = asking->info;
+    char *end;
+    double width = strtod(text, &end);
+    bool relative = end != text && strcmp(end, "%") == 0;
+    if (end == text || (*end && !relative) || !isfinite(width) || width < 0)
+        return false;
+    out->width = width * (relative ? 0.01 : 1);
+    out->relative = relative;
+    return true;
+}
+
+enum tetlod_status ask_check(const struct tetlod_info *info, const struct ask_question *question,
+                             struct tetlod_error *error)
+{
+    const struct ask_quantity *quantity = &question->quantity;
     if (!quantity->name[0])
         return TETLOD_OK;
     uint32_t field = tetlod_field_index(info, quantity->name);
@@ -37,8 +50,17 @@ static enum tetlod_status find_field(struct asking *asking, struct tetlod_error 
                             quantity->name, components, quantity->name, quantity->name);
     if (quantity->component >= (int)components)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "%.100s has the components 0 to %u, not %d", quantity->name,
-                            components - 1,
-                            quantity->component);
+                            components - 1, quantity->component);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status find_field(struct asking *asking, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = asking->info;
+    TETLOD_TRY(ask_check(info, asking->question, error));
+    if (!asking->question->quantity.name[0])
+        return TETLOD_OK;
+    uint32_t field = tetlod_field_index(info, asking->question->quantity.name);
     asking->fields[asking->field_count++] = field;
     for (uint32_t f = 0; f < info->field_count; f++)
         if (info->fields[f].bounds == field && asking->field_count < 2)
@@ -164,12 +186,12 @@ static double scale_of(const struct asking *asking, double volume)
     }
 }
 
-static bool is_enough(const struct asking *asking, const struct ask_within *within, double volume,
+static bool is_enough(const struct asking *asking, const struct ask_options *options, double volume,
                       const struct ask_interval *interval)
 {
     if (asking->question->compare != ASK_NO_LIMIT)
         return ask_decide(asking->question, interval) >= 0;
-    return interval->upper - interval->lower <= within->width * (within->relative ? scale_of(asking, volume) : 1);
+    return interval->upper - interval->lower <= options->width * (options->relative ? scale_of(asking, volume) : 1);
 }
 
 /* The volume of what is asked about, at a level whose domain is the original's. */
@@ -198,7 +220,7 @@ static bool is_linear(const struct ask_question *question)
 }
 
 static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor,
-                                     const struct ask_within *within,
+                                     const struct ask_options *options,
                                      struct ask_result *out, struct tetlod_error *error)
 {
     double volume = -1;
@@ -206,13 +228,15 @@ static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_
         double bound = error_of_level(asking, level);
         if (isinf(bound))
             continue;
+        if (options->wanted && !options->wanted(options->opaque))
+            return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
         TETLOD_TRY(tetlod_cursor_seek(cursor, level, error));
         if (volume < 0)
             TETLOD_TRY(measure_volume(asking, cursor, &volume, error));
         TETLOD_TRY(answer(asking, cursor, bound, &out->interval, error));
         out->level = level;
         out->exact = bound == 0 && swept_at(asking, level) == 0 && is_linear(asking->question);
-        if (is_enough(asking, within, volume, &out->interval))
+        if (is_enough(asking, options, volume, &out->interval))
             break;
     }
     return TETLOD_OK;
@@ -271,20 +295,21 @@ static bool find_before_levels(const struct asking *asking, struct ask_result *o
     return field->components == 1;
 }
 
-static enum tetlod_status ask_of_levels(struct asking *asking, const struct ask_within *within, struct ask_result *out,
+static enum tetlod_status ask_of_levels(struct asking *asking, const struct ask_options *options,
+                                        struct ask_result *out,
                                         struct tetlod_error *error)
 {
     struct tetlod_cursor *cursor;
     TETLOD_TRY(check_levels(asking, error));
     TETLOD_TRY(load_regions(asking, error));
     TETLOD_TRY(tetlod_cursor_new(&cursor, asking->file, asking->fields, asking->field_count, error));
-    enum tetlod_status status = ask_levels(asking, cursor, within, out, error);
+    enum tetlod_status status = ask_levels(asking, cursor, options, out, error);
     tetlod_cursor_free(cursor);
     return status == TETLOD_OK ? count_bytes(asking, out->level, &out->bytes, error) : status;
 }
 
 enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const struct ask_question *question,
-                              const struct ask_within *within, struct ask_result *out, struct tetlod_error *error)
+                              const struct ask_options *options, struct ask_result *out, struct tetlod_error *error)
 {
     struct asking asking = {.file = file, .info = tetlod_info(file), .question = question, .finest = finest};
     *out = (struct ask_result){.level = TETLOD_NONE};
@@ -292,7 +317,7 @@ enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const s
     if (status == TETLOD_OK)
         status = tetlodi_summary_read(file, &asking.summary, error);
     if (status == TETLOD_OK && !find_before_levels(&asking, out))
-        status = ask_of_levels(&asking, within, out, error);
+        status = ask_of_levels(&asking, options, out, error);
     tetlodi_summary_fini(&asking.summary);
     free(asking.regions);
     return status;

@@ -7,10 +7,19 @@
 
 /* How wide an answer may be: in its own units, or relative to what it can be at most: the field's range, the volume, or
  * both. */
-struct ask_within {
+struct ask_options {
     double width;
     bool relative;
+    bool (*wanted)(void *opaque); /* asked before each level: false ends it with ERR_CANCELLED; may be NULL */
+    void *opaque;
 };
+
+/* Reads a width, 0.5 or 1%; false if the text is none. */
+bool ask_parse_within(const char *text, struct ask_options *out);
+
+/* Does the stream have the field, and the component, that is asked about? ERR_FIELD. */
+TETLOD_CHECKED enum tetlod_status ask_check(const struct tetlod_info *info, const struct ask_question *question,
+                                            struct tetlod_error *error);
 
 struct ask_result {
     struct ask_interval interval;
@@ -25,7 +34,7 @@ struct ask_result {
  * ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
 TETLOD_CHECKED enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest,
                                              const struct ask_question *question,
-                                             const struct ask_within *within, struct ask_result *out,
+                                             const struct ask_options *options, struct ask_result *out,
                                              struct tetlod_error *error);
 
 #endif

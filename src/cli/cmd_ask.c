@@ -2,14 +2,13 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "src/ask/ask.h"
 #include "src/cli/cli.h"
 #include "src/cli/print_json.h"
 #include "src/level/metadata.h"
+#include "src/report/ask_json.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
@@ -34,29 +33,6 @@ static const char help[] =
     "\n"
     "Exit status: 0 answered, or yes; 4 no; 5 unknown even at the finest level.\n";
 
-/* What is asked about has the field's unit, unless it is a volume or an integral. */
-static const char *unit_of(const json_t *metadata, const struct ask_question *question)
-{
-    bool of_field = question->function != ASK_VOLUME && question->function != ASK_INTEGRAL;
-    return of_field ? metadata_unit(metadata, question->quantity.name) : "";
-}
-
-static int print_as_json(const struct tetlod_info *info, const char *text, const char *unit, const char *verdict,
-                         const struct ask_result *result)
-{
-    json_t *object = json_pack("{s:s, s:f, s:f, s:s, s:s, s:I, s:I}", "question", text,
-                               "lower", result->interval.lower, "upper", result->interval.upper, "unit", unit,
-                               "bound", result->exact ? "exact" : "certified",
-                               "bytes", (json_int_t)result->bytes, "of_bytes", (json_int_t)info->bytes);
-    if (object && result->level != TETLOD_NONE) {
-        json_object_set_new(object, "level", json_integer(result->level));
-        json_object_set_new(object, "tets", json_integer(info->levels[result->level].tets));
-    }
-    if (verdict && object)
-        json_object_set_new(object, "answer", json_string(verdict));
-    return cli_print_json(object);
-}
-
 /* Nine digits, rounded outwards. */
 static int print_as_text(const struct tetlod_info *info, const char *unit, const char *verdict,
                          const struct ask_result *result)
@@ -78,19 +54,20 @@ static int print_as_text(const struct tetlod_info *info, const char *unit, const
 static int print_answer(const struct tetlod_info *info, const char *text, const struct ask_question *question,
                         const struct ask_result *result, bool json)
 {
-    static const char *const verdicts[] = {"unknown", "no", "yes"};
     static const int statuses[] = {EXIT_UNDECIDED, EXIT_NO, EXIT_DONE};
+    int status;
+    if (json) {
+        status = cli_print_json(ask_json(info, text, question, result));
+    } else {
+        json_t *metadata = metadata_json(info);
+        status = print_as_text(info, ask_unit(metadata, question), ask_verdict(question, &result->interval), result);
+        json_decref(metadata);
+    }
     bool predicate = question->compare != ASK_NO_LIMIT;
-    int which = ask_decide(question, &result->interval) + 1;
-    const char *verdict = predicate ? verdicts[which] : NULL;
-    json_t *metadata = metadata_json(info);
-    const char *unit = unit_of(metadata, question);
-    int status = json ? print_as_json(info, text, unit, verdict, result) : print_as_text(info, unit, verdict, result);
-    json_decref(metadata);
-    return predicate && status == EXIT_DONE ? statuses[which] : status;
+    return predicate && status == EXIT_DONE ? statuses[ask_decide(question, &result->interval) + 1] : status;
 }
 
-static int ask(const char *path, const char *text, const struct ask_within *within, bool json)
+static int ask(const char *path, const char *text, const struct ask_options *options, bool json)
 {
     struct tetlod_error error = {0}, inner = {0};
     struct ask_question question;
@@ -101,7 +78,7 @@ static int ask(const char *path, const char *text, const struct ask_within *with
         return cli_fail(&error);
     if (cli_open_stream(path, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
-    enum tetlod_status status = ask_stream(file, cli_finest_here(tetlod_info(file), fd), &question, within, &result,
+    enum tetlod_status status = ask_stream(file, cli_finest_here(tetlod_info(file), fd), &question, options, &result,
                                            &inner);
     if (status == TETLOD_OK) {
         exit = print_answer(tetlod_info(file), text, &question, &result, json);
@@ -114,31 +91,19 @@ static int ask(const char *path, const char *text, const struct ask_within *with
     return exit;
 }
 
-static bool parse_within(const char *text, struct ask_within *out)
-{
-    char *end;
-    out->width = strtod(text, &end);
-    out->relative = end != text && strcmp(end, "%") == 0;
-    if (end != text && (!*end || out->relative) && isfinite(out->width) && out->width >= 0) {
-        out->width *= out->relative ? 0.01 : 1;
-        return true;
-    }
-    cli_usage("ask", "--within takes a number of the answer's units, or a percentage such as 1%%, not '%s'", text);
-    return false;
-}
-
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {{"within", required_argument, NULL, 'w'}, {"json", no_argument, NULL, 'j'},
                                             {0}};
-    struct ask_within within = {0.01, true};
+    struct ask_options within = {.width = 0.01, .relative = true};
     bool json = false;
     for (int option; (option = cli_option(&command_ask, argc, argv, "", options)) != -1;) {
-        if (option == 'w' && parse_within(optarg, &within))
-            continue;
-        if (option != 'j')
+        if (option == 'w' && !ask_parse_within(optarg, &within))
+            return cli_usage("ask",
+                             "--within takes a number of the answer's units, or a percentage such as 1%%, not '%s'", optarg);
+        if (option != 'w' && option != 'j')
             return EXIT_USAGE;
-        json = true;
+        json |= option == 'j';
     }
     if (!cli_operands(&command_ask, argc, 2, "the stream and the question"))
         return EXIT_USAGE;

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Questions about a stream's original. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/http/conditions.h"
+#include "server/http/params.h"
+#include "server/http/respond.h"
+#include "server/jobs/json_body.h"
+#include "server/jobs/obtain.h"
+#include "server/routes/handlers.h"
+#include "src/forest/forest.h"
+#include "src/report/ask_json.h"
+#include "src/util/array.h"
+#include "src/util/hash.h"
+
+enum { TEXT_CAPACITY = 512 };
+
+struct ask_context {
+    struct dataset *dataset;
+    enum coding coding;
+    char text[TEXT_CAPACITY];
+    struct ask_question question;
+    struct ask_options options;
+};
+
+static void free_context(void *opaque)
+{
+    struct ask_context *context = opaque;
+    dataset_release(context->dataset);
+    free(context);
+}
+
+static bool wanted(void *job)
+{
+    return job_wanted(job);
+}
+
+static enum tetlod_status make_answer(void *opaque, struct job *job, struct cache_value *out,
+                                      struct tetlod_error *error)
+{
+    struct ask_context *context = opaque;
+    struct tetlod_file *file = dataset_file(context->dataset);
+    const struct tetlod_info *info = tetlod_info(file);
+    struct ask_options options = context->options;
+    struct ask_result result;
+    options.wanted = wanted;
+    options.opaque = job;
+    enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question, &options, &result, error);
+    if (status == TETLOD_ERR_CANCELLED)
+        return fail_unwanted(error);
+    if (status == TETLOD_ERR_FIELD) // no level certifies the field: the request is right, there is no answer
+        return error->status = TETLOD_ERR_ARGUMENT;
+    TETLOD_TRY(status);
+    return json_body(ask_json(info, context->text, &context->question, &result), context->coding, out, error);
+}
+
+/* Reads the question and the width; false after a 400. */
+static bool take_question(struct exchange *exchange, const struct tetlod_info *info, struct ask_context *context)
+{
+    struct response *response = exchange->response;
+    const char *target = exchange->request->target;
+    struct tetlod_error error = {0};
+    char width[64] = "1%";
+    if (!check_parameters(exchange))
+        return false;
+    if (query_value(exchange->query, "q", context->text, sizeof context->text) != QUERY_FOUND) {
+        response_problem(response, 400, target,
+                         "ask a question: q=mean(Pressure), percent-encoded, of less than %d bytes",
+                         TEXT_CAPACITY);
+        return false;
+    }
+    enum tetlod_status status = ask_parse(context->text, &context->question, &error);
+    if (status == TETLOD_OK)
+        status = ask_check(info, &context->question, &error);
+    if (status != TETLOD_OK) {
+        response_problem(response, 400, target, "%s", error.message);
+        return false;
+    }
+    if (query_value(exchange->query, "within", width, sizeof width) == QUERY_BAD ||
+        !ask_parse_within(width, &context->options)) {
+        response_problem(response, 400, target,
+                         "within is a width in the answer's units, or a percentage such as 1%%25");
+        return false;
+    }
+    return true;
+}
+
+static enum outcome answer(struct exchange *exchange, struct ask_context *context)
+{
+    struct dataset *dataset = context->dataset;
+    const struct tetlod_info *info = dataset_info(dataset);
+    const enum coding coding = context->coding;
+    char key[TEXT_CAPACITY + 128], etag[128];
+    uint64_t bytes = forest_estimate(info, info->level_count - 1);
+    snprintf(key, sizeof key, "%s/ask/%s/%d/%.17g/%s", info->cid, coding_name(coding), context->options.relative,
+             context->options.width, context->text);
+    snprintf(etag, sizeof etag, "%s-ask-%016llx-" TETLOD_VERSION_STRING, info->cid,
+             (unsigned long long)hash_text(HASH_START, key));
+    const struct cache_value *value;
+    const struct recipe recipe = {make_answer, free_context, context, bytes, PATIENCE, NULL, 0};
+    enum outcome outcome = obtain(exchange, cache_for(exchange->site, bytes), key, &recipe, &value);
+    if (value) {
+        respond_body(exchange, value,
+                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+enum outcome handle_ask(struct exchange *exchange)
+{
+    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!dataset) {
+        respond_no_mesh(exchange);
+        return ANSWERED;
+    }
+    struct ask_context *context = array_zero(1, sizeof *context);
+    if (!context) {
+        dataset_release(dataset);
+        return respond_no_memory(exchange);
+    }
+    context->dataset = dataset;
+    context->coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
+    if (take_question(exchange, dataset_info(dataset), context))
+        return answer(exchange, context);
+    free_context(context);
+    return ANSWERED;
+}
