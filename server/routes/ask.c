@@ -73,6 +73,10 @@ static bool take_question(struct exchange *exchange, const struct tetlod_info *i
         return false;
     }
     enum tetlod_status status = ask_parse(context->text, &context->question, &error);
+    if (status != TETLOD_OK && strchr(context->text, '+')) { // in what forms write it is a blank
+        query_form_value(exchange->query, "q", context->text, sizeof context->text);
+        status = ask_parse(context->text, &context->question, &error);
+    }
     if (status == TETLOD_OK)
         status = ask_check(info, &context->question, &error);
     if (status != TETLOD_OK) {

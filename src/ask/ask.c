@@ -219,6 +219,18 @@ static bool is_linear(const struct ask_question *question)
     return question->quantity.component != ASK_LENGTH || question->function == ASK_MAX || question->function == ASK_AT;
 }
 
+/* Can a level whose error is bounded by `bound` do? The answers for the level minus and plus a constant are twice that
+ * apart, but for volumes and integrals, whose scale is another. */
+static bool may_be_enough(const struct asking *asking, const struct ask_options *options, double bound)
+{
+    const struct ask_question *question = asking->question;
+    bool shifts = question->function != ASK_VOLUME && question->function != ASK_INTEGRAL && question->function != ASK_ALONG;
+    if (question->compare != ASK_NO_LIMIT || !shifts || asking->field_count > 1 ||
+        question->quantity.component == ASK_LENGTH)
+        return true;
+    return 2 * bound * (1 - 1e-9) <= options->width * (options->relative ? scale_of(asking, 0) : 1);
+}
+
 static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_cursor *cursor,
                                      const struct ask_options *options,
                                      struct ask_result *out, struct tetlod_error *error)
@@ -226,7 +238,7 @@ static enum tetlod_status ask_levels(const struct asking *asking, struct tetlod_
     double volume = -1;
     for (uint32_t level = 0; level <= asking->finest; level++) {
         double bound = error_of_level(asking, level);
-        if (isinf(bound))
+        if (isinf(bound) || (level < asking->finest && !may_be_enough(asking, options, bound)))
             continue;
         if (options->wanted && !options->wanted(options->opaque))
             return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");

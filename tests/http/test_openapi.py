@@ -136,7 +136,8 @@ def test_pages():
 
 
 def test_too_much():
-    """A lossy stream has no level within an error of 0; what takes more than the server's memory is refused."""
+    """A lossy stream has no level within an error of 0, a point outside of the mesh no value; what takes more than the
+    server's memory is refused."""
     build('fin.vtu', os.path.join(SCRATCH, 'lossy.tetlod'), '--field-bits', '8')
     subprocess.run([TETLOD, 'sample', 'wake', '--size', '12', '--steps', '2', '-o', 'large.pvd'], cwd=SCRATCH, check=True)
     build('large.pvd', os.path.join(SCRATCH, 'large.tetlod'), '--bands', '10%')
@@ -151,7 +152,7 @@ def test_too_much():
             if 'region' in path:
                 changes['level'] = 0
             if '{cid}' not in path:
-                changes = {'id': 'lossy', 'error': '0'}
+                changes = {'id': 'lossy', 'error': '0', 'q': 'Pressure at (99,0,0)'}
             asked = concrete(path, described_large['cid'], **changes)
             assert small.get(asked)[0] == 422, asked
 

@@ -1,0 +1,58 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Questions over HTTP: the same answers as `tetlod ask`, statuses, conditions."""
+import json
+import os
+import subprocess
+import urllib.parse
+
+from served import SCRATCH, TETLOD, Server, run
+
+FOLDER = os.path.join(SCRATCH, 'streams')
+STREAM = os.path.join(FOLDER, 'fin.tetlod')
+QUESTIONS = ('mean(Pressure)', 'volume(Pressure > 3)', 'quantile(Pressure, 0.9)', 'max(|Velocity|)', 'volume()',
+             'max(Pressure) < 3', 'mean(Pressure) in box(-1,0,0, 1,1,1)', 'Pressure at (1,1,1)')
+
+
+def path(question, form=urllib.parse.quote, **more):
+    return '/v1/meshes/fin/ask?' + '&'.join('%s=%s' % (name, form(text)) for name,
+                                            text in {'q': question, **more}.items())
+
+
+def answer(text):
+    """Without the question, in which a form's '+' may stand for a blank."""
+    return {name: value for name, value in json.loads(text).items() if name != 'question'}
+
+
+def test_answers():
+    with Server(FOLDER) as server:
+        for question in QUESTIONS:
+            said = subprocess.run([TETLOD, 'ask', STREAM, question, '--within', '2%', '--json'],
+                                  stdout=subprocess.PIPE).stdout
+            for form in (urllib.parse.quote_plus, urllib.parse.quote):
+                status, head, body = server.get(path(question, form, within='2%'))
+                assert status == 200 and answer(body) == answer(said), (question, status, body, said)
+            assert server.get(path(question, within='2%'), If_None_Match=head['etag'])[0] == 304
+        tags = {server.get(path(question))[1]['etag'] for question in QUESTIONS}
+        assert len(tags) == len(QUESTIONS), tags
+
+
+def test_refusals():
+    with Server(FOLDER) as server:
+        for query, wanted, words in (
+                ('', 400, 'ask a question'), ('?q=mean(', 400, 'character 6'), ('?q=mean(nope)', 400,
+                                                                                "no field 'nope'"),
+                ('?q=mean(Velocity)', 400, '3 components'), ('?q=volume()&within=x', 400,
+                                                             'within'), ('?q=volume()&to=1', 400, "'to'"),
+                ('?q=volume()&q=volume()', 400, 'ask a question'), ('?q=' + 600 * 'a', 400, 'ask a question'),
+                ('?q=Pressure%20at%20(99,0,0)', 422, 'outside'), ('?q=mean(Pressure)%20over%20region%201', 422,
+                                                                  '--region')):
+            status, _, body = server.get('/v1/meshes/fin/ask' + query)
+            assert status == wanted and words in json.loads(body)['detail'], (query, status, body)
+        assert server.get('/v1/meshes/none/ask?q=volume()')[0] == 404
+
+
+os.makedirs(FOLDER, exist_ok=True)
+subprocess.run([TETLOD, 'sample', 'fin', '--size', '10', '-o', os.path.join(SCRATCH, 'fin.vtu')], check=True)
+subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'fin.vtu'), '-o', STREAM, '--summary', '--quiet'], check=True)
+run([test_answers, test_refusals])
