@@ -289,11 +289,11 @@ deps-bench:
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
 demo: needs
-	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all
 	@mkdir -p build/demo
+	@echo "make: builds tetlod, which takes a minute or two; build/demo/make.log says how far it is"
+	@$(MAKE) $(PARALLEL) --no-print-directory all >build/demo/make.log 2>&1 || { tail -n 20 build/demo/make.log; exit 1; }
 	$(BINARY) sample fin -o build/demo/fin.vtu
 	$(BINARY) build build/demo/fin.vtu -o build/demo/fin.tetlod
-	$(BINARY) info build/demo/fin.tetlod
 	@echo "Try: curl -L 'http://127.0.0.1:8080/v1/meshes/fin/mesh?error=0.01&measure=sampled' -o coarse.vtu"
 	$(BINARY) serve build/demo
 
@@ -326,6 +326,13 @@ mutate: needs-check
 	$(Q)$(MAKE) --no-print-directory config=$(if $(filter command line,$(origin config)),$(config),asan) tests
 	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
 	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+
+## bench-defaults: what it costs that all fields are controlled, on results of six kinds
+.PHONY: bench-defaults
+BENCHES += bench-defaults
+bench-defaults: needs-check
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all
+	@/usr/bin/python3 tests/bench/defaults.py $(CURDIR)/$(BINARY)
 
 ## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
 HOSTILE ?= 500000
