@@ -47,11 +47,7 @@ const char build_help[] =
     "                          (Garland and Heckbert). Two more are also the limit: sva, the accumulated\n"
     "                          prediction of scalar value assignment; measured, the true error at samples\n"
     "                          ('sampled')\n"
-    "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one\n"
-    "                          queue\n"
-    "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its\n"
-    "                          middle, then more between, up to 7 on an edge or a face and 19 on a\n"
-    "                          tetrahedron (default: 3, 4 and 5)\n"
+    "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three\n"
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --domain-error E    how far the boundary may move from the original's in all, a fraction of\n"
@@ -91,7 +87,7 @@ enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
     FIELD = OF_FIELDS, NO_FIELD, ABS_ERROR, CARRY, REGION, NO_REGION,
-    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, CANDIDATES, MAX_ERROR, MIN_TETS,
+    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS,
     DOMAIN_ERROR, BOUNDARY_ANGLE,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
     TIMES = OF_SERIES, BANDS, RANGE,
@@ -106,7 +102,7 @@ static const struct option options[] = {
     {"local-bound", no_argument, NULL, LOCAL_BOUND},
     {"summary", no_argument, NULL, SUMMARY},
     {"metric", required_argument, NULL, METRIC}, {"contract", required_argument, NULL, CONTRACT},
-    {"candidates", required_argument, NULL, CANDIDATES}, {"max-error", required_argument, NULL, MAX_ERROR},
+    {"max-error", required_argument, NULL, MAX_ERROR},
     {"min-tets", required_argument, NULL, MIN_TETS}, {"domain-error", required_argument, NULL, DOMAIN_ERROR},
     {"boundary-angle", required_argument, NULL, BOUNDARY_ANGLE}, {"growth", required_argument, NULL, GROWTH},
     {"position-bits", required_argument, NULL, POSITION_BITS}, {"field-bits", required_argument, NULL, FIELD_BITS},
@@ -254,8 +250,6 @@ static bool contraction_option(struct build_request *request, int option, const 
         return request->ordered = good;
     case CONTRACT:
         return take_contract(request, value);
-    case CANDIDATES:
-        return parse_unsigned("candidates", value, 2, MOST_CANDIDATES, &build->candidates);
     case MAX_ERROR:
         return cli_parse_fraction(&command_build, "max-error", value, &build->max_error);
     case MIN_TETS:

@@ -106,7 +106,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
     object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
                        "input", cli_base_name(request->input), "options", "field", fields, "metric",
-                       build_metric_name(build->metric), "certify", build_certify_name(build->certify), "contract", request->contract, "candidates", (int)build->candidates,
+                       build_metric_name(build->metric), "certify", build_certify_name(build->certify), "contract", request->contract,
+                       "candidates", 0, // once an option: streams keep their bytes
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
     if (object && build->series && build->series->own_ranges)
@@ -223,8 +224,8 @@ static enum tetlod_status read_later(const struct build_request *request, const 
 static const char *against_series(const struct build_request *request)
 {
     const struct build_options *build = &request->build;
-    if (build->metric != METRIC_ENVELOPE || build->certify != CERTIFY_FAST || build->contract != CONTRACT_EDGES || build->candidates)
-        return "--metric, --certify exact, --contract or --candidates";
+    if (build->metric != METRIC_ENVELOPE || build->certify != CERTIFY_FAST || build->contract != CONTRACT_EDGES)
+        return "--metric, --certify exact or --contract";
     if (quantise_wanted(&build->quantise) || request->for_mail)
         return "rounding (--position-bits, --field-bits, --for mail and the like)";
     if (request->moves_boundary && build->domain_error > 0)

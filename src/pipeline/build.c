@@ -101,7 +101,7 @@ static bool finds_cost(const struct build_options *options)
         own_limits |= options->controls[i].limit > 0 || options->controls[i].share > 0;
     return options->finds_cost && options->control_count > 1 && !own_limits && !options->series && !options->memory &&
            options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST &&
-           options->contract == CONTRACT_EDGES && !options->candidates && options->max_error >= FIELD_COST_ERROR;
+           options->contract == CONTRACT_EDGES && options->max_error >= FIELD_COST_ERROR;
 }
 
 static enum tetlod_status contract(struct build *build)
@@ -116,7 +116,6 @@ static enum tetlod_status contract(struct build *build)
         .metric = options->metric,
         .certify = options->certify,
         .contract = options->contract,
-        .candidates = options->candidates,
         .max_error = limits.max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,

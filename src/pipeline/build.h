@@ -33,7 +33,6 @@ struct build_options {
     bool summary;            /* the section SUMS: exact sums over the original (make_summary.h) */
     bool certify_all;        /* every field gets a `max`: the exact maximum, where it has no bound */
     unsigned contract;       /* CONTRACT_... (simplify.h) */
-    uint32_t candidates;     /* per simplex; 0: the usual number (candidates.h) */
     double max_error;        /* fraction of the range */
     uint32_t min_tets;
     double boundary_angle;   /* degrees */

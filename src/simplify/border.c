@@ -174,20 +174,105 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
 
 /* ---- where they may move */
 
+/* What the boundary faces around a vertex say of its kind: their normals, in two groups. */
+struct normals {
+    double groups[2][3];
+    int count;
+    bool corner; /* there are more, or a face without area */
+};
+
+/* Taylor's series of an angle so small that ten terms are exact, then six times doubled. */
+static void find_angle(double degrees, double *cosine, double *sine)
+{
+    enum { DOUBLINGS = 6, TERMS = 10 };
+    double x = degrees * (3.14159265358979323846 / 180) / (1 << DOUBLINGS), c = 1, s = x, c_term = 1, s_term = x;
+    for (int k = 1; k < TERMS; k++) {
+        c_term *= -x * x / ((2 * k - 1) * (2 * k));
+        s_term *= -x * x / ((2 * k) * (2 * k + 1));
+        c += c_term;
+        s += s_term;
+    }
+    for (int i = 0; i < DOUBLINGS; i++) {
+        double twice = 2 * s * c;
+        c = 1 - 2 * s * s;
+        s = twice;
+    }
+    *cosine = c;
+    *sine = s;
+}
+
+/* The unit normal of the triangle; false if it has no area. */
+static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
+{
+    double a[3], b[3];
+    subtract(q, p, a);
+    subtract(r, p, b);
+    cross(a, b, out);
+    double length = sqrt(dot(out, out));
+    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
+        return false;
+    for (int i = 0; i < 3; i++)
+        out[i] /= length;
+    return true;
+}
+
+static void normals_add(struct normals *normals, double cosine, const double *p, const double *q, const double *r)
+{
+    double normal[3];
+    if (normals->corner || (normals->corner = !triangle_normal(p, q, r, normal)))
+        return;
+    for (int g = 0; g < normals->count; g++)
+        if (dot(normals->groups[g], normal) >= cosine)
+            return;
+    normals->corner = normals->count == 2;
+    if (!normals->corner)
+        memcpy(normals->groups[normals->count++], normal, sizeof normal);
+}
+
+static enum boundary_kind normals_kind(const struct normals *normals, float direction[3])
+{
+    double d[3];
+    if (normals->count == 1)
+        memcpy(d, normals->groups[0], sizeof d);
+    else
+        cross(normals->groups[0], normals->groups[1], d);
+    double length = sqrt(dot(d, d));
+    if (normals->corner || !(length > 0))
+        return BOUNDARY_CORNER;
+    for (int i = 0; i < 3; i++)
+        direction[i] = (float)(d[i] / length);
+    return normals->count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+}
+
+static bool step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit, const double step[3])
+{
+    double length2 = dot(step, step), along = direction[0] * step[0] + direction[1] * step[1] + direction[2] * step[2];
+    double slope2 = sine * sine * length2 + limit * limit * 1e-6;
+    switch (kind) {
+    case BOUNDARY_SMOOTH:
+        return along * along <= slope2;
+    case BOUNDARY_CREASE:
+        return length2 - along * along <= slope2;
+    case BOUNDARY_CORNER:
+        break;
+    }
+    return length2 == 0;
+}
+
 void border_classify(struct border *border, const struct working *working, uint32_t slot)
 {
     const struct span *star = &working->stars[slot];
-    struct boundary_normals normals = {0};
+    struct normals normals = {0};
     for (uint32_t i = 0; i < star->count && !normals.corner; i++) {
         uint32_t tet = working->pool[star->begin + i];
         const uint32_t *corners = working->corners[tet];
         unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
         for (unsigned f = 0; faces >> f; f++)
             if (faces >> f & 1 && corners[f] != slot)
-                boundary_normals_add(&normals, border->cosine, working_row(working, corners[tet_faces[f][0]]),
+                normals_add(&normals, border->cosine, working_row(working, corners[tet_faces[f][0]]),
                                      working_row(working, corners[tet_faces[f][1]]), working_row(working, corners[tet_faces[f][2]]));
     }
-    border->kinds[slot] = boundary_normals_kind(&normals, border->directions + 3 * (size_t)slot);
+    border->kinds[slot] = normals_kind(&normals, border->directions + 3 * (size_t)slot);
 }
 
 /* The corners of the boundary faces in the mesh's numbers; their count in *out_count, NULL: no memory. */
@@ -231,7 +316,7 @@ static enum tetlod_status open_border(struct border *border, const struct workin
     size_t n = working->slot_count;
     *border = (struct border){.limit = limit, .kinds = array_zero(n, 1), .directions = array_zero(n, 3 * sizeof(float)),
                               .most = array_new(n, sizeof(double))};
-    boundary_angle(angle_degrees, &border->cosine, &border->sine);
+    find_angle(angle_degrees, &border->cosine, &border->sine);
     if (!border->kinds || !border->directions || !border->most)
         return tetlodi_fail_nomem(error, "the boundary", n * 21);
     for (uint32_t v = 0; v < n; v++)
@@ -256,6 +341,13 @@ enum tetlod_status border_init(struct border *border, const struct working *work
     return find_most(border, working, mesh, least, threads, error);
 }
 
+void border_renumber(struct border *border, const struct renumbering *numbers)
+{
+    border->most = renumber_slots(numbers, border->most, sizeof *border->most);
+    border->kinds = renumber_slots(numbers, border->kinds, 1);
+    border->directions = renumber_slots(numbers, border->directions, 3 * sizeof *border->directions);
+}
+
 void border_fini(struct border *border)
 {
     free(border->kinds);
@@ -266,24 +358,62 @@ void border_fini(struct border *border)
 
 bool border_may_move(const struct border *border, uint32_t slot, const double step[3])
 {
-    return boundary_step_allowed(border->kinds[slot], border->directions + 3 * (size_t)slot, border->sine, border->limit, step);
+    return step_allowed(border->kinds[slot], border->directions + 3 * (size_t)slot, border->sine, border->limit, step);
 }
 
-/* ---- the map of contracting an edge */
-
-/* The faces that have an end that moves. */
-static void add_faces(struct boundary_map *map, const struct working *working, int end)
+bool border_allows(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                   const double weights[4], const double p[3])
 {
-    const struct span *star = &working->stars[map->simplex[end]];
+    bool touches = false;
+    uint32_t fixed = 0;
+    for (uint32_t s = 0; s < count; s++) {
+        uint8_t flags = working->flags[simplex[s]];
+        touches |= flags & VERTEX_BOUNDARY;
+        fixed += (flags & VERTEX_FIXED) != 0;
+        if (flags & VERTEX_FIXED && (fixed > 1 || distance_squared(working_row(working, simplex[s]), p) != 0))
+            return false;
+    }
+    for (uint32_t s = 0; s < count && touches; s++) {
+        double step[3];
+        subtract(p, working_row(working, simplex[s]), step);
+        if (working->flags[simplex[s]] & VERTEX_BOUNDARY ? !border_may_move(border, simplex[s], step) : weights[s] != 0)
+            return false;
+    }
+    return true;
+}
+
+void border_follow(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                   double vector[3])
+{
+    for (uint32_t s = 0; s < count; s++) {
+        uint32_t v = simplex[s];
+        const float *d = border->directions + 3 * (size_t)v;
+        if (!(working->flags[v] & VERTEX_BOUNDARY))
+            continue;
+        double along = d[0] * vector[0] + d[1] * vector[1] + d[2] * vector[2];
+        for (int i = 0; i < 3; i++)
+            vector[i] = border->kinds[v] == BOUNDARY_SMOOTH   ? vector[i] - along * d[i]
+                        : border->kinds[v] == BOUNDARY_CREASE ? along * d[i]
+                                                              : 0;
+    }
+}
+
+/* ---- the map of contracting a simplex */
+
+/* The boundary faces that have a vertex that moves, each once. */
+static void add_faces(struct boundary_map *map, const struct working *working, uint32_t of)
+{
+    const struct span *star = &working->stars[map->simplex[of]];
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i];
         const uint32_t *corners = working->corners[tet];
         unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
         for (unsigned f = 0; faces >> f; f++) {
-            bool again = false; // it came with the first end
-            for (unsigned c = 0; c < 4; c++)
-                again |= end == 1 && map->moves[0] && c != f && corners[c] == map->simplex[0];
-            if (faces >> f & 1 && corners[f] != map->simplex[end] && !again)
+            bool again = false; // it came with an earlier one
+            for (uint32_t s = 0; s < of; s++)
+                for (unsigned c = 0; c < 4; c++)
+                    again |= map->moves[s] && c != f && corners[c] == map->simplex[s];
+            if (faces >> f & 1 && corners[f] != map->simplex[of] && !again)
                 boundary_map_add_face(map, corners, f);
         }
     }
@@ -309,14 +439,14 @@ static bool stays(const struct boundary_map *map, const struct working *working)
     return true;
 }
 
-double border_moves(const struct border *border, const struct working *working, const uint32_t ends[2], const double p[3],
-                    struct boundary_map *map)
+double border_moves(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                    const double p[3], struct boundary_map *map)
 {
-    boundary_map_begin(map, working->rows, working->stride, ends, 2, p);
-    for (int end = 0; end < 2; end++) {
-        map->moves[end] &= (working->flags[ends[end]] & VERTEX_BOUNDARY) != 0;
-        if (map->moves[end])
-            add_faces(map, working, end);
+    boundary_map_begin(map, working->rows, working->stride, simplex, count, p);
+    for (uint32_t s = 0; s < count; s++) {
+        map->moves[s] &= (working->flags[simplex[s]] & VERTEX_BOUNDARY) != 0;
+        if (map->moves[s])
+            add_faces(map, working, s);
     }
     if (map->failed || (!stays(map, working) && !boundary_map_find(map, border->cosine)))
         return INFINITY;

@@ -7,9 +7,11 @@
 #ifndef TETLOD_BORDER_H
 #define TETLOD_BORDER_H
 
-#include "src/simplify/boundary.h"
+#include "src/simplify/boundary_map.h"
 #include "src/simplify/hood.h"
 #include "src/util/crew.h"
+
+enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
 
 struct border {
     double cosine, sine; /* of the angle within which normals count as one */
@@ -26,7 +28,8 @@ TETLOD_CHECKED enum tetlod_status border_find(struct working *working, struct cr
 /* Do the tetrahedron and one that shares a face with it lie on the same side of that, both well oriented? Then they overlap. */
 bool border_folded(const struct working *working, uint32_t tet);
 
-/* Of the mesh's working mesh. `limit`, `least`: as in boundary_init. ERR_NOMEM, ERR_LIMIT. */
+/* Of the mesh's working mesh. The boundary may move by `limit`, and by less near other parts of it, but by `least` everywhere.
+ * ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
                                                double angle_degrees, double limit, double least, unsigned threads,
                                              struct tetlod_error *error);
@@ -34,6 +37,7 @@ TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struc
  * have left of it. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status border_resume(struct border *border, const struct working *working, const double *most,
                                                 double angle_degrees, double limit, struct tetlod_error *error);
+void border_renumber(struct border *border, const struct renumbering *numbers);
 void border_fini(struct border *border);
 
 /* A boundary vertex's kind anew. */
@@ -42,9 +46,17 @@ void border_classify(struct border *border, const struct working *working, uint3
 /* May a boundary vertex move by that step? */
 bool border_may_move(const struct border *border, uint32_t slot, const double step[3]);
 
-/* How far the boundary would have moved in all at the result of contracting an edge to p, and the map; INFINITY: it cannot be
+/* May a simplex be contracted to p = sum of weights times its vertices, as far as each vertex's kind, and the regions, say? */
+bool border_allows(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                   const double weights[4], const double p[3]);
+
+/* Leaves of a vector what the boundary lets the result of contracting the simplex follow, to first order. */
+void border_follow(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                   double vector[3]);
+
+/* How far the boundary would have moved in all at the result of contracting a simplex to p, and the map; INFINITY: it cannot be
  * mapped, turns by more than the angle or comes too near to another part of it. */
-double border_moves(const struct border *border, const struct working *working, const uint32_t ends[2], const double p[3],
-                    struct boundary_map *map);
+double border_moves(const struct border *border, const struct working *working, const uint32_t *simplex, uint32_t count,
+                    const double p[3], struct boundary_map *map);
 
 #endif

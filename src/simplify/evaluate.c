@@ -13,6 +13,8 @@
 
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
+#include "src/simplify/outcome.h"
+#include "src/simplify/simplices.h"
 #include "src/util/array.h"
 
 /* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
@@ -24,37 +26,15 @@ static const double HALF_CUTOFF = 1.5;
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
 enum { MOST_MIDDLES = 3 };
 
+/* Bits of the key that do not count in a priority: keys in steps of half an octave. */
+enum { COARSE_KEYS = 46 };
+
 void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3])
 {
     const double *a = working_row(working, from), *b = working_row(working, to);
     for (int i = 0; i < 3; i++)
         p[i] = a[i] + 0.5 * (b[i] - a[i]);
     working_round(working, p);
-}
-
-void add_demands(const struct run *run, struct worker *worker)
-{
-    double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
-    const struct working *working = run->working;
-    for (uint32_t c = 0; c < working->component_count && worker->map.point_count; c++) {
-        const double *values = working->rows + ROW_FIELDS + 2 * c; // U, then L
-        upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));
-        lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));
-    }
-}
-
-double assigned_error(const struct run *run, const struct worker *worker, double *values)
-{
-    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
-    double worst = 0;
-    for (uint32_t c = 0; c < run->working->component_count; c++) {
-        const struct controlled *component = &run->working->components[c];
-        double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);
-        worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);
-        if (values)
-            values[c] = value;
-    }
-    return worst;
 }
 
 uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
@@ -77,14 +57,17 @@ struct proposal *proposals_new(size_t count)
 bool worker_init(struct worker *worker, const struct working *working)
 {
     worker->numbers = array_zero(NUMBERS * (size_t)working->component_count, sizeof(double));
+    worker->trials = trials_new();
     worker->said = array_new((working->value_count + WIDE - 1) / WIDE, sizeof *worker->said);
-    return worker->numbers && worker->said;
+    return worker->numbers && worker->said && worker->trials;
 }
 
 void worker_fini(struct worker *worker)
 {
     hood_fini(&worker->hood);
     links_fini(&worker->links);
+    star_fini(&worker->star);
+    trials_free(worker->trials);
     boundary_map_fini(&worker->map);
     for (int k = 0; k < 4; k++)
         free(worker->weighing.rows[k]);
@@ -251,7 +234,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
     bool room;
     if (!set_bounds(run, worker, candidate))
         return refuse(worker, LOG_REFUSED_FLIP);
-    candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
+    candidate->error = larger(candidate->error, outcome_middles(run, worker, NULL));
     if (candidate->error > run->limit * (1 + LIMIT_TIE))
         return LOG_REFUSALS;
     if (candidate->middle)
@@ -266,35 +249,16 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
     }
     if (!(working->flags[hood->vertex] & VERTEX_BOUNDARY))
         return LOG_REFUSALS;
-    if (isinf(border_moves(&run->border, working, ends, p, &worker->map)))
+    if (isinf(border_moves(&run->border, working, ends, 2, p, &worker->map)))
         return refuse(worker, LOG_REFUSED_BOUNDARY);
-    add_demands(run, worker);
-    candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
+    outcome_demands(run, worker);
+    candidate->error = larger(candidate->error, outcome_middles(run, worker, NULL));
     return LOG_REFUSALS;
-}
-
-/* A permutation of 32 bits that looks random: ties of the priority. */
-static uint32_t scramble(uint32_t x)
-{
-    x ^= x >> 16;
-    x *= 0x7feb352du;
-    x ^= x >> 15;
-    x *= 0x846ca68bu;
-    return x ^ x >> 16;
-}
-
-/* Keys in steps of half an octave, then at random, so that what is proposed at once is not all in one place. */
-static uint64_t priority_of(double key, uint32_t slot)
-{
-    uint64_t bits;
-    key += 0.0;
-    memcpy(&bits, &key, sizeof bits);
-    return (bits >> 46 << 32) | scramble(slot);
 }
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
 {
-    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
+    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot, COARSE_KEYS);
     run->proposals[slot].target = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
 }
 
@@ -348,7 +312,7 @@ static bool evaluate_frozen(const struct run *run, struct worker *worker, struct
             upper[c] = larger(own[ROW_FIELDS + 2 * c], row[ROW_FIELDS + 2 * c]);
             lower[c] = smaller(own[ROW_FIELDS + 2 * c + 1], row[ROW_FIELDS + 2 * c + 1]);
         }
-        struct candidate candidate = {.error = assigned_error(run, worker, NULL), .neighbour = n};
+        struct candidate candidate = {.error = outcome_middles(run, worker, NULL), .neighbour = n};
         bool holds = links_hold(&worker->links, hood, working, n, &room);
         worker->failed |= !room;
         if (holds && candidate.error <= run->limit * (1 + LIMIT_TIE)) {
@@ -369,6 +333,10 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     proposal->priority = PROPOSES_NOTHING;
     proposal->waits = proposal->waits_changed = INFINITY;
     proposal->evaluated = run->round;
+    if (run->plans) {
+        evaluate_simplices(run, worker, slot);
+        return;
+    }
     if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
     if (!hood_gather(&worker->hood, working, slot) ||

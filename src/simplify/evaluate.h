@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Evaluating a vertex: of all contractions of its edges that the limit allows, the one with the best key is its proposal. The
- * result is at the other end, or at the middle (which the end of the lesser slot proposes).
+ * result is at the other end, or at the middle (which the end of the lesser slot proposes). What is not ordered by the envelope, or
+ * not of edges alone, is evaluated simplex by simplex (simplices.h), with the same kind of proposals.
  *
  * A vertex without a proposal waits: `waits` is the least error that one of its possible contractions would need, so it is looked at
  * again when the limit reaches that; `waits_changed` counts those as well that only a change of its star can make possible.
@@ -11,71 +12,7 @@
 #ifndef TETLOD_EVALUATE_H
 #define TETLOD_EVALUATE_H
 
-#include "src/simplify/kernels.h"
-#include "src/simplify/ladder.h"
-#include "src/simplify/links.h"
-#include "src/simplify/border.h"
-
-struct proposal {
-    uint64_t priority; /* the least goes first; PROPOSES_NOTHING */
-    uint32_t target;   /* 2 * the other end's slot + (the result is in the middle) */
-    float waits, waits_changed;
-    uint32_t evaluated; /* the round in which it was */
-    uint32_t changed;   /* the round in which its star was last */
-    uint8_t dirty;      /* enum dirty */
-};
-
-enum dirty { CLEAN, TOUCHED, LEFT }; /* its star has changed since it was evaluated; and it was left so in this rung */
-
-static const uint64_t PROPOSES_NOTHING = ~(uint64_t)0;
-
-struct candidate {
-    double key, error; /* error: of a middle that is not examined a lower bound */
-    uint32_t neighbour;
-    bool middle, passed; /* passed: it was examined */
-};
-
-/* What a thread works with. */
-struct worker {
-    struct hood hood;
-    struct links links;
-    struct boundary_map map;
-    struct weighing weighing;
-    struct said *said; /* [value_count / WIDE, rounded up] what a contraction's star says of the fields' values */
-    struct candidate *candidates;
-    size_t candidate_room;
-    uint32_t *list; /* tetrahedra of two stars */
-    size_t list_room;
-    double *numbers; /* scratch per component: see numbers_of */
-    uint32_t *open; /* boundary slots around whose boundary contractions of this round have moved */
-    size_t open_count, open_room;
-    uint32_t *unfreezing; /* frozen slots around contractions of this round that moved nothing */
-    size_t unfreezing_count, unfreezing_room;
-    uint64_t refused[LOG_REFUSALS];
-    bool failed; /* out of memory */
-};
-
-struct run {
-    struct working *working;
-    struct border border;
-    struct proposal *proposals; /* [slot] */
-    const struct kernels *kernels;
-    struct worker *workers; /* [crew_size] */
-    struct crew *crew;
-    double *factors; /* [component] */
-    double limit;    /* of the rung */
-    const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */
-    uint32_t round;
-};
-
-/* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
- * the vertex's (two for each component), `mean` of what the star's interpolants of U and L say at the result. */
-enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS_MEAN = 5, NUMBERS };
-
-static inline double *numbers_of(const struct run *run, const struct worker *worker, int row)
-{
-    return worker->numbers + (size_t)row * run->working->component_count;
-}
+#include "src/simplify/run.h"
 
 /* So many that propose nothing and have not been evaluated; NULL: no memory. The caller frees them. */
 struct proposal *proposals_new(size_t count);
@@ -93,11 +30,5 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot);
 
 /* The position halfway from a slot to another, as the mesh can hold it. */
 void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3]);
-
-/* Widens U and L of the result (numbers_of) by the map's demands. */
-void add_demands(const struct run *run, struct worker *worker);
-
-/* The error of the result with these U and L and the values that the fields' types can hold; and the values, if wanted. */
-double assigned_error(const struct run *run, const struct worker *worker, double *values);
 
 #endif

@@ -13,7 +13,9 @@ void links_fini(struct links *links)
 {
     free(links->marks);
     free(links->beside);
+    free(links->copy);
     table_fini(&links->pairs);
+    table_fini(&links->numbers);
     *links = (struct links){0};
 }
 
@@ -166,5 +168,154 @@ bool links_hold(struct links *links, const struct hood *hood, const struct worki
     for (uint32_t n = 0; n < hood->count && open; n++)
         if ((links->marks[n] & (RING | ALONG_B | OPEN)) == (RING | ALONG_B) && hood->along[n])
             return false;
+    return true;
+}
+
+/* ---- any simplex, on a copy of its star with the boundary coned to one more vertex */
+
+enum { IN_A = 1, IN_B = 2, IN_AB = 4 };
+
+/* Numbers of a copy's vertices are below 2^21; a triangle's key has the highest bit set. */
+static const uint32_t MAX_OF_COPY = UINT32_C(1) << 21;
+
+/* The simplex's vertices are 0 .. simplex_count-1, the cone's apex is simplex_count, the others follow. False: no memory. */
+static bool copy_star(struct links *links, const struct star *star, const struct working *working)
+{
+    void *copy = links->copy, *marks = links->marks;
+    bool room = array_reserve(&copy, &links->copy_room, 5 * (size_t)star->tet_count, sizeof *links->copy) &&
+                array_reserve(&marks, &links->mark_room, 4 * (size_t)star->tet_count + 5, 1);
+    links->copy = copy ? copy : links->copy;
+    links->marks = marks;
+    if (!room || !table_clear(&links->numbers, 4 * (size_t)star->tet_count + 4))
+        return false;
+    links->copy_count = links->copy_vertices = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        *table_at(&links->numbers, star->simplex[s], 0) = links->copy_vertices++;
+    uint32_t apex = links->copy_vertices++;
+    for (uint32_t i = 0; i < star->tet_count; i++) {
+        uint32_t tet[4];
+        for (unsigned c = 0; c < 4; c++) {
+            tet[c] = *table_at(&links->numbers, working->corners[star->tets[i]][c], links->copy_vertices);
+            links->copy_vertices += tet[c] == links->copy_vertices;
+        }
+        memcpy(links->copy[links->copy_count++], tet, sizeof tet);
+        for (unsigned f = 0; f < 4; f++)
+            if (working->boundary_faces[star->tets[i]] >> f & 1) {
+                memcpy(links->copy[links->copy_count], tet, sizeof tet);
+                links->copy[links->copy_count++][f] = apex;
+            }
+    }
+    return true;
+}
+
+static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
+{
+    unsigned mask = 0;
+    for (int c = 0; c < 4; c++)
+        mask |= tet[c] == a ? IN_A : tet[c] == b ? IN_B : 0;
+    return mask;
+}
+
+/* Is the vertex in both links? */
+static bool on_ring(const uint8_t *marks, uint32_t v)
+{
+    return (marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
+}
+
+static uint32_t least_of(uint32_t x, uint32_t y)
+{
+    return x < y ? x : y;
+}
+
+static uint64_t triangle_key(const uint32_t v[3])
+{
+    uint64_t least = least_of(v[0], least_of(v[1], v[2])), sum = (uint64_t)v[0] + v[1] + v[2];
+    uint64_t greatest = (uint32_t)~least_of(~v[0], least_of(~v[1], ~v[2]));
+    return (uint64_t)1 << 63 | least << 42 | (sum - least - greatest) << 21 | greatest;
+}
+
+/* Marks the vertices of both links, and files the edges of Lk(ab) with the value 1. False: a common vertex is outside Lk(ab). */
+static bool file_ring(struct links *links, uint32_t a, uint32_t b)
+{
+    uint8_t *marks = links->marks;
+    memset(marks, 0, links->copy_vertices);
+    for (uint32_t i = 0; i < links->copy_count; i++) {
+        const uint32_t *tet = links->copy[i];
+        unsigned mask = corner_mask(tet, a, b);
+        uint32_t ends[2] = {0, 0}, count = 0;
+        for (int c = 0; c < 4 && mask; c++) {
+            marks[tet[c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
+            if (tet[c] != a && tet[c] != b)
+                ends[count++ & 1] = tet[c];
+        }
+        if (mask == (IN_A | IN_B))
+            *table_at(&links->pairs, pair_key(ends[0], ends[1]), 1) = 1;
+    }
+    marks[a] = marks[b] = 0;
+    for (uint32_t v = 0; v < links->copy_vertices; v++)
+        if (on_ring(marks, v) && !(marks[v] & IN_AB))
+            return false;
+    return true;
+}
+
+/* What a tetrahedron of a or of b has between vertices of the ring: of a it is filed; of b, false if a has it and Lk(ab) does not. */
+static bool compare_links(struct links *links, const uint32_t tet[4], unsigned mask)
+{
+    uint32_t v[4], count = 0;
+    for (int c = 0; c < 4; c++)
+        if (on_ring(links->marks, tet[c]))
+            v[count++] = tet[c];
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t k = i + 1; k < count; k++) {
+            uint64_t key = pair_key(v[i], v[k]);
+            const uint32_t *found = mask == IN_A ? table_at(&links->pairs, key, 0) : table_find(&links->pairs, key);
+            if (mask == IN_B && found && !*found)
+                return false;
+        }
+    if (count == 3 && mask == IN_A)
+        table_at(&links->pairs, triangle_key(v), 0);
+    return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));
+}
+
+/* Lk(a) and Lk(b) meet in Lk(ab) only. */
+static bool edge_links_meet_well(struct links *links, uint32_t a, uint32_t b)
+{
+    if (!file_ring(links, a, b))
+        return false;
+    for (unsigned mask = IN_A; mask <= IN_B; mask++)
+        for (uint32_t i = 0; i < links->copy_count; i++)
+            if (corner_mask(links->copy[i], a, b) == mask && !compare_links(links, links->copy[i], mask))
+                return false;
+    return true;
+}
+
+/* Contracts b into a in the copy. */
+static void copy_contract(struct links *links, uint32_t a, uint32_t b)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < links->copy_count; i++) {
+        if (corner_mask(links->copy[i], a, b) == (IN_A | IN_B))
+            continue;
+        for (int c = 0; c < 4; c++)
+            links->copy[kept][c] = links->copy[i][c] == b ? a : links->copy[i][c];
+        kept++;
+    }
+    links->copy_count = kept;
+}
+
+bool links_hold_star(struct links *links, const struct star *star, const struct working *working, bool *out_room)
+{
+    *out_room = copy_star(links, star, working);
+    if (!*out_room || links->copy_vertices >= MAX_OF_COPY)
+        return false;
+    for (uint32_t s = 1; s < star->simplex_count; s++) {
+        if (!table_clear(&links->pairs, 4 * (size_t)links->copy_count + 1)) {
+            *out_room = false;
+            return false;
+        }
+        if (!edge_links_meet_well(links, 0, s))
+            return false;
+        copy_contract(links, 0, s);
+    }
     return true;
 }

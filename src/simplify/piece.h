@@ -10,7 +10,7 @@
 #define TETLOD_PIECE_H
 
 #include "src/simplify/border.h"
-#include "src/simplify/simplify.h"
+#include "src/simplify/simplify_options.h"
 
 /* What is one for all pieces of a mesh. */
 struct piece_whole {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "src/simplify/complex.h"
+#include "src/simplify/working.h"
 #include "src/util/array.h"
 
 enum { SEEN = 1, SEVERAL = 2 };

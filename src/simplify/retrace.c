@@ -11,6 +11,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
+#include "src/simplify/evaluate.h"
 #include "src/simplify/merge.h"
 #include "src/util/array.h"
 
@@ -33,7 +34,7 @@ uint64_t retrace_bytes(const struct tetmesh *mesh, uint32_t components)
 
 void retrace_bounds(const struct retraced *state, uint32_t node, uint32_t component, double out[2])
 {
-    const struct controlled *of = &state->working.components[component];
+    const struct component *of = &state->working.components[component];
     const double *row = working_row(&state->working, state->slot_of[node]) + ROW_FIELDS + 2 * component;
     double middle = state->working.fields[of->field].middles[of->component];
     out[0] = nextafter(row[1] + middle, -INFINITY); // the sum is rounded
@@ -93,7 +94,7 @@ static enum tetlod_status follow(struct retraced *state, const struct contractio
     size_t stars = (size_t)working->stars[kept].count + working->stars[dead].count;
     TETLOD_TRY(working_reserve(working, stars + stars / 4 + 4, state->error));
     state->run.proposals[dead].target = 2 * kept + !at_end;
-    merge(&state->run, &state->worker, dead, log_extend(&state->made, 1), &merged, state->errors,
+    merge(&state->run, &state->worker, dead, log_extend(&state->made, 1), NULL, &merged, state->errors,
           state->errors + working->component_count);
     if (state->worker.failed)
         return no_memory(state);

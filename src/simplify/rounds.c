@@ -6,9 +6,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/simplify/contest.h"
+#include "src/simplify/evaluate.h"
+#include "src/simplify/exact/exact.h"
 #include "src/simplify/ladder.h"
+#include "src/simplify/measured.h"
 #include "src/simplify/merge.h"
 #include "src/simplify/regions.h"
+#include "src/simplify/simplices.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -25,50 +30,38 @@ static const double STEPS_FROM = 1e-3;
 /* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung does. */
 enum { MOST_PASSES = 3 };
 
-/* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL; fewer than FEW
- * are not parted. */
-enum { PART = 4, REFILL = 8, FEW = 512 };
-
 /* Slots that are evaluated between two reports of progress. */
 enum { SLICE = 1 << 14 };
 
-enum listed { NOT_LISTED, LISTED_NOW, LISTED_LATER };
-
-struct list {
-    uint32_t *slots;
-    size_t count, room;
+/* What a thread's asking came to. */
+struct asker {
+    struct tetlod_error error;
+    enum tetlod_status status;
 };
+
+/* So many winners are asked about before they are contracted. */
+enum { ASKED = 128 };
 
 struct rounds {
     struct working working;
     struct run run;
-    uint32_t *blockers;    /* [slot] a vertex around it that had a lesser priority, or itself */
-    uint64_t *claims;      /* [slot] the least priority of a proposal with that end in this round */
-    struct list alive;     /* slots, ascending */
-    struct list proposing, later; /* slots with proposals up to `bound`, and those beyond (some more than once) */
-    struct list winners, again;   /* again: to be evaluated */
-    uint8_t *listed;       /* [slot] enum listed */
-    uint64_t bound;        /* of the priorities that are proposed now */
-    uint8_t *won;          /* [proposing] */
-    size_t won_room;
+    struct contest contest;
+    struct slot_list alive; /* slots, ascending */
+    struct slot_list winners, again; /* again: to be evaluated */
     struct merged *merged; /* [winner] */
     double *errors;        /* [winner][certified, predicted][component] */
     size_t merged_room, error_room;
+    struct limit limit;    /* run.asked, if there is one */
+    struct asker *askers;  /* [crew_size] */
+    struct answer *answers; /* [ASKED] */
+    double *answer_numbers;
+    size_t asked_from;     /* the winner of the first of them */
+    uint32_t first_record; /* the log's, of the first winner */
     double *certified, *predicted; /* [component] running maxima */
     double moved;
     const struct simplify_options *options;
     struct tetlod_error *error;
 };
-
-static bool list_add(struct list *list, uint32_t slot)
-{
-    void *grown = list->slots;
-    if (!array_reserve(&grown, &list->room, list->count + 1, sizeof *list->slots))
-        return false;
-    list->slots = grown;
-    list->slots[list->count++] = slot;
-    return true;
-}
 
 static enum tetlod_status no_memory(struct rounds *rounds)
 {
@@ -87,7 +80,7 @@ static enum tetlod_status report(const struct rounds *rounds)
     const struct working *working = &rounds->working;
     if (!rounds->options->progress)
         return TETLOD_OK;
-    double done = 1 - (double)working->vertices_alive / working->slot_count;
+    double done = 1 - (double)working->vertices_alive / working->log->vertex_count;
     if (rounds->options->progress(rounds->options->progress_opaque, done))
         return TETLOD_OK;
     return tetlodi_fail(rounds->error, TETLOD_ERR_CANCELLED, "cancelled");
@@ -167,179 +160,7 @@ static enum tetlod_status evaluate_again(struct rounds *rounds)
     return TETLOD_OK;
 }
 
-/* Those that were evaluated and have something to propose join the others. */
-static enum tetlod_status take_proposals(struct rounds *rounds)
-{
-    for (size_t i = 0; i < rounds->again.count; i++) {
-        uint32_t slot = rounds->again.slots[i];
-        uint64_t priority = rounds->run.proposals[slot].priority;
-        enum listed place = priority <= rounds->bound ? LISTED_NOW : LISTED_LATER;
-        rounds->blockers[slot] = slot;
-        if (priority == PROPOSES_NOTHING || rounds->listed[slot] == LISTED_NOW || rounds->listed[slot] == place)
-            continue;
-        rounds->listed[slot] = (uint8_t)place;
-        if (!list_add(place == LISTED_NOW ? &rounds->proposing : &rounds->later, slot))
-            return no_memory(rounds);
-    }
-    return TETLOD_OK;
-}
-
-/* Those that have nothing to propose any more leave. */
-static void drop_proposals(struct rounds *rounds)
-{
-    struct list *list = &rounds->proposing;
-    size_t kept = 0;
-    for (size_t i = 0; i < list->count; i++) {
-        uint32_t slot = list->slots[i];
-        if (rounds->run.proposals[slot].priority != PROPOSES_NOTHING)
-            list->slots[kept++] = slot;
-        else
-            rounds->listed[slot] = NOT_LISTED;
-    }
-    list->count = kept;
-}
-
-static int compare_priorities(const void *a, const void *b)
-{
-    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return x < y ? -1 : x > y;
-}
-
-/* A priority that about one in PART of the later ones is below. */
-static uint64_t find_bound(const struct rounds *rounds)
-{
-    enum { SAMPLES = 256 };
-    uint64_t samples[SAMPLES];
-    size_t count = rounds->later.count;
-    if (count < (size_t)FEW)
-        return PROPOSES_NOTHING - 1;
-    for (size_t i = 0; i < SAMPLES; i++)
-        samples[i] = rounds->run.proposals[rounds->later.slots[i * count / SAMPLES]].priority;
-    qsort(samples, SAMPLES, sizeof *samples, compare_priorities);
-    return samples[SAMPLES / PART] < PROPOSES_NOTHING ? samples[SAMPLES / PART] : PROPOSES_NOTHING - 1;
-}
-
-/* Moves later proposals up to the bound to those that are compared. */
-static enum tetlod_status advance(struct rounds *rounds)
-{
-    struct list *later = &rounds->later;
-    size_t kept = 0;
-    for (size_t i = 0; i < later->count; i++) {
-        uint32_t slot = later->slots[i];
-        uint64_t priority = rounds->run.proposals[slot].priority;
-        if (rounds->listed[slot] != LISTED_LATER)
-            continue;
-        if (priority > rounds->bound && priority != PROPOSES_NOTHING) {
-            later->slots[kept++] = slot;
-            continue;
-        }
-        rounds->listed[slot] = priority == PROPOSES_NOTHING ? NOT_LISTED : LISTED_NOW;
-        if (priority != PROPOSES_NOTHING && !list_add(&rounds->proposing, slot))
-            return no_memory(rounds);
-    }
-    later->count = kept;
-    return TETLOD_OK;
-}
-
-/* When few proposals are left the next best join them. So what is far from being the least is not compared in each round. */
-static enum tetlod_status refill(struct rounds *rounds)
-{
-    while (rounds->later.count && (!rounds->proposing.count || rounds->proposing.count < rounds->later.count / REFILL)) {
-        rounds->bound = find_bound(rounds);
-        TETLOD_TRY(advance(rounds));
-    }
-    return TETLOD_OK;
-}
-
-/* ---- who wins */
-
-static void claim(uint64_t *claim, uint64_t priority)
-{
-    uint64_t now = __atomic_load_n(claim, __ATOMIC_RELAXED);
-    while (priority < now && !__atomic_compare_exchange_n(claim, &now, priority, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
-        ;
-}
-
-static void claim_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct rounds *rounds = context;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i];
-        claim(&rounds->claims[slot], rounds->run.proposals[slot].priority);
-        claim(&rounds->claims[rounds->run.proposals[slot].target / 2], rounds->run.proposals[slot].priority);
-    }
-}
-
-static void release_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct rounds *rounds = context;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i];
-        __atomic_store_n(&rounds->claims[slot], PROPOSES_NOTHING, __ATOMIC_RELAXED);
-        __atomic_store_n(&rounds->claims[rounds->run.proposals[slot].target / 2], PROPOSES_NOTHING, __ATOMIC_RELAXED);
-    }
-}
-
-/* Is no vertex of the slot's star claimed by a lesser priority? The one that is is remembered. */
-static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority, uint32_t *blocker)
-{
-    const struct span *star = &rounds->working.stars[slot];
-    const uint32_t *tets = rounds->working.pool + star->begin;
-    for (uint32_t i = 0; i < star->count; i++)
-        __builtin_prefetch(rounds->working.corners[tets[i]]);
-    for (uint32_t i = 0; i < star->count; i++) {
-        const uint32_t *corners = rounds->working.corners[tets[i]];
-        for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
-            if (rounds->claims[corners[c]] < priority) {
-                *blocker = corners[c];
-                return false;
-            }
-    }
-    return true;
-}
-
-/* As fetch_ahead, for both ends of proposals. */
-static void fetch_stars(const struct rounds *rounds, const uint32_t *slots, size_t left)
-{
-    const struct working *working = &rounds->working;
-    if (left > 3)
-        __builtin_prefetch(&rounds->run.proposals[slots[3]]);
-    if (left > 2) {
-        __builtin_prefetch(&working->stars[slots[2]]);
-        __builtin_prefetch(&working->stars[rounds->run.proposals[slots[2]].target / 2]);
-    }
-    if (left > 1) {
-        __builtin_prefetch(working->pool + working->stars[slots[1]].begin);
-        __builtin_prefetch(working->pool + working->stars[rounds->run.proposals[slots[1]].target / 2].begin);
-    }
-}
-
-static void win_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct rounds *rounds = context;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        fetch_stars(rounds, rounds->proposing.slots + i, end - i);
-        uint32_t slot = rounds->proposing.slots[i], *blocker = &rounds->blockers[slot];
-        const struct proposal *proposal = &rounds->run.proposals[slot];
-        uint32_t other = proposal->target / 2;
-        uint64_t priority = proposal->priority;
-        rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
-                         rounds->claims[*blocker] >= priority && unclaimed(rounds, slot, priority, blocker) &&
-                         unclaimed(rounds, other, priority, blocker);
-    }
-}
-
-/* Has a star that the proposal depends on changed since? */
-static bool stale(const struct rounds *rounds, uint32_t slot)
-{
-    const struct proposal *proposals = rounds->run.proposals;
-    uint32_t target = proposals[slot].target;
-    return proposals[slot].dirty != CLEAN || !working_alive(&rounds->working, target / 2) ||
-           (target % 2 && proposals[target / 2].changed > proposals[slot].evaluated);
-}
+/* ---- contracting */
 
 /* Near the least number of tetrahedra only few may go at once. */
 static size_t most_winners(const struct rounds *rounds)
@@ -348,31 +169,6 @@ static size_t most_winners(const struct rounds *rounds)
     uint32_t left = rounds->working.tets_alive - rounds->options->min_tets;
     return left / REMOVES + 1;
 }
-
-/* Lists the winners whose proposals hold; those that do not are to be evaluated again. */
-static enum tetlod_status choose_winners(struct rounds *rounds)
-{
-    void *won = rounds->won;
-    size_t count = rounds->proposing.count, most = most_winners(rounds);
-    if (!array_reserve(&won, &rounds->won_room, count, 1))
-        return no_memory(rounds);
-    rounds->won = won;
-    crew_run(rounds->run.crew, count, 256, claim_range, rounds);
-    crew_run(rounds->run.crew, count, 64, win_range, rounds);
-    crew_run(rounds->run.crew, count, 256, release_range, rounds);
-    rounds->winners.count = rounds->again.count = 0;
-    for (size_t i = 0; i < count; i++) {
-        uint32_t slot = rounds->proposing.slots[i];
-        if (!rounds->won[i])
-            continue;
-        if (stale(rounds, slot) ? !list_add(&rounds->again, slot)
-                                : rounds->winners.count < most && !list_add(&rounds->winners, slot))
-            return no_memory(rounds);
-    }
-    return TETLOD_OK;
-}
-
-/* ---- contracting */
 
 static double *errors_of(const struct rounds *rounds, size_t winner)
 {
@@ -384,8 +180,11 @@ static void merge_range(void *context, unsigned worker, size_t begin, size_t end
     struct rounds *rounds = context;
     for (size_t i = begin; i < end; i++) {
         double *certified = errors_of(rounds, i);
-        merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->working.log->count + (uint32_t)i,
-              &rounds->merged[i], certified, certified + rounds->working.component_count);
+        const struct answer *answer = rounds->run.asked ? &rounds->answers[i - rounds->asked_from] : NULL;
+        rounds->merged[i].done = false;
+        if (!answer || answer->allowed)
+            merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->first_record + (uint32_t)i, answer,
+                  &rounds->merged[i], certified, certified + rounds->working.component_count);
     }
 }
 
@@ -400,9 +199,10 @@ static enum tetlod_status reserve(struct rounds *rounds)
     if (!room)
         return no_memory(rounds);
     for (size_t i = 0; i < count; i++) {
-        uint32_t slot = rounds->winners.slots[i];
-        size_t stars = (size_t)rounds->working.stars[slot].count +
-                       rounds->working.stars[rounds->run.proposals[slot].target / 2].count;
+        uint32_t simplex[4], vertices = proposed_simplex(&rounds->run, rounds->winners.slots[i], simplex);
+        size_t stars = 0;
+        for (uint32_t s = 0; s < vertices; s++)
+            stars += rounds->working.stars[simplex[s]].count;
         entries += stars + stars / 4;
     }
     return working_reserve(&rounds->working, entries, rounds->error);
@@ -444,8 +244,8 @@ static enum tetlod_status account(struct rounds *rounds, size_t winner, uint32_t
     const double *errors = errors_of(rounds, winner);
     uint32_t k = working->component_count, record = log_extend(working->log, 1);
     move_record(working->log, from, record);
-    working->node[merged->kept] = working->slot_count + record;
-    working->vertices_alive--;
+    working->node[merged->kept] = working->log->vertex_count + record;
+    working->vertices_alive -= merged->vertices;
     working->tets_alive -= merged->removed;
     rounds->moved = fmax(rounds->moved, merged->moved);
     for (uint32_t c = 0; c < k; c++) {
@@ -506,14 +306,75 @@ static void unfreeze(struct rounds *rounds, uint32_t slot)
     }
     working->flags[slot] &= (uint8_t)~VERTEX_FROZEN;
     rounds->run.proposals[slot].waits = rounds->run.proposals[slot].waits_changed = 0;
+    rounds->run.proposals[slot].changed = rounds->run.round;
+}
+
+/* ---- a limit that is asked */
+
+static void ask_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    struct asker *asker = &rounds->askers[worker];
+    for (size_t i = begin; i < end && asker->status == TETLOD_OK; i++)
+        asker->status = simplex_ask(&rounds->run, &rounds->run.workers[worker], worker, rounds->winners.slots[rounds->asked_from + i],
+                                    &rounds->answers[i], &asker->error);
+}
+
+/* Takes the answers over in turn. What is refused proposes something else. */
+static enum tetlod_status take_answers(struct rounds *rounds, size_t count)
+{
+    const struct limit *limit = rounds->run.asked;
+    struct star *star = &rounds->run.workers[0].star;
+    for (size_t i = 0; i < count; i++) {
+        struct answer *answer = &rounds->answers[i];
+        uint32_t simplex[4], slot = rounds->winners.slots[rounds->asked_from + i], vertices = proposed_simplex(&rounds->run, slot, simplex);
+        if (!star_gather(star, &rounds->working, simplex, vertices))
+            return no_memory(rounds);
+        TETLOD_TRY(limit->take(limit->state, star, answer, rounds->error));
+        if (answer->allowed)
+            continue;
+        simplex_refused(&rounds->run, slot, answer->error);
+        if (!list_add(&rounds->again, slot))
+            return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+static void merge_asked_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct rounds *rounds = context;
+    merge_range(context, worker, rounds->asked_from + begin, rounds->asked_from + end);
+}
+
+static enum tetlod_status ask_and_merge(struct rounds *rounds)
+{
+    size_t winners = rounds->winners.count;
+    for (rounds->asked_from = 0; rounds->asked_from < winners; rounds->asked_from += ASKED) {
+        size_t count = winners - rounds->asked_from < ASKED ? winners - rounds->asked_from : ASKED;
+        crew_run(rounds->run.crew, count, 1, ask_range, rounds);
+        for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+            if (rounds->askers[w].status != TETLOD_OK) {
+                *rounds->error = rounds->askers[w].error;
+                return rounds->askers[w].status;
+            }
+        TETLOD_TRY(failure(rounds));
+        TETLOD_TRY(take_answers(rounds, count));
+        crew_run(rounds->run.crew, count, 4, merge_asked_range, rounds);
+        for (size_t i = 0; i < count; i++)
+            answer_fini(&rounds->answers[i]);
+    }
+    return TETLOD_OK;
 }
 
 /* Contracts the winners; what they made is to be evaluated again, too. */
 static enum tetlod_status contract(struct rounds *rounds)
 {
-    uint32_t first = rounds->working.log->count;
+    uint32_t first = rounds->first_record = rounds->working.log->count;
     TETLOD_TRY(reserve(rounds));
-    crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
+    if (rounds->run.asked)
+        TETLOD_TRY(ask_and_merge(rounds));
+    else
+        crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
     TETLOD_TRY(failure(rounds));
     for (size_t i = 0; i < rounds->winners.count; i++) {
         if (!rounds->merged[i].done)
@@ -533,15 +394,18 @@ static enum tetlod_status contract(struct rounds *rounds)
 /* Until there is nothing to propose any more. */
 static enum tetlod_status play_rounds(struct rounds *rounds)
 {
-    TETLOD_TRY(refill(rounds));
-    while (rounds->proposing.count && !finished(rounds)) {
+    struct contest *contest = &rounds->contest;
+    if (!contest_refill(contest))
+        return no_memory(rounds);
+    while (contest->proposing.count && !finished(rounds)) {
         rounds->run.round++;
-        TETLOD_TRY(choose_winners(rounds));
+        if (!contest_decide(contest, most_winners(rounds), &rounds->winners, &rounds->again))
+            return no_memory(rounds);
         TETLOD_TRY(contract(rounds));
         TETLOD_TRY(evaluate_again(rounds));
-        drop_proposals(rounds);
-        TETLOD_TRY(take_proposals(rounds));
-        TETLOD_TRY(refill(rounds));
+        contest_leave(contest);
+        if (!contest_join(contest, &rounds->again) || !contest_refill(contest))
+            return no_memory(rounds);
         TETLOD_TRY(report(rounds));
     }
     return TETLOD_OK;
@@ -560,11 +424,22 @@ static enum tetlod_status list_reached(struct rounds *rounds)
             continue;
         rounds->alive.slots[kept++] = slot;
         double waits = proposals[slot].dirty == CLEAN ? proposals[slot].waits : EASED * proposals[slot].waits_changed;
+        if (waits > limit && rounds->run.plans && proposals[slot].waits_changed * EASED <= limit && simplices_changed(&rounds->run, slot))
+            waits = limit;
         if (waits <= limit && proposals[slot].priority == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
     rounds->alive.count = kept;
     return TETLOD_OK;
+}
+
+/* Has what the slot may propose changed since it was evaluated, or was passed over on this rung? */
+static bool has_changed(const struct rounds *rounds, uint32_t slot)
+{
+    const struct proposal *proposal = &rounds->run.proposals[slot];
+    if (!rounds->run.plans)
+        return proposal->dirty == TOUCHED;
+    return EASED * proposal->waits_changed <= rounds->run.limit && simplices_changed(&rounds->run, slot);
 }
 
 /* Lists whose stars have changed since they were evaluated and may have come within the limit. */
@@ -574,28 +449,59 @@ static enum tetlod_status list_changed(struct rounds *rounds)
     rounds->again.count = 0;
     for (size_t i = 0; i < rounds->alive.count; i++) {
         uint32_t slot = rounds->alive.slots[i];
-        if (proposals[slot].dirty != TOUCHED || !working_alive(&rounds->working, slot) ||
-            proposals[slot].priority != PROPOSES_NOTHING)
+        if (!working_alive(&rounds->working, slot) || proposals[slot].priority != PROPOSES_NOTHING || !has_changed(rounds, slot))
             continue;
-        proposals[slot].dirty = LEFT;
+        if (!rounds->run.plans)
+            proposals[slot].dirty = LEFT;
         if (EASED * proposals[slot].waits_changed <= rounds->run.limit && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
     return TETLOD_OK;
 }
 
+/* ---- memory */
+
+/* New numbers are worth it when one in so many tetrahedra is gone, and where a limit's own data grow meanwhile. */
+enum { RENUMBER_PART = 16 };
+
+static enum tetlod_status renumber(struct rounds *rounds)
+{
+    struct working *working = &rounds->working;
+    struct run *run = &rounds->run;
+    struct renumbering numbers;
+    if (!run->asked || working->tet_count - working->tets_alive < working->tet_count / RENUMBER_PART)
+        return TETLOD_OK;
+    TETLOD_TRY(working_renumber(working, &numbers, rounds->error));
+    run->proposals = renumber_slots(&numbers, run->proposals, sizeof *run->proposals);
+    run->plans = renumber_slots(&numbers, run->plans, sizeof *run->plans);
+    run->notes = renumber_slots(&numbers, run->notes, sizeof *run->notes);
+    contest_renumber(&rounds->contest);
+    quadrics_renumber(&run->quadrics, working, &numbers);
+    border_renumber(&run->border, &numbers);
+    run->asked->renumber(run->asked->state, &numbers);
+    size_t kept = 0;
+    for (size_t i = 0; i < rounds->alive.count; i++)
+        if (numbers.slots[rounds->alive.slots[i]] != TETLOD_NONE)
+            rounds->alive.slots[kept++] = numbers.slots[rounds->alive.slots[i]];
+    rounds->alive.count = kept;
+    renumbering_fini(&numbers);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool named)
 {
     rounds->run.limit = limit;
-    rounds->bound = 0;
+    rounds->run.named = named;
+    rounds->contest.bound = 0;
     rounds->run.round++;
     TETLOD_TRY(list_reached(rounds));
     for (int pass = 0; rounds->again.count && !finished(rounds); pass++) {
         TETLOD_TRY(evaluate_again(rounds));
-        TETLOD_TRY(take_proposals(rounds));
+        if (!contest_join(&rounds->contest, &rounds->again))
+            return no_memory(rounds);
         TETLOD_TRY(play_rounds(rounds));
         rounds->again.count = 0;
-        if (pass == (named ? MOST_PASSES : 0))
+        if (pass == (named || rounds->run.plans ? MOST_PASSES : 0))
             break;
         TETLOD_TRY(list_changed(rounds));
         rounds->run.round++;
@@ -603,9 +509,11 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool n
     return TETLOD_OK;
 }
 
-static double next_rung(const struct simplify_options *options, double limit, bool *out_named)
+static double next_rung(const struct rounds *rounds, double limit, bool *out_named)
 {
-    double next = next_limit(limit, options->max_error, options->rung_count ? INFINITY : STEPS_FROM, out_named);
+    const struct simplify_options *options = rounds->options;
+    double steps_from = rounds->run.plans ? 0 : options->rung_count ? INFINITY : STEPS_FROM;
+    double next = next_limit(limit, options->max_error, steps_from, out_named);
     for (uint32_t i = 0; i < options->rung_count; i++)
         if (options->rungs[i] > limit * (1 + 1e-6) && options->rungs[i] < next) {
             next = options->rungs[i];
@@ -626,37 +534,89 @@ static enum tetlod_status climb(struct rounds *rounds, double from)
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
             break;
-        limit = next_rung(rounds->options, limit, &named);
+        TETLOD_TRY(renumber(rounds));
+        limit = next_rung(rounds, limit, &named);
     }
     return mark(rounds);
 }
 
 /* ---- set-up */
 
-uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
+/* Edges by their envelope, many at one look at a star. */
+static bool in_edges_alone(const struct simplify_options *options)
 {
-    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t);
-    return evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+}
+
+/* A limit that is asked goes by quadrics. */
+static enum metric order_of(const struct simplify_options *options)
+{
+    bool asked = options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED;
+    return asked && options->metric != METRIC_QUADRIC ? METRIC_FIELD_QUADRIC : options->metric;
+}
+
+static bool has_quadrics(enum metric order)
+{
+    return order == METRIC_FIELD_QUADRIC || order == METRIC_QUADRIC;
+}
+
+uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
+{
+    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t), edges = (uint64_t)mesh->vertex_count + mesh->tet_count;
+    uint64_t bytes = evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
+    unsigned threads = options->threads ? options->threads : parallel_cores();
+    if (in_edges_alone(options))
+        return bytes;
+    bytes += mesh->vertex_count * (uint64_t)(sizeof(struct plan) + sizeof(struct notes) + 16) + edges * sizeof(struct known);
+    if (has_quadrics(order_of(options)))
+        bytes += mesh->vertex_count * (uint64_t)controlled_count * QUADRIC_SIZE * sizeof(double);
+    if (options->certify == CERTIFY_EXACT)
+        bytes += exact_bytes(mesh->vertex_count, mesh->tet_count, threads);
+    else if (options->metric == METRIC_MEASURED)
+        bytes += measured_bytes(mesh, controlled_count);
+    return bytes;
+}
+
+/* What vertices need that are evaluated simplex by simplex. */
+static enum tetlod_status allocate_plans(struct rounds *rounds)
+{
+    size_t n = rounds->working.slot_count, k = rounds->working.component_count;
+    rounds->run.plans = array_zero(n, sizeof *rounds->run.plans);
+    rounds->run.notes = array_zero(n, sizeof *rounds->run.notes);
+    if (!rounds->run.plans || !rounds->run.notes)
+        return no_memory(rounds);
+    if (has_quadrics(rounds->run.metric))
+        TETLOD_TRY(quadrics_init(&rounds->run.quadrics, &rounds->working, rounds->run.metric == METRIC_QUADRIC, rounds->error));
+    if (!rounds->run.asked)
+        return TETLOD_OK;
+    rounds->askers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->askers);
+    rounds->answers = array_zero(ASKED, sizeof *rounds->answers);
+    rounds->answer_numbers = array_zero(2 * ASKED * k, sizeof(double));
+    if (!rounds->askers || !rounds->answers || !rounds->answer_numbers)
+        return no_memory(rounds);
+    for (size_t i = 0; i < ASKED; i++) {
+        rounds->answers[i].values = rounds->answer_numbers + 2 * i * k;
+        rounds->answers[i].errors = rounds->answers[i].values + k;
+    }
+    return TETLOD_OK;
 }
 
 static enum tetlod_status allocate(struct rounds *rounds)
 {
     size_t n = rounds->working.slot_count, k = rounds->working.component_count;
     rounds->run.proposals = proposals_new(n);
-    rounds->blockers = array_new(n, sizeof *rounds->blockers);
-    rounds->claims = array_new(n, sizeof *rounds->claims);
-    rounds->listed = array_zero(n, 1);
     rounds->certified = array_zero(k, sizeof(double));
     rounds->predicted = array_zero(k, sizeof(double));
     rounds->run.factors = array_zero(k, sizeof(double));
     rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
-    if (!rounds->run.proposals || !rounds->blockers || !rounds->claims || !rounds->listed || !rounds->certified ||
-        !rounds->predicted || !rounds->run.factors || !rounds->run.workers)
+    if (!rounds->run.proposals || !rounds->certified || !rounds->predicted || !rounds->run.factors || !rounds->run.workers ||
+        !contest_init(&rounds->contest, &rounds->run))
         return no_memory(rounds);
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
         if (!worker_init(&rounds->run.workers[w], &rounds->working))
             return no_memory(rounds);
-    memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
+    if (!in_edges_alone(rounds->options))
+        TETLOD_TRY(allocate_plans(rounds));
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;
     rounds->run.certified = rounds->certified;
@@ -670,12 +630,20 @@ static void rounds_fini(struct rounds *rounds)
 {
     for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
         worker_fini(&rounds->run.workers[w]);
-    void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->run.proposals, rounds->blockers,
-                           rounds->claims,        rounds->listed,      rounds->alive.slots,   rounds->proposing.slots,
-                           rounds->later.slots,   rounds->again.slots, rounds->winners.slots, rounds->won,
-                           rounds->merged,        rounds->errors,      rounds->certified,     rounds->predicted};
+    for (uint32_t v = 0; v < rounds->working.slot_count && rounds->run.notes; v++)
+        notes_free(&rounds->run.notes[v]);
+    for (size_t i = 0; i < ASKED && rounds->answers; i++)
+        answer_fini(&rounds->answers[i]);
+    quadrics_fini(&rounds->run.quadrics);
+    void *const owned[] = {rounds->run.plans,   rounds->run.notes,     rounds->askers,       rounds->answers,
+                           rounds->answer_numbers, rounds->run.workers, rounds->run.factors,  rounds->run.proposals,
+                           rounds->alive.slots, rounds->again.slots,   rounds->winners.slots, rounds->merged,
+                           rounds->errors,      rounds->certified,     rounds->predicted};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
+    if (rounds->limit.state)
+        rounds->limit.release(rounds->limit.state);
+    contest_fini(&rounds->contest);
     border_fini(&rounds->run.border);
     crew_free(rounds->run.crew);
     working_fini(&rounds->working);
@@ -685,6 +653,8 @@ static enum tetlod_status open_rounds(struct rounds *rounds)
 {
     unsigned threads = rounds->options->threads;
     rounds->run.working = &rounds->working;
+    rounds->run.metric = order_of(rounds->options);
+    rounds->run.contract = rounds->options->contract;
     rounds->run.kernels = kernels_choose();
     rounds->run.crew = crew_new(threads ? threads : parallel_cores());
     return rounds->run.crew ? TETLOD_OK : no_memory(rounds);
@@ -721,6 +691,11 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, crew_size(rounds.run.crew), error));
+    if (options->certify == CERTIFY_EXACT)
+        TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+    else if (options->metric == METRIC_MEASURED)
+        TETLOD_TRY_DONE(measured_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+    rounds.run.asked = rounds.limit.state ? &rounds.limit : NULL;
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds, FIRST_LIMIT);
 done:

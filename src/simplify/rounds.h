@@ -10,8 +10,8 @@
 #ifndef TETLOD_ROUNDS_H
 #define TETLOD_ROUNDS_H
 
+#include "src/simplify/simplify_options.h"
 #include "src/simplify/piece.h"
-#include "src/simplify/simplify.h"
 
 /* Contracts the mesh by its envelope, edges only. As simplify(). */
 TETLOD_CHECKED enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh,
@@ -25,6 +25,6 @@ TETLOD_CHECKED enum tetlod_status rounds_contract(struct contraction_log *out, s
                                                   const struct simplify_options *options, struct tetlod_error *error);
 
 /* Bytes that this takes at its peak, about, without the mesh. */
-uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
+uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options);
 
 #endif

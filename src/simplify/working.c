@@ -202,7 +202,7 @@ static bool init_values(struct working *working, uint32_t f, const struct point_
 /* U and L are the original's values, whatever the grid. */
 static bool init_component(struct working *working, const struct tetmesh *mesh, uint32_t c)
 {
-    struct controlled *component = &working->components[c];
+    struct component *component = &working->components[c];
     const struct working_field *field = &working->fields[component->field];
     const double *values = mesh->fields[component->field].values + component->component;
     component->predicted = array_zero(working->slot_count, sizeof(double));
@@ -241,7 +241,7 @@ static enum tetlod_status init_fields(struct working *working, const struct tetm
         else
             point_field_range(&mesh->fields[controlled[i]], mesh->vertex_count, range);
         for (uint32_t k = 0; k < mesh->fields[controlled[i]].components && room; k++, c++) {
-            struct controlled *component = &working->components[c];
+            struct component *component = &working->components[c];
             component->field = controlled[i];
             component->component = k;
             component->scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
@@ -283,11 +283,10 @@ enum tetlod_status working_init(struct working *working, const struct tetmesh *m
 
 /* ---- the pool */
 
-enum tetlod_status working_reserve(struct working *working, size_t entries, struct tetlod_error *error)
+/* Lists the stars of the living in a new pool, with room for so many more entries. */
+static enum tetlod_status list_anew(struct working *working, size_t entries, struct tetlod_error *error)
 {
     size_t size = 0, capacity;
-    if (atomic_load(&working->pool_size) + entries <= working->pool_capacity)
-        return TETLOD_OK;
     for (uint32_t v = 0; v < working->slot_count; v++) {
         if (working_alive(working, v))
             working_prune(working, v);
@@ -311,6 +310,92 @@ enum tetlod_status working_reserve(struct working *working, size_t entries, stru
     return TETLOD_OK;
 }
 
+enum tetlod_status working_reserve(struct working *working, size_t entries, struct tetlod_error *error)
+{
+    if (atomic_load(&working->pool_size) + entries <= working->pool_capacity)
+        return TETLOD_OK;
+    return list_anew(working, entries, error);
+}
+
+/* ---- numbers without gaps */
+
+void renumbering_fini(struct renumbering *renumbering)
+{
+    free(renumbering->tets);
+    free(renumbering->slots);
+    *renumbering = (struct renumbering){0};
+}
+
+static void *move_rows(void *array, const uint32_t *numbers, uint32_t count, uint32_t left, size_t size)
+{
+    char *bytes = array;
+    for (uint32_t i = 0; i < count; i++)
+        if (numbers[i] < i)
+            memcpy(bytes + numbers[i] * size, bytes + i * size, size);
+    return array_shrink(array, left, size);
+}
+
+void *renumber_slots(const struct renumbering *renumbering, void *array, size_t element_size)
+{
+    return move_rows(array, renumbering->slots, renumbering->slot_count, renumbering->slots_left, element_size);
+}
+
+void *renumber_tets(const struct renumbering *renumbering, void *array, size_t element_size)
+{
+    return move_rows(array, renumbering->tets, renumbering->tet_count, renumbering->tets_left, element_size);
+}
+
+static bool number_living(const struct working *working, struct renumbering *out)
+{
+    *out = (struct renumbering){.tets = array_new(working->tet_count, sizeof(uint32_t)),
+                                .slots = array_new(working->slot_count, sizeof(uint32_t)),
+                                .tet_count = working->tet_count,
+                                .slot_count = working->slot_count};
+    if (!out->tets || !out->slots)
+        return false;
+    for (uint32_t t = 0; t < working->tet_count; t++)
+        out->tets[t] = tet_gone(working, t) ? TETLOD_NONE : out->tets_left++;
+    for (uint32_t v = 0; v < working->slot_count; v++)
+        out->slots[v] = working_alive(working, v) ? out->slots_left++ : TETLOD_NONE;
+    return true;
+}
+
+/* The corners, and the stars in a pool of their own size, by their new numbers. */
+static void renumber_corners(struct working *working, const struct renumbering *numbers)
+{
+    for (uint32_t t = 0; t < working->tet_count; t++)
+        for (int c = 0; c < 4 && !tet_gone(working, t); c++)
+            working->corners[t][c] = numbers->slots[working->corners[t][c]];
+    for (uint32_t v = 0; v < working->slot_count; v++) {
+        uint32_t *star = working->pool + working->stars[v].begin;
+        for (uint32_t i = 0; i < working->stars[v].count; i++)
+            star[i] = numbers->tets[star[i]];
+    }
+}
+
+enum tetlod_status working_renumber(struct working *working, struct renumbering *out, struct tetlod_error *error)
+{
+    enum tetlod_status status = number_living(working, out) ? list_anew(working, 0, error)
+                                                            : tetlodi_fail_nomem(error, "new numbers", 4 * (uint64_t)working->tet_count);
+    if (status != TETLOD_OK) {
+        renumbering_fini(out);
+        return status;
+    }
+    renumber_corners(working, out);
+    working->corners = renumber_tets(out, working->corners, sizeof *working->corners);
+    working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);
+    working->rows = renumber_slots(out, working->rows, working->stride * sizeof *working->rows);
+    working->values = renumber_slots(out, working->values, working->value_count * sizeof *working->values);
+    working->flags = renumber_slots(out, working->flags, 1);
+    working->node = renumber_slots(out, working->node, sizeof *working->node);
+    working->stars = renumber_slots(out, working->stars, sizeof *working->stars);
+    for (uint32_t c = 0; c < working->component_count; c++)
+        working->components[c].predicted = renumber_slots(out, working->components[c].predicted, sizeof(double));
+    working->tet_count = out->tets_left;
+    working->slot_count = out->slots_left;
+    return TETLOD_OK;
+}
+
 void working_prune(struct working *working, uint32_t slot)
 {
     struct span *star = &working->stars[slot];
@@ -323,8 +408,9 @@ void working_prune(struct working *working, uint32_t slot)
 
 /* ---- contraction */
 
-/* The tetrahedron of slot a's star, other than `but`, whose face with a, x and y is closed by neither of the edge's ends. */
-static void open_face(struct working *working, uint32_t a, uint32_t b, uint32_t x, uint32_t y, uint32_t but)
+/* The tetrahedron of slot a's star, other than `but`, whose face with a, x and y is not closed by b: that face is open now. False: it
+ * was so before, or there is none. */
+static bool open_face(struct working *working, uint32_t a, uint32_t b, uint32_t x, uint32_t y, uint32_t but)
 {
     const struct span *star = &working->stars[a];
     for (uint32_t i = 0; i < star->count; i++) {
@@ -336,74 +422,112 @@ static void open_face(struct working *working, uint32_t a, uint32_t b, uint32_t 
             other = is ? other : c;
         }
         if (found == 3 && corners[other] != b) {
+            bool closed = !(working->boundary_faces[tet] >> other & 1);
             working->boundary_faces[tet] |= (uint8_t)(1u << other);
-            return;
+            return closed;
         }
     }
+    return false;
 }
 
-/* A face of a removed tetrahedron that was on the boundary, with one of the edge's ends, lays the face on its other side open. */
-static void pass_boundary_on(struct working *working, uint32_t tet, uint32_t kept, uint32_t dead)
+static bool is_of(const uint32_t *simplex, uint32_t count, uint32_t slot)
+{
+    for (uint32_t s = 0; s < count; s++)
+        if (simplex[s] == slot)
+            return true;
+    return false;
+}
+
+/* The two faces of a removed tetrahedron that have one of its two vertices of the simplex fall together: if one was on the boundary,
+ * what is behind the other is open. Of those with three or four such vertices no face is left. */
+static bool pass_boundary_on(struct working *working, uint32_t tet, const uint32_t *simplex, uint32_t count)
 {
     const uint32_t *corners = working->corners[tet];
-    uint32_t others[2];
-    unsigned count = 0, faces = working->boundary_faces[tet];
-    for (unsigned c = 0; c < 4; c++)
-        if (corners[c] != kept && corners[c] != dead && count < 2)
-            others[count++] = corners[c];
-    if (faces >> corner_of(corners, dead) & 1)
-        open_face(working, dead, kept, others[0], others[1], tet);
-    if (faces >> corner_of(corners, kept) & 1)
-        open_face(working, kept, dead, others[0], others[1], tet);
+    unsigned inside[2] = {0, 0}, outside[2] = {0, 0}, inside_count = 0, outside_count = 0, faces = working->boundary_faces[tet];
+    for (unsigned c = 0; c < 4; c++) {
+        if (is_of(simplex, count, corners[c]))
+            inside[inside_count++ & 1] = c;
+        else
+            outside[outside_count++ & 1] = c;
+    }
+    bool opened = false;
+    for (int i = 0; i < 2 && inside_count == 2; i++)
+        if (faces >> inside[i] & 1)
+            opened |= open_face(working, corners[inside[i]], corners[inside[!i]], corners[outside[0]], corners[outside[1]], tet);
+    return opened;
 }
 
-static bool has(const uint32_t corners[4], uint32_t slot)
+/* Takes the tetrahedra of the star of one of the simplex's vertices that have no other into the list. */
+static uint32_t keep(const struct working *working, const uint32_t *simplex, uint32_t count, uint32_t of, uint32_t *list)
 {
-    return corners[0] == slot || corners[1] == slot || corners[2] == slot || corners[3] == slot;
-}
-
-/* Takes a star's tetrahedra that are not at the other end into the list. */
-static uint32_t keep(const struct working *working, uint32_t slot, uint32_t other, uint32_t *list)
-{
-    const struct span *star = &working->stars[slot];
-    uint32_t count = 0;
+    const struct span *star = &working->stars[simplex[of]];
+    uint32_t kept = 0;
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i];
-        if (!tet_gone(working, tet) && !has(working->corners[tet], other))
-            list[count++] = tet;
+        if (!tet_gone(working, tet) && !tet_has_other(working->corners[tet], simplex, count, of))
+            list[kept++] = tet;
     }
-    return count;
+    return kept;
 }
 
-uint32_t working_contract(struct working *working, uint32_t kept, uint32_t dead, uint32_t *list)
+/* Opens faces behind removed tetrahedra; and behind those that are removed themselves, until none is left. */
+static void open_faces(struct working *working, const uint32_t *simplex, uint32_t count)
 {
-    struct span *star = &working->stars[dead], *to = &working->stars[kept];
-    uint32_t removed = 0, count = keep(working, dead, kept, list), moved = count;
-    count += keep(working, kept, dead, list + count);
-    for (int pass = 0; pass < 2; pass++) // boundary faces first, while all of both stars is there
-        for (uint32_t i = 0; i < star->count; i++) {
-            uint32_t tet = working->pool[star->begin + i];
-            if (tet_gone(working, tet) || !has(working->corners[tet], kept))
-                continue;
-            if (pass == 0 && working->boundary_faces[tet])
-                pass_boundary_on(working, tet, kept, dead);
-            if (pass == 1) {
-                working->corners[tet][0] = TETLOD_NONE;
-                removed++;
+    bool opened = true;
+    while (opened) {
+        opened = false;
+        for (uint32_t s = 0; s + 1 < count; s++) {
+            const struct span *star = &working->stars[simplex[s]];
+            for (uint32_t i = 0; i < star->count; i++) {
+                uint32_t tet = working->pool[star->begin + i];
+                if (!tet_gone(working, tet) && working->boundary_faces[tet] &&
+                    tet_has_other(working->corners[tet], simplex, count, s))
+                    opened |= pass_boundary_on(working, tet, simplex, count);
             }
         }
-    for (uint32_t i = 0; i < moved; i++)
-        working->corners[list[i]][corner_of(working->corners[list[i]], dead)] = kept;
-    if (star->capacity > to->capacity)
-        *to = *star;
-    if (to->capacity < count) {
-        uint32_t capacity = count + count / SPARE;
-        *to = (struct span){atomic_fetch_add_explicit(&working->pool_size, capacity, memory_order_relaxed), count, capacity};
+        opened &= count > 2; // two removed ones around an edge have no face between them that opens
     }
-    to->count = count;
-    memcpy(working->pool + to->begin, list, count * sizeof *list);
-    *star = (struct span){0, 0, 0};
-    working->flags[kept] |= working->flags[dead] & (VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_FIXED);
-    working->flags[dead] = 0;
+}
+
+static uint32_t remove_tets(struct working *working, const uint32_t *simplex, uint32_t count)
+{
+    uint32_t removed = 0;
+    for (uint32_t s = 0; s + 1 < count; s++) {
+        const struct span *star = &working->stars[simplex[s]];
+        for (uint32_t i = 0; i < star->count; i++) {
+            uint32_t tet = working->pool[star->begin + i];
+            if (tet_gone(working, tet) || !tet_has_other(working->corners[tet], simplex, count, s))
+                continue;
+            working->corners[tet][0] = TETLOD_NONE;
+            removed++;
+        }
+    }
+    return removed;
+}
+
+uint32_t working_contract(struct working *working, const uint32_t *simplex, uint32_t count, uint32_t *list)
+{
+    uint32_t kept = simplex[count - 1], listed = 0, ends[4];
+    for (uint32_t s = 0; s < count; s++)
+        ends[s] = listed += keep(working, simplex, count, s, list + listed);
+    open_faces(working, simplex, count); // while all of the stars is there
+    uint32_t removed = remove_tets(working, simplex, count);
+    struct span *to = &working->stars[kept];
+    for (uint32_t s = 0; s + 1 < count; s++) {
+        struct span *star = &working->stars[simplex[s]];
+        for (uint32_t i = s ? ends[s - 1] : 0; i < ends[s]; i++)
+            working->corners[list[i]][corner_of(working->corners[list[i]], simplex[s])] = kept;
+        if (star->capacity > to->capacity)
+            *to = *star;
+        *star = (struct span){0, 0, 0};
+        working->flags[kept] |= working->flags[simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_FIXED);
+        working->flags[simplex[s]] = 0;
+    }
+    if (to->capacity < listed) {
+        uint32_t capacity = listed + listed / SPARE;
+        *to = (struct span){atomic_fetch_add_explicit(&working->pool_size, capacity, memory_order_relaxed), listed, capacity};
+    }
+    to->count = listed;
+    memcpy(working->pool + to->begin, list, listed * sizeof *list);
     return removed;
 }

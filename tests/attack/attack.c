@@ -153,8 +153,8 @@ static void choose_options(struct attack *a)
         option(a, " --certify-all");
     if (a->seed >= SHAPE_RARE_SEEDS)
         choose_rare_options(a);
-    if (dice_once_in(dice, 6))
-        option(a, " --candidates %u", 2 + dice_below(dice, 6));
+    if (dice_once_in(dice, 6)) // what this chose is no option any more; seeds keep the others
+        (void)dice_below(dice, 6);
     a->lossy = strstr(a->options, "position-") || strstr(a->options, "field-b") || strstr(a->options, "field-e");
     a->keep_order = a->lossy || dice_once_in(dice, 2);
     option(a, "%s --threads %u", a->keep_order ? " --keep-order" : "", 1 + dice_below(dice, 2));

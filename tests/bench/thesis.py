@@ -3,9 +3,8 @@
 """Tables 4.1 and 4.2 of the thesis (Sezer 2002) beside ours: contractions ordered and limited by the accumulated prediction.
 
 usage: thesis.py TETLOD. For each limit a build of its own that stops there, as in the thesis; `max` is all that is possible.
-N: contractions, s: seconds of contracting (the thesis's on a Pentium 4 at 1.5 GHz). Tetrahedra are contracted with all
-candidates, edges with the usual ones. Fails if tetrahedron contraction of the blunt fin leaves over 1.03 times the thesis's
-at `max`.
+N: contractions, s: seconds of contracting (the thesis's on a Pentium 4 at 1.5 GHz). Fails if tetrahedron contraction of
+the blunt fin leaves over 1.03 times the thesis's at `max`.
 """
 import sys
 
@@ -25,7 +24,7 @@ THESIS = {
     ('blunt fin', 'edge'): [(28047, 138775, 12913, 968.34), (23689, 120837, 17271, 1245.22), (20953, 108942, 20007, 1410.50),
                             (17720, 94091, 23240, 1596.79), (13604, 74093, 27356, 1823.24), (7017, 37837, 33943, 2178.38),
                             (2640, 11279, 38320, 2437.33)]}
-OPTIONS = {'tet': ['--contract', 'tet', '--candidates', '19'], 'edge': ['--contract', 'edge']}
+OPTIONS = {kind: ['--contract', kind] for kind in ('tet', 'edge')}
 WITHIN = 1.03
 
 

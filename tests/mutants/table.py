@@ -25,14 +25,14 @@ mutant('star without a tetrahedron', 'src/simplify/kernels.c',
 mutant('rounding slack', 'src/simplify/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
 mutant('upper is the value', 'src/simplify/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
        'errors accumulate', PROOF)
-mutant('one side of the error', 'src/simplify/evaluate.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
+mutant('one side of the error', 'src/simplify/outcome.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
        'worst = larger(worst, (upper[c] - value) * component->factor);', 'the error counts both ways', PROOF)
-mutant('certified is one side', 'src/simplify/merge.c', 'double worst = larger(upper[c] - values[c], values[c] - lower[c]);',
-       'double worst = upper[c] - values[c];', 'what is stored counts both ways', PROOF)
+mutant('certified is one side', 'src/simplify/merge.c', 'answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);',
+       'answer->errors[c] : upper[c] - values[c];', 'what is stored counts both ways', PROOF)
 mutant('mean beyond the error', 'src/simplify/merge.c',
        'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    return value >= least && value <= greatest ? value : middle;',
        'return field_round(field, component, most >= 0 ? mean : middle);', 'a better value keeps to the error that is stated', PROOF)
-mutant('values are not rounded', 'src/simplify/evaluate.c',
+mutant('values are not rounded', 'src/simplify/outcome.c',
        'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
 mutant('flips', 'src/simplify/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
@@ -55,8 +55,6 @@ mutant("link condition's boundary", 'src/simplify/links.c',
 mutant('local bound of one side', 'src/simplify/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
 mutant('local bound stays behind', 'src/simplify/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
        'a record that closes a gap takes its bounds along', 'cli/test_local_bound')
-mutant('local bound, one after the other', 'src/simplify/simplify.c', 'bounds[run->complex->log.count - 1] = errors[d];', 'bounds[run->complex->log.count - 1] = errors[d] / 2;',
-       'the sequential contraction says them, too', PROOF)
 mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0)', 'larger(floor((bound - grid->origin) / grid->step), 0)',
        'what is stored is no less than the bound', 'cli/test_local_bound')
 mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = ceil(rounding / step) * step;', 'origin = 0;',
@@ -90,9 +88,9 @@ mutant('a step says more than its own range', 'src/pipeline/encode_series.c', 'f
 
 # ---- the boundary (5)
 
-mutant('no demands of the map, above', 'src/simplify/evaluate.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
+mutant('no demands of the map, above', 'src/simplify/outcome.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
        'what the boundary map demands of the upper value', 'unit/test_rounds')
-mutant('no demands of the map, below', 'src/simplify/evaluate.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
+mutant('no demands of the map, below', 'src/simplify/outcome.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
        'what the boundary map demands of the lower value', 'unit/test_rounds')
 mutant('no crossings', 'src/simplify/boundary_map.c', 'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);', 'return graphs(map, cosine) && map_vertices(map);',
        'edges of the old and the new patch cross', 'unit/test_boundary_map')
@@ -110,58 +108,61 @@ mutant('inverted are not frozen', 'src/simplify/evaluate.c', 'if (working->flags
 mutant('folds are not frozen', 'src/simplify/border.c', 'working->flags[working->corners[t][c]] |= VERTEX_FROZEN;', '(void)c;',
        'no star that moves has a folded tetrahedron', PROOF)
 
-# ---- the same for other metrics, faces and tetrahedra
+# ---- faces and tetrahedra
 
-mutant('serial: star without a tetrahedron', 'src/simplify/fields.c',
-       'for (uint32_t i = 0; i < star->tet_count && !star->at_one_point; i++) {\n        struct tet_affine affine;',
-       'for (uint32_t i = 1; i < star->tet_count && !star->at_one_point; i++) {\n        struct tet_affine affine;',
-       'all tetrahedra of the star are continued to the new vertex', 'unit/test_fields')
-mutant('serial: upper is the value', 'src/simplify/fields.c', 'driver->upper[v] = outcome[d].upper;', 'driver->upper[v] = outcome[d].value;',
-       'errors accumulate', PROOF)
-mutant('serial: no demands of the map, above', 'src/simplify/fields.c', 'double most = larger(envelope[1][1], boundary_map_least(map, driver->upper, 1, 0));',
-       'double most = envelope[1][1];', 'what the boundary map demands of the upper value', 'unit/test_fields')
-mutant('serial: no demands of the map, below', 'src/simplify/fields.c', 'double least = smaller(envelope[0][0], boundary_map_greatest(map, driver->lower, 1));',
-       'double least = envelope[0][0];', 'what the boundary map demands of the lower value', 'unit/test_fields')
-mutant('serial: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) != complex->orientation)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
-       'C1', 'unit/test_complex', PROOF)
-mutant('serial: link triangles', 'src/simplify/star.c', 'return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));',
-       'return true;', 'C4: a common triangle', 'unit/test_complex')
-mutant("serial: link condition's boundary", 'src/simplify/star.c', 'if (complex_boundary_face(complex, star->tets[i], f)) {', 'if (f > 3) {',
-       'C4: the boundary is coned', 'unit/test_complex')
-mutant('serial: distance does not add up', 'src/simplify/boundary.c', 'boundary->moved[vertex] = moved;', 'boundary->moved[vertex] = 0;',
-       'how far the boundary moved in all', 'unit/test_boundary_map')
+mutant('simplices: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) <= 0)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
+       'C1', 'unit/test_working')
+mutant('simplices: link triangles', 'src/simplify/links.c', 'return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));',
+       'return true;', 'C4: a common triangle', 'unit/test_links')
+mutant("simplices: link condition's boundary", 'src/simplify/links.c', 'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {',
+       'C4: the boundary is coned', 'unit/test_links')
+mutant('simplices: faces behind those that vanish', 'src/simplify/working.c', 'opened &= count > 2;', 'opened = false;',
+       'a face behind several tetrahedra that vanish is on the boundary', 'unit/test_working')
+mutant('simplices: a vertex is forgotten', 'src/simplify/outcome.c', 'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
+       'for (uint32_t s = 0; s < 2 && room; s++)\n        list_star(', 'the star is of all vertices of the simplex', 'unit/test_outcome', PROOF)
+
+# ---- new numbers without gaps
+
+mutant('numbers: boundary faces keep theirs', 'src/simplify/working.c', 'working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);', '',
+       'what belongs to a tetrahedron moves with it', 'unit/test_working')
+mutant('numbers: stars keep theirs', 'src/simplify/working.c', 'star[i] = numbers->tets[star[i]];', '(void)star[i];', 'the same', 'unit/test_working')
+mutant('numbers: points that refused keep theirs', 'src/simplify/exact/overlaps.c',
+       'overlaps->sentinels = renumber_tets(numbers, overlaps->sentinels, sizeof *overlaps->sentinels);', '', 'the same', 'unit/test_overlaps')
+mutant('numbers: lists of originals keep theirs', 'src/simplify/exact/overlaps.c',
+       'overlaps->lists = renumber_tets(numbers, overlaps->lists, sizeof *overlaps->lists);', '', 'the same', 'unit/test_overlaps')
+mutant('numbers: hosts keep theirs', 'src/simplify/exact/overlaps.c', 'overlaps->host[v] = numbers->tets[overlaps->host[v]];', '(void)numbers;',
+       'the same', 'unit/test_exact')
 
 # ---- the exact limit (8)
 
-mutant('exact: no original vertices', 'src/simplify/exact/exact.c', 'if (!at_vertex(e, v))', 'if (v > UINT32_MAX - 1 && !at_vertex(e, v))',
+mutant('exact: no original vertices', 'src/simplify/exact/examiner.c', 'if (!at_vertex(e, v))', 'if (v > UINT32_MAX - 1 && !at_vertex(e, v))',
        'critical points of kind 1', 'unit/test_exact')
-mutant('exact: no walls', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
+mutant('exact: no walls', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
        'critical points of kind 2', 'unit/test_exact')
-mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/exact.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
+mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/examiner.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
        'an edge is followed to its end', 'unit/test_exact')
-mutant('exact: an edge ends where it begins', 'src/simplify/exact/exact.c', 'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
+mutant('exact: an edge ends where it begins', 'src/simplify/exact/examiner.c', 'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
        'the same', 'unit/test_exact')
 mutant('exact: an edge is told by one end', 'src/simplify/exact/cover.c', 'if (edge[0] == least && edge[1] == greatest)', 'if (edge[1] == greatest)',
        'all edges are asked', 'unit/test_exact')
 mutant('exact: slots keep their numbers', 'src/simplify/exact/cover.c', 'cover->slot_numbers[cover->link[l]] = TETLOD_NONE;', '(void)cover->slot_numbers[cover->link[l]];',
        "the next star's link has numbers of its own", 'unit/test_exact')
-mutant('exact: a number too many is left', 'src/simplify/renumber.h', 'word & (bit - 1)', 'word & (bit - 1 | bit)', 'new numbers have no gaps', 'unit/test_renumber')
-mutant('exact: the queue keeps what is gone', 'src/simplify/queue.c', 'if (renumber_entry(&entry, tets, slots))', 'if (renumber_entry(&entry, tets, slots) || true)',
-       'what has lost a vertex is dropped', 'unit/test_renumber')
 mutant('exact: the oldest point stays', 'src/simplify/exact/overlaps.c', 'uint32_t last = same < count ? same : count - 1;', 'uint32_t last = same < count ? same : 0;',
        'the last two points that refused are kept', 'unit/test_overlaps')
-mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
+mutant('exact: no spokes', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
        'critical points of kind 3', 'unit/test_exact')
-mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
+mutant('exact: not the new vertex', 'src/simplify/exact/examiner.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
        'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/cover.c', 'if (!pair_original(cover, complex, t))', 'if (t % 8 != 7 && !pair_original(cover, complex, t))',
+mutant('exact: originals are lost', 'src/simplify/exact/cover.c', 'if (!pair_original(cover, working, t))', 'if (t % 8 != 7 && !pair_original(cover, working, t))',
        'a cone lists all originals that overlap it', 'unit/test_exact')
 mutant('exact: planes turned outwards', 'src/simplify/exact/cover.c', 'bool turned = !(dot(plane->normal, r) > 0);', 'bool turned = dot(plane->normal, r) > 0;',
        'the same', 'unit/test_exact')
 mutant('exact: walls of the wrong side', 'src/simplify/exact/cover.c', 'cover->masks[(2 * f + !positive) * words', 'cover->masks[(2 * f + positive) * words',
        'the same', 'unit/test_exact')
-mutant('exact: an estimate is taken for an answer', 'src/simplify/simplify.c', 'if (!*out_left) // what is left waits', 'if (true) // what is left waits',
+mutant('exact: a refusal is forgotten', 'src/simplify/simplices.c', 'known->bound = nextafterf(', 'known->bound = 0 * nextafterf(',
        'what was refused is not asked again', 'unit/test_asked_once')
+mutant('exact: what the bounds say is stored', 'src/simplify/merge.c', 'answer && run->asked->certifies ? answer->errors[c]', 'answer && run->asked->certifies ? 0 * answer->errors[c]',
+       'what is stored is what the limit has answered', PROOF)
 mutant('exact: originals stay marked', 'src/simplify/exact/cover.c', 'cover->listed[cover->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
 mutant('exact: the star stays marked', 'src/simplify/exact/cover.c', 'cover->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
 mutant('exact: distances of another order', 'src/simplify/exact/cover.h',

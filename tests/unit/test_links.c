@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The link condition of the rounds: what star_link_condition says of the same edges, which is held against the definition; and it is
- * asked where nothing else would keep the topology. */
+/*
+ * The link condition, of edges and of simplices of any size, against its definition; and it is asked of every boundary:
+ * a cavity stays.
+ */
 #include "src/simplify/links.h"
 
 #include <stdlib.h>
@@ -10,49 +12,102 @@
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
-#include "src/simplify/border.h"
 #include "src/simplify/rounds.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
 #include "tests/test.h"
+#include "tests/world.h"
 
-/* Every edge of vertices that may be contracted; io_counts: edges for which it does not hold, and does. */
+/* ---- the definition */
+
+/* The mesh with its boundary coned to one more vertex. */
+struct coned {
+    uint32_t count;
+    uint32_t (*tets)[4];
+};
+
+static struct coned cone(const struct working *working)
+{
+    struct coned coned = {0, malloc((5 * (size_t)working->tet_count + 1) * sizeof *coned.tets)};
+    for (uint32_t t = 0; t < working->tet_count && coned.tets; t++)
+        for (unsigned f = 0; f < 5; f++) {
+            if (f < 4 && !(working->boundary_faces[t] >> f & 1))
+                continue;
+            memcpy(coned.tets[coned.count], working->corners[t], sizeof *coned.tets);
+            if (f < 4)
+                coned.tets[coned.count][f] = working->slot_count; // the apex
+            coned.count++;
+        }
+    return coned;
+}
+
+static bool has(const uint32_t tet[4], uint32_t v)
+{
+    return tet[0] == v || tet[1] == v || tet[2] == v || tet[3] == v;
+}
+
+/* Is a simplex of both links, together with a and b, a simplex of the complex? */
+static bool in_edge_link(const struct coned *coned, uint32_t a, uint32_t b, const uint32_t *common, int count)
+{
+    for (uint32_t i = 0; i < coned->count; i++) {
+        bool all = has(coned->tets[i], a) && has(coned->tets[i], b);
+        for (int k = 0; k < count; k++)
+            all &= has(coned->tets[i], common[k]);
+        if (all)
+            return true;
+    }
+    return false;
+}
+
+/* Lk(a) and Lk(b) meet in Lk(ab), by the definition: every simplex that a tetrahedron at a and one at b share. */
+static bool link_condition(const struct coned *coned, uint32_t a, uint32_t b)
+{
+    for (uint32_t i = 0; i < coned->count; i++)
+        for (uint32_t j = 0; j < coned->count && has(coned->tets[i], a); j++) {
+            uint32_t common[4];
+            int count = 0;
+            if (!has(coned->tets[j], b))
+                continue;
+            for (int c = 0; c < 4; c++) {
+                uint32_t v = coned->tets[i][c];
+                if (v != a && v != b && has(coned->tets[j], v))
+                    common[count++] = v;
+            }
+            if (count && !in_edge_link(coned, a, b, common, count))
+                return false;
+        }
+    return true;
+}
+
+/* Every edge of vertices that may be contracted, by both ways; io_counts: edges for which it does not hold, and does. */
 static void compare(struct tetmesh *mesh, uint32_t io_counts[2])
 {
-    struct contraction_log log;
-    struct working working;
-    struct complex complex;
-    struct star star = {0};
-    struct hood hood = {0};
-    struct links links = {0};
-    struct crew *crew = crew_new(1);
-    uint32_t controlled = 0, wrong = 0;
-    REQUIRE(crew && log_init(&log, mesh, NULL) == TETLOD_OK && complex_init(&complex, mesh, NULL) == TETLOD_OK);
-    REQUIRE(working_init(&working, mesh, NULL, &controlled, 1, NULL, &log, NULL) == TETLOD_OK);
-    REQUIRE(border_find(&working, crew, NULL) == TETLOD_OK);
-    for (uint32_t v = 0; v < working.slot_count; v++) {
-        if (working.stars[v].count == 0 || working.flags[v] & VERTEX_SINGULAR)
+    struct world world;
+    uint32_t wrong = 0;
+    REQUIRE(world_open_plain(&world, mesh));
+    struct working *working = &world.working;
+    struct hood *hood = &world.worker.hood;
+    struct coned coned = cone(working);
+    REQUIRE(coned.tets);
+    for (uint32_t v = 0; v < working->slot_count; v++) {
+        if (working->stars[v].count == 0 || working->flags[v] & VERTEX_SINGULAR)
             continue;
-        REQUIRE(hood_gather(&hood, &working, v));
-        for (uint32_t n = 0; n < hood.count; n++) {
-            const uint32_t edge[2] = {working.node[v], working.node[hood.slots[n]]};
-            bool holds, room;
-            if (working.flags[hood.slots[n]] & VERTEX_SINGULAR)
+        REQUIRE(hood_gather(hood, working, v));
+        for (uint32_t n = 0; n < hood->count; n++) {
+            const uint32_t edge[2] = {v, hood->slots[n]};
+            bool room[2];
+            if (working->flags[edge[1]] & VERTEX_SINGULAR)
                 continue;
-            CHECK_INT(star_gather(&star, &complex, edge, 2, NULL), TETLOD_OK);
-            CHECK_INT(star_link_condition(&star, &complex, &holds, NULL), TETLOD_OK);
-            wrong += links_hold(&links, &hood, &working, n, &room) != holds || !room;
+            bool holds = link_condition(&coned, edge[0], edge[1]);
+            REQUIRE(star_gather(&world.star, working, edge, 2));
+            wrong += links_hold_star(&world.worker.links, &world.star, working, &room[1]) != holds || !room[1];
+            wrong += links_hold(&world.worker.links, hood, working, n, &room[0]) != holds || !room[0];
             io_counts[holds]++;
         }
     }
     CHECK_INT(wrong, 0);
-    links_fini(&links);
-    hood_fini(&hood);
-    star_fini(&star);
-    complex_fini(&complex);
-    working_fini(&working);
-    log_fini(&log);
-    crew_free(crew);
+    free(coned.tets);
+    world_close(&world);
 }
 
 /* A cube without some of its tetrahedra. */
@@ -66,7 +121,7 @@ static void carve(struct tetmesh *mesh, uint32_t size, uint64_t seed, uint32_t o
     mesh->tet_count = kept;
 }
 
-static void test_same_as_the_other(void)
+static void test_by_definition(void)
 {
     static const char *const names[] = {"cube", "torus", "shell", "delta"};
     uint32_t counts[2] = {0, 0};
@@ -167,9 +222,86 @@ static void test_cavities_stay(void)
     CHECK(cavities > 10);
 }
 
+/* ---- small complexes */
+
+/* Whether the condition holds for a simplex of a small mesh. */
+static bool allows(const double *positions, uint32_t vertices, const uint32_t *corners, uint32_t tets,
+                   const uint32_t *simplex, uint32_t count)
+{
+    struct tetmesh mesh = {.vertex_count = vertices, .tet_count = tets};
+    mesh.positions = (double *)(uintptr_t)positions;
+    mesh.corners = (uint32_t *)(uintptr_t)corners;
+    struct world world;
+    uint32_t slots[4];
+    bool holds = false, room = false;
+    CHECK(world_open_plain(&world, &mesh));
+    for (uint32_t s = 0; s < count; s++)
+        slots[s] = world_slot(&world, simplex[s]);
+    CHECK(star_gather(&world.star, &world.working, slots, count));
+    holds = links_hold_star(&world.worker.links, &world.star, &world.working, &room);
+    CHECK(room);
+    world_close(&world);
+    return holds;
+}
+
+static const double five[5 * 3] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
+
+static void test_a_tetrahedron_alone(void)
+{
+    const uint32_t corners[4] = {0, 1, 2, 3};
+    for (uint32_t a = 0; a < 4; a++) {
+        uint32_t simplex[4] = {a, (a + 1) % 4, (a + 2) % 4, (a + 3) % 4};
+        for (uint32_t count = 2; count <= 4; count++)
+            CHECK(!allows(five, 4, corners, 1, simplex, count));
+    }
+}
+
+/* Two that share a face: an edge of the shared face would take both away; one to an apex would leave one. */
+static void test_two_tetrahedra(void)
+{
+    const uint32_t corners[8] = {0, 1, 2, 3, 1, 2, 3, 4};
+    CHECK(!allows(five, 5, corners, 2, (uint32_t[]){1, 2}, 2));
+    CHECK(!allows(five, 5, corners, 2, (uint32_t[]){1, 2, 3}, 3));
+    CHECK(allows(five, 5, corners, 2, (uint32_t[]){0, 1}, 2));
+    CHECK(allows(five, 5, corners, 2, (uint32_t[]){4, 3}, 2));
+    CHECK(!allows(five, 5, corners, 2, (uint32_t[]){0, 1, 2, 3}, 4));
+}
+
+/* The diagonal of a cube of six joins boundary to boundary through the inside: contracted, it would pinch the cube. */
+static void test_through_the_inside(void)
+{
+    struct tetmesh mesh = {0};
+    uint32_t diagonal[2] = {TETLOD_NONE, TETLOD_NONE};
+    REQUIRE(sample_find("cube")->make(&mesh, 1, NULL) == TETLOD_OK);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++) {
+        unsigned tets = 0;
+        for (uint32_t t = 0; t < mesh.tet_count; t++)
+            tets += has(mesh.corners + 4 * t, v);
+        if (tets == mesh.tet_count)
+            diagonal[diagonal[0] != TETLOD_NONE] = v;
+    }
+    REQUIRE(diagonal[1] != TETLOD_NONE);
+    CHECK(!allows(mesh.positions, mesh.vertex_count, mesh.corners, mesh.tet_count, diagonal, 2));
+    tetmesh_fini(&mesh);
+}
+
+/* Three tetrahedra around an edge that they close: three vertices of the ring have all edges, but not the face. */
+static void test_a_triangle_without_a_face(void)
+{
+    /* 0-1 is the axis, 2 3 4 the ring around it: contracting 2 and 3 would fold 0 2 4 onto 0 3 4 inside */
+    const double p[] = {0, 0, -1, 0, 0, 1, 1, 0, 0, -0.5, 0.9, 0, -0.5, -0.9, 0};
+    const uint32_t corners[] = {0, 2, 3, 1, 0, 3, 4, 1, 0, 4, 2, 1};
+    CHECK(!allows(p, 5, corners, 3, (uint32_t[]){2, 3}, 2));
+    CHECK(!allows(p, 5, corners, 3, (uint32_t[]){0, 1}, 2));
+}
+
 int main(void)
 {
-    RUN(test_same_as_the_other);
+    RUN(test_by_definition);
+    RUN(test_a_tetrahedron_alone);
+    RUN(test_two_tetrahedra);
+    RUN(test_through_the_inside);
+    RUN(test_a_triangle_without_a_face);
     RUN(test_cavities_stay);
     return test_end();
 }

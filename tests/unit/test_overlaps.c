@@ -4,12 +4,7 @@
 
 #include "src/sample/sample.h"
 #include "tests/test.h"
-
-static bool at_first(const void *context, uint32_t number)
-{
-    (void)context;
-    return number % 3 != 1;
-}
+#include "tests/world.h"
 
 /* Are the watches of a tetrahedron those, the last one first? */
 static bool watches(const struct overlaps *overlaps, uint32_t tet, const uint32_t *ends, uint32_t count)
@@ -32,10 +27,12 @@ static void test_watches(void)
 {
     struct tetmesh mesh;
     struct overlaps overlaps;
-    struct renumbering tets;
+    struct world world;
+    struct renumbering numbers;
     uint32_t count;
     REQUIRE(sample_find("cube")->make(&mesh, 3, NULL) == TETLOD_OK);
-    REQUIRE(overlaps_init(&overlaps, &mesh, NULL) == TETLOD_OK);
+    REQUIRE(world_open_plain(&world, &mesh) && overlaps_init(&overlaps, &mesh, &world.working, NULL) == TETLOD_OK);
+    uint32_t original = *overlaps_of(&overlaps, 5, &count);
     CHECK(watches(&overlaps, 5, NULL, 0));
     watch(&overlaps, 5, 10);
     watch(&overlaps, 5, 10);
@@ -50,14 +47,16 @@ static void test_watches(void)
     watch(&overlaps, TETLOD_NONE, 50);
     watch(&overlaps, 6, TETLOD_NONE);
     CHECK(watches(&overlaps, 6, NULL, 0));
-    REQUIRE(renumbering_init(&tets, mesh.tet_count, at_first, NULL));
-    overlaps_renumber(&overlaps, &tets); // 4 is gone, 5 becomes 3
+    world.working.corners[1][0] = world.working.corners[4][0] = TETLOD_NONE; // they are gone: 5 becomes 3
+    REQUIRE(working_renumber(&world.working, &numbers, NULL) == TETLOD_OK);
+    overlaps_renumber(&overlaps, &numbers);
     CHECK(watches(&overlaps, 3, (uint32_t[]){30, 10}, 2));
-    CHECK_INT(overlaps.watch_count, 2);
+    CHECK_INT(overlaps.watch_count, 3);
     const uint32_t *list = overlaps_of(&overlaps, 3, &count); // still the original of its old number
     CHECK_INT(count, 1);
-    CHECK_INT(list[0], 5);
-    renumbering_fini(&tets);
+    CHECK_INT(list[0], original);
+    renumbering_fini(&numbers);
+    world_close(&world);
     overlaps_fini(&overlaps);
     tetmesh_fini(&mesh);
 }

@@ -14,6 +14,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
 #include "src/simplify/rounds.h"
+#include "src/simplify/simplify.h"
 #include "tests/test.h"
 
 enum { PIECES = 3 };

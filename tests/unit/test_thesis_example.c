@@ -7,13 +7,12 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "src/simplify/metric.h"
 #include "src/measure/overlay.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
+#include "src/simplify/quadric.h"
 #include "tests/test.h"
-
-static const struct boundary_map no_map; /* the edge is inside */
+#include "tests/world.h"
 
 static const double line_x[4] = {0, 1, 3, 4}, line_s[4] = {0, 1, 2, 1};
 
@@ -113,43 +112,28 @@ static uint32_t vertex_at(const struct tetmesh *mesh, double x, double y, double
 
 /* Scalar value assignment (3.3.2), as the builder does it: an edge along the line, inside; and behind it more of the line, so
  * that no value is clamped to the range. */
-static void try_assignment(struct tetmesh *mesh, const struct trial *places, uint32_t count, double *errors, double *values)
+static void try_assignment(struct tetmesh *mesh, const double places[][3], uint32_t count, double *errors, double *values)
 {
-    struct complex complex;
-    struct fields fields;
-    struct star star = {0};
-    struct metric_scratch scratch;
-    struct trial trials[3];
-    struct outcome outcome;
-    REQUIRE(complex_init(&complex, mesh, NULL) == TETLOD_OK);
-    REQUIRE(fields_init(&fields, mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK);
-    REQUIRE(metric_init(&scratch, &fields, NULL) == TETLOD_OK);
-    REQUIRE(metric_init_envelopes(METRIC_SVA, &fields, &complex, NULL) == TETLOD_OK);
-    uint32_t edge[2] = {vertex_at(mesh, 1, 2, 2), vertex_at(mesh, 3, 2, 2)};
-    REQUIRE(star_gather(&star, &complex, edge, 2, NULL) == TETLOD_OK);
-    memcpy(trials, places, count * sizeof *places);
-    metric_try(METRIC_SVA, &scratch, &fields, &complex, &star, NULL, INFINITY, trials, count);
+    struct world world;
+    REQUIRE(world_open(&world, mesh, &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 30,
+                                                             .metric = METRIC_SVA}));
+    struct join join = {.simplex = {world_slot(&world, vertex_at(mesh, 1, 2, 2)), world_slot(&world, vertex_at(mesh, 3, 2, 2))}, .count = 2};
+    REQUIRE(star_gather(&world.star, &world.working, join.simplex, join.count));
+    REQUIRE(outcome_list(&world.run, &world.worker, &join));
     for (uint32_t t = 0; t < count; t++) {
-        double assigned;
-        metric_assigned(&scratch, &fields, t, &assigned);
-        CHECK(trials[t].possible);
-        fields_outcome(&fields, &complex, &star, &no_map, trials[t].position, &assigned, &outcome);
-        errors[t] = trials[t].error / fields.drivers[0].scale;
-        values[t] = outcome.value;
-        CHECK_NEAR(outcome.predicted, errors[t], 1e-9);
+        memcpy(join.p, places[t], sizeof join.p);
+        CHECK(star_fits(&world.star, &world.working, join.p) && outcome_weigh(&world.run, &world.worker, &join));
+        outcome_say(&world.run, &world.worker, &join, true);
+        errors[t] = outcome_values(&world.run, &world.worker, &join, &values[t], NULL) / world.working.components[0].scale;
+        values[t] += world.working.fields[0].middles[0];
     }
-    metric_fini(&scratch);
-    star_fini(&star);
-    fields_fini(&fields);
-    complex_fini(&complex);
+    world_close(&world);
 }
 
 static void test_scalar_value_assignment(void)
 {
     static const double x[6] = {0, 1, 3, 4, 5, 6}, s[6] = {0, 1, 2, 1, 10, -10};
-    static const struct trial places[3] = {{.position = {1.5, 2, 2}, .possible = true},
-                                           {.position = {2.0, 2, 2}, .possible = true},
-                                           {.position = {2.5, 2, 2}, .possible = true}};
+    static const double places[3][3] = {{1.5, 2, 2}, {2.0, 2, 2}, {2.5, 2, 2}};
     struct tetmesh mesh = {0};
     double errors[3] = {0}, values[3] = {0};
     REQUIRE(thicken(&mesh, x, s, 5) == TETLOD_OK);

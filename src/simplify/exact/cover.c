@@ -50,9 +50,9 @@ static enum tetlod_status no_room(struct tetlod_error *error)
     return tetlodi_fail_nomem(error, "the originals under a star", 1 << 20);
 }
 
-enum tetlod_status cover_init(struct cover *cover, const struct complex *complex, struct tetlod_error *error)
+enum tetlod_status cover_init(struct cover *cover, const struct working *working, struct tetlod_error *error)
 {
-    size_t set = set_words(complex->tet_count), vertices = complex->vertex_count;
+    size_t set = set_words(working->tet_count), vertices = working->slot_count;
     *cover = (struct cover){.listed = array_zero(set, sizeof(uint64_t)),
                             .covered = array_zero(set, sizeof(uint64_t)),
                             .numbers = array_new(vertices, sizeof(uint32_t)),
@@ -86,11 +86,6 @@ static const uint64_t STAR_BYTES = 7 << 18;
 uint64_t cover_bytes(uint32_t vertices, uint32_t tets)
 {
     return vertices * (uint64_t)8 + tets / 4 + STAR_BYTES;
-}
-
-void cover_renumber(struct cover *cover, const struct renumbering *slots)
-{
-    cover->slot_numbers = array_shrink(cover->slot_numbers, slots->after, sizeof *cover->slot_numbers);
 }
 
 /* ---- gathering */
@@ -186,7 +181,7 @@ static uint32_t link_number(struct cover *cover, uint32_t slot)
 }
 
 /* A cone for every re-attached tetrahedron. */
-static bool gather_cones(struct cover *cover, const struct complex *complex, const struct star *star)
+static bool gather_cones(struct cover *cover, const struct working *working, const struct star *star)
 {
     uint32_t most = star->tet_count - star->removed_count;
     cover->link_count = cover->cone_count = 0;
@@ -198,10 +193,10 @@ static bool gather_cones(struct cover *cover, const struct complex *complex, con
             continue;
         struct cone *cone = &cover->cones[cover->cone_count++];
         cone->tet = star->tets[i];
-        cone->outer = complex_boundary_face(complex, cone->tet, star->moving[i]);
+        cone->outer = working->boundary_faces[cone->tet] >> star->moving[i] & 1;
         for (int k = 0; k < 3; k++)
             cone->link[k] =
-                link_number(cover, complex->corners[4 * (size_t)cone->tet + tet_faces[star->moving[i]][k]]);
+                link_number(cover, working->corners[cone->tet][tet_faces[star->moving[i]][k]]);
     }
     for (uint32_t l = 0; l < cover->link_count; l++)
         cover->slot_numbers[cover->link[l]] = TETLOD_NONE;
@@ -237,12 +232,12 @@ static bool gather_walls(struct cover *cover)
     return true;
 }
 
-enum tetlod_status cover_begin(struct cover *cover, const struct complex *complex, const struct star *star,
+enum tetlod_status cover_begin(struct cover *cover, const struct working *working, const struct star *star,
                                  struct tetlod_error *error)
 {
     cover->edge_count = cover->vertex_count = cover->tet_count = 0;
     cover->gathered = false;
-    return gather_cones(cover, complex, star) && gather_walls(cover) ? TETLOD_OK : no_room(error);
+    return gather_cones(cover, working, star) && gather_walls(cover) ? TETLOD_OK : no_room(error);
 }
 
 enum tetlod_status cover_edges(struct cover *cover, struct tetlod_error *error)
@@ -277,9 +272,9 @@ enum tetlod_status cover_edges(struct cover *cover, struct tetlod_error *error)
 
 /* ---- looking */
 
-static const double *link_position(const struct cover *cover, const struct complex *complex, uint32_t link)
+static const double *link_position(const struct cover *cover, const struct working *working, uint32_t link)
 {
-    return complex->positions + 3 * (size_t)cover->link[link];
+    return working_row(working, cover->link[link]);
 }
 
 /* Widens the reach to a distance, and with it what rounding may come to. */
@@ -299,13 +294,13 @@ static void reach_out(struct cover *cover, double reach)
 }
 
 /* The walls' planes. */
-static void set_walls(struct cover *cover, const struct complex *complex)
+static void set_walls(struct cover *cover, const struct working *working)
 {
     for (uint32_t w = 0; w < cover->wall_count; w++) {
         const struct wall *wall = &cover->walls[w];
         double a[3], b[3], n[3];
-        subtract(link_position(cover, complex, wall->link[0]), cover->apex, a);
-        subtract(link_position(cover, complex, wall->link[1]), cover->apex, b);
+        subtract(link_position(cover, working, wall->link[0]), cover->apex, a);
+        subtract(link_position(cover, working, wall->link[1]), cover->apex, b);
         cross(a, b, n);
         cover->walls[w].length = sqrt(dot(n, n));
         cover->tolerances[w] = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * cover->reach;
@@ -323,18 +318,18 @@ static void set_walls(struct cover *cover, const struct complex *complex)
 
 /* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone has no
  * volume. */
-static bool set_cone(struct cover *cover, const struct complex *complex, uint32_t f)
+static bool set_cone(struct cover *cover, const struct working *working, uint32_t f)
 {
     struct cone *cone = &cover->cones[f];
     const double *p[3];
     double a[3], b[3];
     for (int k = 0; k < 3; k++)
-        p[k] = link_position(cover, complex, cone->link[k]);
+        p[k] = link_position(cover, working, cone->link[k]);
     subtract(p[1], p[0], a);
     subtract(p[2], p[0], b);
     cross(a, b, cone->normal);
     cone->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * cover->reach;
-    double height = cone_height(cone, cover, complex, cover->apex), size2 = tet_size_squared(cover->apex, p[0], p[1], p[2]);
+    double height = cone_height(cone, cover, working, cover->apex), size2 = tet_size_squared(cover->apex, p[0], p[1], p[2]);
     if (height < 0) {
         height = -height;
         for (int i = 0; i < 3; i++)
@@ -367,7 +362,7 @@ static bool set_cone(struct cover *cover, const struct complex *complex, uint32_
 }
 
 /* Of the walls that meet in a spoke the two neighbours that are least alike. False if all are almost one plane. */
-static bool set_spokes(struct cover *cover, const struct complex *complex)
+static bool set_spokes(struct cover *cover, const struct working *working)
 {
     memset(cover->spoke_walls, 0, (size_t)cover->link_count * cover->words * sizeof(uint64_t));
     for (uint32_t w = 0; w < cover->wall_count; w++)
@@ -380,7 +375,7 @@ static bool set_spokes(struct cover *cover, const struct complex *complex)
             const struct cone *cone = &cover->cones[f];
             struct spoke *spoke = &cover->spokes[cone->link[k]];
             uint32_t u = cone->walls[(k + 1) % 3], v = cone->walls[(k + 2) % 3];
-            double length = sqrt(distance_squared(cover->apex, link_position(cover, complex, cone->link[k])));
+            double length = sqrt(distance_squared(cover->apex, link_position(cover, working, cone->link[k])));
             double sine = fabs(length / cone->scale[k]) / (cover->walls[u].length * cover->walls[v].length);
             if (sine > spoke->sine)
                 *spoke = (struct spoke){f, {u, v}, sine};
@@ -391,7 +386,7 @@ static bool set_spokes(struct cover *cover, const struct complex *complex)
     return true;
 }
 
-enum tetlod_status cover_set_apex(struct cover *cover, const struct complex *complex, const double p[3], bool *out_sound,
+enum tetlod_status cover_set_apex(struct cover *cover, const struct working *working, const double p[3], bool *out_sound,
                               struct tetlod_error *error)
 {
     size_t cones = cover->cone_count, stride = cover->stride = (cover->wall_count + COVER_LANES - 1) / COVER_LANES * COVER_LANES;
@@ -409,13 +404,13 @@ enum tetlod_status cover_set_apex(struct cover *cover, const struct complex *com
     cover->tolerances = cover->normals + 3 * stride;
     cover->thresholds = cover->tolerances + stride;
     for (uint32_t l = 0; l < cover->link_count; l++)
-        reach2 = larger(reach2, distance_squared(cover->apex, link_position(cover, complex, l)));
+        reach2 = larger(reach2, distance_squared(cover->apex, link_position(cover, working, l)));
     cover->reach = sqrt(reach2);
     cover->condition = 0;
-    set_walls(cover, complex);
+    set_walls(cover, working);
     for (uint32_t f = 0; f < cones && *out_sound; f++)
-        *out_sound = set_cone(cover, complex, f);
-    *out_sound = *out_sound && set_spokes(cover, complex);
+        *out_sound = set_cone(cover, working, f);
+    *out_sound = *out_sound && set_spokes(cover, working);
     return TETLOD_OK;
 }
 
@@ -522,7 +517,7 @@ static void make_positives(const struct cover *cover, const double r[3])
     }
 }
 
-uint32_t cover_cone_at(struct cover *cover, const struct complex *complex, const double p[3], double weights[3],
+uint32_t cover_cone_at(struct cover *cover, const struct working *working, const double p[3], double weights[3],
                        double *apex_weight)
 {
     double r[3];
@@ -532,7 +527,7 @@ uint32_t cover_cone_at(struct cover *cover, const struct complex *complex, const
     if (f == TETLOD_NONE)
         return f;
     const struct cone *cone = &cover->cones[f];
-    *apex_weight = cone->apex * cone_height(cone, cover, complex, p);
+    *apex_weight = cone->apex * cone_height(cone, cover, working, p);
     for (int k = 0; k < 3; k++)
         weights[k] = cone->scale[k] * cover_distance(cover, cone->walls[k], r);
     return f;
@@ -590,22 +585,22 @@ static bool on_boundary(const struct cover *cover, const struct cone *cone)
 }
 
 /* Is the original behind the cone's link face? */
-static bool behind(const struct cover *cover, const struct complex *complex, size_t tet, const struct cone *cone)
+static bool behind(const struct cover *cover, const struct working *working, size_t tet, const struct cone *cone)
 {
     for (int c = 0; c < 4; c++)
-        if (cone->outer || cone_height(cone, cover, complex, cover->positions[cover->corners[tet][c]]) > cone->tolerance)
+        if (cone->outer || cone_height(cone, cover, working, cover->positions[cover->corners[tet][c]]) > cone->tolerance)
             return false;
     return true;
 }
 
 /* Finds which vertices are inside the cones whose signs they have, not beyond their link faces. False: no memory. */
-static bool find_held(struct cover *cover, const struct complex *complex)
+static bool find_held(struct cover *cover, const struct working *working)
 {
     if (!room(cover, HELD, &cover->held, cover->vertex_count, sizeof *cover->held))
         return false;
     for (uint32_t v = 0; v < cover->vertex_count; v++) {
         uint32_t f = cover->homes[v];
-        bool inside = f != TETLOD_NONE && cone_height(&cover->cones[f], cover, complex, cover->positions[v]) > cover->cones[f].tolerance;
+        bool inside = f != TETLOD_NONE && cone_height(&cover->cones[f], cover, working, cover->positions[v]) > cover->cones[f].tolerance;
         cover->held[v] = inside ? f : TETLOD_NONE;
     }
     return true;
@@ -658,12 +653,12 @@ static void find_planes(const struct cover *cover, const uint32_t corners[4], st
 }
 
 /* Is the cone on the other side of one of the planes? */
-static bool apart(const struct cover *cover, const struct complex *complex, const struct planes *planes, const struct cone *cone)
+static bool apart(const struct cover *cover, const struct working *working, const struct planes *planes, const struct cone *cone)
 {
     for (uint32_t i = 0; i < planes->count; i++) {
         bool beyond = true;
         for (int k = 0; k < 3 && beyond; k++)
-            beyond = !above(&planes->planes[i], link_position(cover, complex, cone->link[k]));
+            beyond = !above(&planes->planes[i], link_position(cover, working, cone->link[k]));
         if (beyond)
             return true;
     }
@@ -671,7 +666,7 @@ static bool apart(const struct cover *cover, const struct complex *complex, cons
 }
 
 /* Finds the cones that an original may overlap, and adds the pairs. False: no memory. */
-static bool pair_original(struct cover *cover, const struct complex *complex, uint32_t tet)
+static bool pair_original(struct cover *cover, const struct working *working, uint32_t tet)
 {
     struct planes planes;
     bool found = false;
@@ -686,12 +681,12 @@ static bool pair_original(struct cover *cover, const struct complex *complex, ui
                          : outside_walls(cover, words, f))
             continue;
         if (!holds_corner(cover, corners, f)) {
-            if (behind(cover, complex, tet, &cover->cones[f]))
+            if (behind(cover, working, tet, &cover->cones[f]))
                 continue;
             if (!found)
                 find_planes(cover, corners, &planes);
             found = true;
-            if (!on_boundary(cover, &cover->cones[f]) && apart(cover, complex, &planes, &cover->cones[f]))
+            if (!on_boundary(cover, &cover->cones[f]) && apart(cover, working, &planes, &cover->cones[f]))
                 continue;
         }
         cover->places[cover->place_count++] = (struct place){f, cover->tets[tet]};
@@ -719,15 +714,15 @@ static bool make_masks(struct cover *cover)
     return true;
 }
 
-static bool pair_originals(struct cover *cover, const struct complex *complex)
+static bool pair_originals(struct cover *cover, const struct working *working)
 {
-    if (!make_masks(cover) || !find_held(cover, complex))
+    if (!make_masks(cover) || !find_held(cover, working))
         return false;
     cover->place_count = 0;
     for (uint32_t f = 0; f < cover->cone_count; f++)
         cover->cones[f].originals = 0;
     for (uint32_t t = 0; t < cover->tet_count; t++)
-        if (!pair_original(cover, complex, t))
+        if (!pair_original(cover, working, t))
             return false;
     return true;
 }
@@ -741,9 +736,9 @@ static bool passed_room(struct passed *passed, size_t needed)
 }
 
 /* The originals that may overlap a cone become its list. False: no memory. */
-static bool pass_on_lists(struct cover *cover, const struct complex *complex, struct passed *passed)
+static bool pass_on_lists(struct cover *cover, const struct working *working, struct passed *passed)
 {
-    if (!pair_originals(cover, complex) || !passed_room(passed, 2 * (size_t)cover->cone_count + cover->place_count))
+    if (!pair_originals(cover, working) || !passed_room(passed, 2 * (size_t)cover->cone_count + cover->place_count))
         return false;
     for (uint32_t f = 0; f < cover->cone_count; f++) {
         uint32_t *list = passed->numbers + passed->count, count = cover->cones[f].originals;
@@ -757,10 +752,10 @@ static bool pass_on_lists(struct cover *cover, const struct complex *complex, st
     return true;
 }
 
-enum tetlod_status cover_pass_on(struct cover *cover, const struct complex *complex, struct passed *out, struct tetlod_error *error)
+enum tetlod_status cover_pass_on(struct cover *cover, const struct working *working, struct passed *out, struct tetlod_error *error)
 {
     out->count = 0;
-    if (!pass_on_lists(cover, complex, out))
+    if (!pass_on_lists(cover, working, out))
         return no_room(error);
     out->list_count = out->count;
     if (!passed_room(out, 2 * (size_t)cover->vertex_count))
@@ -768,7 +763,7 @@ enum tetlod_status cover_pass_on(struct cover *cover, const struct complex *comp
     for (uint32_t v = 0; v < cover->vertex_count; v++) {
         uint32_t f = cover_cone_of(cover, v), host = f == TETLOD_NONE ? f : cover->cones[f].tet;
         if (v >= cover->inside_count &&
-            (f == TETLOD_NONE || !(cone_height(&cover->cones[f], cover, complex, cover->positions[v]) > 0)))
+            (f == TETLOD_NONE || !(cone_height(&cover->cones[f], cover, working, cover->positions[v]) > 0)))
             continue;
         out->numbers[out->count++] = cover->vertices[v];
         out->numbers[out->count++] = host;

@@ -88,27 +88,24 @@ struct cover {
     size_t capacity[COVER_PARTS];
 };
 
-TETLOD_CHECKED enum tetlod_status cover_init(struct cover *cover, const struct complex *complex,
+TETLOD_CHECKED enum tetlod_status cover_init(struct cover *cover, const struct working *working,
                                              struct tetlod_error *error);
 void cover_fini(struct cover *cover);
 
 /* Bytes that a thread takes, about. */
 uint64_t cover_bytes(uint32_t vertices, uint32_t tets);
 
-/* Takes over new numbers of slots, between stars. */
-void cover_renumber(struct cover *cover, const struct renumbering *slots);
-
 /* Takes up a gathered star, without the originals under it. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status cover_begin(struct cover *cover, const struct complex *complex,
+TETLOD_CHECKED enum tetlod_status cover_begin(struct cover *cover, const struct working *working,
                                                 const struct star *star, struct tetlod_error *error);
 
 /* Looks at it from p. *out_sound: every cone has a volume. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status cover_set_apex(struct cover *cover, const struct complex *complex, const double p[3],
+TETLOD_CHECKED enum tetlod_status cover_set_apex(struct cover *cover, const struct working *working, const double p[3],
                                              bool *out_sound, struct tetlod_error *error);
 
 /* The cone that a point on an original edge is in, found without the originals, or TETLOD_NONE; its weights at the link
  * vertices, and at v'. */
-uint32_t cover_cone_at(struct cover *cover, const struct complex *complex, const double p[3], double weights[3],
+uint32_t cover_cone_at(struct cover *cover, const struct working *working, const double p[3], double weights[3],
                        double *apex_weight);
 
 /* Gathers the originals under the star, if they are not there yet, and makes room for their vertices' sides. *out_few: they are not too
@@ -126,7 +123,7 @@ uint32_t cover_cone_of(const struct cover *cover, uint32_t vertex);
 TETLOD_CHECKED enum tetlod_status cover_edges(struct cover *cover, struct tetlod_error *error);
 
 /* After all vertices were placed: finds the lists that the star's cones will have. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status cover_pass_on(struct cover *cover, const struct complex *complex, struct passed *out,
+TETLOD_CHECKED enum tetlod_status cover_pass_on(struct cover *cover, const struct working *working, struct passed *out,
                                                 struct tetlod_error *error);
 
 /* Of a place at `r` from the apex: its distance from a wall's plane, scaled. The same bits as its signs are taken from. */
@@ -143,10 +140,10 @@ static inline const uint64_t *cover_side(const struct cover *cover, uint32_t ver
 }
 
 /* Height of p over the cone's link face, scaled. */
-static inline double cone_height(const struct cone *cone, const struct cover *cover, const struct complex *complex,
+static inline double cone_height(const struct cone *cone, const struct cover *cover, const struct working *working,
                                  const double p[3])
 {
-    const double *base = complex->positions + 3 * (size_t)cover->link[cone->link[0]];
+    const double *base = working_row(working, cover->link[cone->link[0]]);
     return cone->normal[0] * (p[0] - base[0]) + cone->normal[1] * (p[1] - base[1]) + cone->normal[2] * (p[2] - base[2]);
 }
 

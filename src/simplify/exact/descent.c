@@ -45,10 +45,10 @@ static bool room(void *array, size_t *capacity, size_t needed, size_t size)
     return done;
 }
 
-static double weight_of(const struct examiner *examiner, const struct fields *fields, const struct descent_driver *driver,
+static double weight_of(const struct examiner *examiner, const struct working *working, const struct descent_driver *driver,
                         size_t corner)
 {
-    return driver->factor * examiner->points[(1 + (size_t)fields->driver_count) * corner];
+    return driver->factor * examiner->points[(1 + (size_t)working->component_count) * corner];
 }
 
 /* v' itself is in all cones. */
@@ -58,7 +58,7 @@ static const double *gradient_at(const struct examiner *examiner, const struct d
     return driver->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->cover.cone_count : cone);
 }
 
-static void make_gradients(const struct examiner *examiner, const struct boundary *boundary, const struct complex *complex,
+static void make_gradients(const struct examiner *examiner, const struct border *border, const struct working *working,
                            const struct star *star, const double *level, double value, double *gradients)
 {
     const struct cover *cover = &examiner->cover;
@@ -72,23 +72,23 @@ static void make_gradients(const struct examiner *examiner, const struct boundar
             for (int k = 0; k < 3; k++)
                 g[i] += level[cone->link[k]] * cone->scale[k] * cover->normals[i * cover->stride + cone->walls[k]];
         }
-        boundary_follow(boundary, complex, star, g);
+        border_follow(border, working, star->simplex, star->simplex_count, g);
         for (int i = 0; i < 3; i++)
             mean[i] += g[i] / cover->cone_count;
     }
 }
 
 /* Takes up a driver, at the value with which the largest difference is least. Returns that. */
-static double open_driver(struct descent_driver *driver, const struct examiner *examiner, const struct boundary *boundary,
-                          const struct complex *complex, const struct fields *fields, const struct star *star, uint32_t d)
+static double open_driver(struct descent_driver *driver, const struct examiner *examiner, const struct border *border,
+                          const struct working *working, const struct star *star, uint32_t d)
 {
     double value = (examiner->intervals[d].low + examiner->intervals[d].high) / 2, most = 0;
-    driver->factor = fields->drivers[d].scale * fields->drivers[d].weight;
-    make_gradients(examiner, boundary, complex, star, examiner->level + d * (size_t)examiner->cover.link_count, value,
+    driver->factor = working->components[d].factor;
+    make_gradients(examiner, border, working, star, examiner->level + d * (size_t)examiner->cover.link_count, value,
                    driver->gradients);
     for (size_t i = 0; i < examiner->point_count; i++) {
-        double constant = examiner->points[(1 + (size_t)fields->driver_count) * i + 1 + d];
-        driver->residuals[i] = weight_of(examiner, fields, driver, i) * value + driver->factor * constant;
+        double constant = examiner->points[(1 + (size_t)working->component_count) * i + 1 + d];
+        driver->residuals[i] = weight_of(examiner, working, driver, i) * value + driver->factor * constant;
         driver->weights[i] = fabs(driver->residuals[i]);
         most = larger(most, driver->weights[i]);
     }
@@ -97,14 +97,14 @@ static double open_driver(struct descent_driver *driver, const struct examiner *
 
 /* Adds a driver to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by row, and to the
  * right side. Returns the sum of its weights. */
-static double add_equations(struct descent_driver *driver, const struct examiner *examiner, const struct fields *fields,
+static double add_equations(struct descent_driver *driver, const struct examiner *examiner, const struct working *working,
                             double matrix[6], double right[3])
 {
     double total = 0;
     driver->ww = driver->wr = driver->wg[0] = driver->wg[1] = driver->wg[2] = 0;
     for (size_t i = 0; i < examiner->point_count; i++) {
         const double *gradient = gradient_at(examiner, driver, i);
-        double w = weight_of(examiner, fields, driver, i), own = driver->weights[i], r = driver->residuals[i];
+        double w = weight_of(examiner, working, driver, i), own = driver->weights[i], r = driver->residuals[i];
         total += own;
         driver->ww += own * w * w;
         driver->wr += own * w * r;
@@ -139,12 +139,12 @@ static void solve(const double m[6], double stiffness, const double right[3], do
 
 /* What the step, with the change of the value that is best there, leaves of a driver's differences: weights grow with it. Returns the
  * largest. */
-static double reweigh(struct descent_driver *driver, const struct examiner *examiner, const struct fields *fields,
+static double reweigh(struct descent_driver *driver, const struct examiner *examiner, const struct working *working,
                       const double step[3], double most)
 {
     double change = driver->ww > 0 ? (dot(driver->wg, step) - driver->wr) / driver->ww : 0, largest = 0;
     for (size_t i = 0; i < examiner->point_count; i++) {
-        double left = fabs(driver->residuals[i] + weight_of(examiner, fields, driver, i) *
+        double left = fabs(driver->residuals[i] + weight_of(examiner, working, driver, i) *
                                                       (change - dot(gradient_at(examiner, driver, i), step)));
         driver->weights[i] *= left / most;
         largest = larger(largest, left);
@@ -165,25 +165,25 @@ static bool make_room(struct descent *descent, const struct examiner *examiner, 
     return true;
 }
 
-enum tetlod_status descent_step(struct descent *descent, const struct examiner *examiner, const struct boundary *boundary,
-                                const struct complex *complex, const struct fields *fields, const struct star *star,
+enum tetlod_status descent_step(struct descent *descent, const struct examiner *examiner, const struct border *border,
+                                const struct working *working, const struct star *star,
                                 double out_step[3], double *out_error, struct tetlod_error *error)
 {
     double most = 0, reach = examiner->cover.reach, longest = LONGEST_STEP * reach;
-    if (!make_room(descent, examiner, fields->driver_count))
+    if (!make_room(descent, examiner, working->component_count))
         return tetlodi_fail_nomem(error, "the exact limit", 16 * examiner->point_count);
-    for (uint32_t d = 0; d < fields->driver_count; d++)
-        most = larger(most, open_driver(&descent->drivers[d], examiner, boundary, complex, fields, star, d));
+    for (uint32_t d = 0; d < working->component_count; d++)
+        most = larger(most, open_driver(&descent->drivers[d], examiner, border, working, star, d));
     *out_error = most;
     memset(out_step, 0, 3 * sizeof *out_step);
     for (int round = 0; round < ROUNDS && most > 0; round++) {
         double matrix[6] = {0}, right[3] = {0}, total = 0;
-        for (uint32_t d = 0; d < fields->driver_count; d++)
-            total += add_equations(&descent->drivers[d], examiner, fields, matrix, right);
+        for (uint32_t d = 0; d < working->component_count; d++)
+            total += add_equations(&descent->drivers[d], examiner, working, matrix, right);
         solve(matrix, total * STIFFNESS * STIFFNESS * most * most / (reach * reach), right, out_step);
         *out_error = 0;
-        for (uint32_t d = 0; d < fields->driver_count; d++)
-            *out_error = larger(*out_error, reweigh(&descent->drivers[d], examiner, fields, out_step, most));
+        for (uint32_t d = 0; d < working->component_count; d++)
+            *out_error = larger(*out_error, reweigh(&descent->drivers[d], examiner, working, out_step, most));
     }
     double length = sqrt(dot(out_step, out_step));
     for (int i = 0; i < 3 && length > longest; i++)

@@ -7,8 +7,8 @@
 #ifndef TETLOD_DESCENT_H
 #define TETLOD_DESCENT_H
 
-#include "src/simplify/boundary.h"
-#include "src/simplify/exact/exact.h"
+#include "src/simplify/border.h"
+#include "src/simplify/exact/examiner.h"
 
 struct descent_driver;
 
@@ -24,8 +24,7 @@ void descent_fini(struct descent *descent);
 /* After exact_examine has refused a position and looked at all corners: the step from there, and the error that is expected where it
  * leads. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status descent_step(struct descent *descent, const struct examiner *examiner,
-                                               const struct boundary *boundary, const struct complex *complex,
-                                               const struct fields *fields, const struct star *star, double out_step[3],
+                                               const struct border *border, const struct working *working, const struct star *star, double out_step[3],
                                                double *out_error, struct tetlod_error *error);
 
 #endif

@@ -1,801 +1,197 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * A star is asked about at one position after the other (examiner.h). If each misses the limit by little, positions between them are
+ * searched for (descent.h). What refused is remembered near where it did; what was allowed passes its originals on to its cones.
+ */
 #include "src/simplify/exact/exact.h"
 
-#include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
-#include "src/mesh/vector.h"
-#include "src/simplify/ladder.h"
+#include "src/simplify/exact/descent.h"
+#include "src/simplify/exact/examiner.h"
 #include "src/util/array.h"
 
-/* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
-static const double LEAST_WEIGHT = 1e-9;
+/* Examining a position stops where the error is above this multiple of the limit, on rungs that levels are named after; on the others it
+ * stops at the limit. Positions between the candidates are searched for from those below it. */
+static const double CUTOFF = 1.2;
 
-/* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
-static const double BEYOND = 1e-9;
+/* If every candidate misses the limit by little, positions between them are searched: at most MAX_STEPS steps, each halved at most
+ * HALVINGS times. A step is made while the error that is expected of it is below STEP_EXPECTED times the limit, and the last step's error
+ * was below STEP_NEEDED times the limit. */
+enum { MAX_STEPS = 12, HALVINGS = 2 };
+static const double STEP_EXPECTED = 1.12, STEP_NEEDED = 1.1;
 
-/* A crossing of a spoke and a face is off a wall by this fraction of the cover's reach at most, or the spoke lies in the face. */
-static const double IN_FACE = 1e-6;
-enum { REFINEMENTS = 3 };
-
-enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
-                                 struct tetlod_error *error)
-{
-    size_t drivers = fields->driver_count;
-    *examiner = (struct examiner){.intervals = array_new(drivers, sizeof *examiner->intervals),
-                                  .constants = array_new(4 * drivers, sizeof(double))};
-    if (!examiner->intervals || !examiner->constants) {
-        examiner_fini(examiner);
-        return tetlodi_fail_nomem(error, "the exact limit", drivers * (32 + sizeof *examiner->intervals));
-    }
-    examiner->chosen = examiner->constants + drivers;
-    examiner->errors = examiner->chosen + drivers;
-    examiner->bases = examiner->errors + drivers;
-    return cover_init(&examiner->cover, complex, error);
-}
-
-void examiner_fini(struct examiner *examiner)
-{
-    cover_fini(&examiner->cover);
-    free(examiner->intervals);
-    free(examiner->level);
-    free(examiner->original);
-    free(examiner->points);
-    free(examiner->places);
-    free(examiner->cones);
-    free(examiner->sets);
-    free(examiner->constants);
-    *examiner = (struct examiner){0};
-}
-
-/* ---- values */
-
-static bool room(double **array, size_t *capacity, size_t needed)
-{
-    void *grown = *array;
-    bool done = array_reserve(&grown, capacity, needed, sizeof(double));
-    *array = grown;
-    return done;
-}
-
-/* Room for one more point. */
-static bool point_room(struct examiner *examiner, size_t width)
-{
-    void *grown = examiner->places;
-    if (examiner->point_count < examiner->place_capacity)
-        return true;
-    if (!room(&examiner->points, &examiner->point_capacity, 2 * (examiner->point_count + 16) * width) ||
-        !array_reserve(&grown, &examiner->place_capacity, examiner->point_count + 1, sizeof *examiner->places))
-        return false;
-    examiner->places = grown;
-    grown = examiner->cones;
-    if (!array_reserve(&grown, &examiner->cone_capacity, examiner->place_capacity, sizeof *examiner->cones))
-        return false;
-    examiner->cones = grown;
-    return true;
-}
-
-enum tetlod_status exact_begin(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
-                                 const struct star *star, struct tetlod_error *error)
-{
-    struct cover *cover = &examiner->cover;
-    TETLOD_TRY(cover_begin(cover, complex, star, error));
-    size_t links = cover->link_count;
-    examiner->recent_count = 0;
-    if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
-        return tetlodi_fail_nomem(error, "the exact limit", links * fields->driver_count * 8);
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct driver *driver = &fields->drivers[d];
-        const struct working_field *field = &fields->fields[driver->field];
-        const double *values = field->values + driver->component;
-        examiner->bases[d] = links ? values[(size_t)cover->link[0] * field->components] : 0;
-        for (size_t l = 0; l < links; l++)
-            examiner->level[d * links + l] = values[(size_t)cover->link[l] * field->components] - examiner->bases[d];
-    }
-    return TETLOD_OK;
-}
-
-/* Less the driver's base. */
-static double original_value(const struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
-                             uint32_t d, uint32_t vertex)
-{
-    const struct driver *driver = &fields->drivers[d];
-    const struct point_field *field = &overlaps->mesh->fields[driver->field];
-    double value = field->values[(size_t)vertex * field->components + driver->component];
-    return value - fields->fields[driver->field].middles[driver->component] - examiner->bases[d];
-}
-
-static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
-                                 const struct star *star, bool *out_few, struct tetlod_error *error)
-{
-    struct cover *cover = &examiner->cover;
-    bool before = cover->gathered;
-    TETLOD_TRY(cover_gather(cover, overlaps, star, out_few, error));
-    size_t vertices = cover->vertex_count;
-    if (!room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
-        return tetlodi_fail_nomem(error, "the exact limit", vertices * fields->driver_count * 8);
-    for (uint32_t d = 0; d < fields->driver_count && !before; d++)
-        for (size_t v = 0; v < vertices; v++)
-            examiner->original[d * vertices + v] = original_value(examiner, overlaps, fields, d, cover->vertices[v]);
-    return TETLOD_OK;
-}
-
-/* ---- intervals */
-
-static const struct sentinel nowhere = {TETLOD_NONE, {{TETLOD_NONE, TETLOD_NONE}, 0}};
-
-static struct critical end_of_range(double value)
-{
-    return (struct critical){1, -value, nowhere, true};
-}
-
-/* The limit at which two bounds of s' from below and above meet, and where. */
-static double meet(const struct critical *low, const struct critical *high, double *at)
-{
-    double moving = (low->fixed ? 0 : high->weight) + (high->fixed ? 0 : low->weight);
-    double limit = (high->constant * low->weight - low->constant * high->weight) / moving;
-    *at = ((low->fixed ? 0 : -limit) - low->constant) / low->weight;
-    return limit;
-}
-
-/* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
- * lower bound. True: it has risen. */
-static bool narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
-{
-    double limit = interval->limit;
-    if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
-        return false;
-    if (!(weight > LEAST_WEIGHT))
-        return false;
-    struct critical here = {weight, constant, *where, false};
-    double low = (-limit - constant) / weight, high = (limit - constant) / weight;
-    if (low > interval->low) {
-        interval->low = low;
-        interval->lowest = here;
-    }
-    if (high < interval->high) {
-        interval->high = high;
-        interval->highest = here;
-    }
-    if (interval->low <= interval->high)
-        return false;
-    double at, raised = meet(&interval->lowest, &interval->highest, &at);
-    if (at < interval->range[0] || at > interval->range[1]) {
-        *(at < interval->range[0] ? &interval->lowest : &interval->highest) =
-            end_of_range(interval->range[at > interval->range[1]]);
-        raised = meet(&interval->lowest, &interval->highest, &at);
-    }
-    interval->limit = larger(limit, raised);
-    interval->low = interval->high = at;
-    return true;
-}
-
-/* May the limits that the intervals need still be below the cutoff? Below a cutoff of 0: is nothing refused so far? */
-static bool below_cutoff(const struct examiner *examiner, const struct fields *fields, double cutoff)
-{
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct interval *interval = &examiner->intervals[d];
-        double factor = fields->drivers[d].scale * fields->drivers[d].weight;
-        if (interval->limit > interval->asked && interval->limit * factor >= cutoff)
-            return false;
-    }
-    return true;
-}
-
-/* One corner of the overlay, whose constants are in examiner->constants. False: it is above the cutoff, or there is no memory (then
- * point_count is SIZE_MAX). */
-static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
-                      const struct sentinel *where, double cutoff)
-{
-    size_t width = 1 + (size_t)fields->driver_count;
-    bool risen = false;
-    if (!point_room(examiner, width)) {
-        examiner->point_count = SIZE_MAX;
-        return false;
-    }
-    examiner->places[examiner->point_count] = *where;
-    examiner->cones[examiner->point_count] = cone;
-    double *point = examiner->points + width * examiner->point_count++;
-    point[0] = weight;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        point[1 + d] = examiner->constants[d];
-        risen |= narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
-    }
-    return !risen || below_cutoff(examiner, fields, cutoff);
-}
-
-/* The intervals before any point: the range. What rounding may hide is taken off the limit. */
-static void open_intervals(struct examiner *examiner, const struct fields *fields, double limit)
-{
-    const struct cover *cover = &examiner->cover;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct driver *driver = &fields->drivers[d];
-        const double *whole = fields->fields[driver->field].component_range[driver->component];
-        const double range[2] = {whole[0] - examiner->bases[d], whole[1] - examiner->bases[d]};
-        double least = INFINITY, greatest = -INFINITY;
-        for (size_t l = 0; l < cover->link_count; l++) {
-            double value = examiner->level[d * (size_t)cover->link_count + l];
-            least = smaller(least, value);
-            greatest = larger(greatest, value);
-        }
-        for (size_t v = 0; v < cover->vertex_count; v++) {
-            double value = examiner->original[d * (size_t)cover->vertex_count + v];
-            least = smaller(least, value);
-            greatest = larger(greatest, value);
-        }
-        double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
-        double slack = 64 * DBL_EPSILON * (cover->condition + 2) * (greatest - least);
-        examiner->errors[d] = slack;
-        examiner->intervals[d] = (struct interval){own * (1 + LIMIT_TIE / 2) - slack,
-                                                   own * (1 + LIMIT_TIE / 2) - slack,
-                                                   range[0],
-                                                   range[1],
-                                                   {range[0], range[1]},
-                                                   end_of_range(range[0]),
-                                                   end_of_range(range[1])};
-    }
-}
-
-/* ---- the corners of the overlay */
-
-/* What an examination works on. */
-struct examination {
-    struct examiner *examiner;
-    const struct overlaps *overlaps;
-    const struct complex *complex;
-    const struct fields *fields;
-    const struct star *star;
-    double cutoff;
-    bool whole;
+struct thread {
+    struct examiner examiner;
+    struct descent descent;
+    struct boundary_map map;
 };
 
-/* An original vertex in a cone of the star, v' as well if it is one. */
-static bool at_vertex(const struct examination *e, uint32_t v)
+struct exact {
+    struct overlaps overlaps;
+    struct thread *threads;
+    unsigned thread_count;
+};
+
+static void exact_free(void *state)
 {
-    struct examiner *examiner = e->examiner;
-    const struct cover *cover = &examiner->cover;
-    const double *p = cover->positions[v];
-    size_t links = cover->link_count, vertices = cover->vertex_count;
-    if (p[0] == cover->apex[0] && p[1] == cover->apex[1] && p[2] == cover->apex[2]) {
-        for (uint32_t d = 0; d < e->fields->driver_count; d++)
-            examiner->constants[d] = -examiner->original[d * vertices + v];
-        return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->cutoff);
+    struct exact *exact = state;
+    for (unsigned t = 0; t < exact->thread_count && exact->threads; t++) {
+        examiner_fini(&exact->threads[t].examiner);
+        descent_fini(&exact->threads[t].descent);
+        boundary_map_fini(&exact->threads[t].map);
     }
-    uint32_t f = cover_cone_of(cover, v);
-    if (f == TETLOD_NONE)
-        return true;
-    const struct cone *cone = &cover->cones[f];
-    double weight = cone->apex * cone_height(cone, cover, e->complex, p);
-    if (!(weight > 0))
-        return true;
-    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        double constant = -examiner->original[d * vertices + v];
-        for (int k = 0; k < 3; k++)
-            constant += cone->scale[k] * cover_distance(cover, cone->walls[k], cover->offsets[v]) * examiner->level[d * links + cone->link[k]];
-        examiner->constants[d] = constant;
-    }
-    const struct sentinel here = {cone->tet, {{cover->vertices[v], cover->vertices[v]}, 0}};
-    return add_point(examiner, e->fields, weight, f, &here, e->cutoff);
+    free(exact->threads);
+    overlaps_fini(&exact->overlaps);
+    free(exact);
 }
 
-/* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
-static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_t w)
+/* ---- asking */
+
+/* Asks about one position. */
+static enum tetlod_status examine(struct exact *exact, struct thread *thread, const struct question *question, const double p[3],
+                                  double cutoff, bool whole, struct answer *answer, struct finding *finding, struct tetlod_error *error)
 {
-    struct examiner *examiner = e->examiner;
-    const struct cover *cover = &examiner->cover;
-    const struct cone *cone = &cover->cones[cover->walls[w].cones[0]];
-    const double *from = cover->offsets[a], *to = cover->offsets[b], near = cover_distance(cover, w, from);
-    double between = near - cover_distance(cover, w, to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
-    t = smaller(larger(t, 0), 1);
-    s = 1 - t;
-    for (int k = 0; k < 3; k++) {
-        uint32_t other = cone->walls[k];
-        weights[k] = other == w ? 0 : cone->scale[k] * (s * cover_distance(cover, other, from) + t * cover_distance(cover, other, to));
-        if (weights[k] < -cover->beyond)
-            return true;
-        sum += weights[k];
-    }
-    if (sum > 1 + cover->beyond)
-        return true;
-    const double *p = cover->positions[a], *q = cover->positions[b];
-    for (int i = 0; i < 3; i++)
-        x[i] = s * p[i] + t * q[i];
-    double weight = cone->apex * cone_height(cone, cover, e->complex, x);
-    if (!(weight > 0))
-        return true;
-    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        const double *level = examiner->level + d * (size_t)cover->link_count,
-                     *original = examiner->original + d * (size_t)cover->vertex_count;
-        double constant = -s * original[a] - t * original[b];
-        for (int k = 0; k < 3; k++)
-            constant += weights[k] * level[cone->link[k]];
-        examiner->constants[d] = constant;
-    }
-    const struct sentinel here = {cone->tet, {{cover->vertices[a], cover->vertices[b]}, (float)t}};
-    return add_point(examiner, e->fields, weight, cover->walls[w].cones[0], &here, e->cutoff);
-}
-
-/* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
- * far they are off: refined until that is within `tolerance`. */
-static bool triangle_holds(const double p[3][2], const double tolerance[2], double weights[3], double off[2])
-{
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
-        weights[k] = a[0] * b[1] - a[1] * b[0];
-        sum += weights[k];
-    }
-    for (int k = 0; k < 3; k++)
-        if (!(sum > 0 && weights[k] >= -BEYOND * sum))
-            return false;
-    for (int k = 0; k < 3; k++)
-        weights[k] /= sum;
-    for (int refined = 0;; refined++) {
-        for (int i = 0; i < 2; i++)
-            off[i] = weights[0] * p[0][i] + weights[1] * p[1][i] + weights[2] * p[2][i];
-        if (refined == REFINEMENTS || (fabs(off[0]) <= tolerance[0] && fabs(off[1]) <= tolerance[1]))
-            return true;
-        for (int k = 0; k < 3; k++) {
-            const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
-            weights[k] += ((a[0] - b[0]) * off[1] - (a[1] - b[1]) * off[0]) / sum;
-        }
-    }
-}
-
-/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
- * that meet in the spoke, the spoke is the origin. */
-static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
-{
-    struct examiner *examiner = e->examiner;
-    const struct cover *cover = &examiner->cover;
-    const struct spoke *spoke = &cover->spokes[link];
-    const double *tip = e->complex->positions + 3 * (size_t)cover->link[link];
-    const double tolerance[2] = {cover->tolerances[spoke->walls[0]], cover->tolerances[spoke->walls[1]]};
-    double across[3][2], weights[3], off[2], along[3], x[3] = {0, 0, 0};
-    for (int k = 0; k < 3; k++)
-        for (int i = 0; i < 2; i++)
-            across[k][i] = cover_distance(cover, spoke->walls[i], cover->offsets[face[k]]);
-    if (!triangle_holds(across, tolerance, weights, off))
-        return true;
-    for (int i = 0; i < 2; i++)
-        if (fabs(off[i]) > IN_FACE * cover->reach * cover->walls[spoke->walls[i]].length)
-            return true; // the spoke lies in the face: where it leaves that, it crosses others (PROOF.md, 8)
-    for (int k = 0; k < 3; k++)
-        for (int i = 0; i < 3; i++)
-            x[i] += weights[k] * cover->positions[face[k]][i];
-    subtract(tip, cover->apex, along);
-    subtract(tip, x, x);
-    double weight = dot(along, x) / dot(along, along);
-    if (!(weight > 0) || weight > 1 + BEYOND)
-        return true;
-    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        const double *original = examiner->original + d * (size_t)cover->vertex_count;
-        double constant = (1 - weight) * examiner->level[d * (size_t)cover->link_count + link];
-        for (int k = 0; k < 3; k++)
-            constant -= weights[k] * original[face[k]];
-        examiner->constants[d] = constant;
-    }
-    const struct sentinel here = {cover->cones[spoke->cone].tet, {{TETLOD_NONE, TETLOD_NONE}, 0}};
-    return add_point(examiner, e->fields, weight, spoke->cone, &here, e->cutoff);
-}
-
-/* v' where it is no original vertex: in the original that it is least outside of. */
-static bool at_apex(const struct examination *e)
-{
-    struct examiner *examiner = e->examiner;
-    const struct cover *cover = &examiner->cover;
-    const double *at = cover->apex;
-    double most = -INFINITY;
-    for (uint32_t t = 0; t < cover->tet_count; t++) {
-        const double *p[4];
-        for (int c = 0; c < 4; c++)
-            p[c] = cover->positions[cover->corners[t][c]];
-        double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
-                             tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
-        double volume = weights[0] + weights[1] + weights[2] + weights[3], least = INFINITY;
-        for (int c = 0; c < 4; c++)
-            least = smaller(least, weights[c] /= volume);
-        if (!(least > most))
-            continue;
-        most = least;
-        for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-            examiner->constants[d] = 0;
-            for (int c = 0; c < 4; c++)
-                examiner->constants[d] -=
-                    weights[c] * examiner->original[d * (size_t)cover->vertex_count + cover->corners[t][c]];
-        }
-        if (most >= 0)
-            break;
-    }
-    return most == -INFINITY || add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->cutoff);
-}
-
-static bool is_original(const struct examination *e)
-{
-    const struct complex *complex = e->complex;
-    for (uint32_t s = 0; s < e->star->simplex_count; s++) {
-        uint32_t slot = e->star->simplex[s];
-        if (complex->node[slot] < complex->vertex_count &&
-            memcmp(complex->positions + 3 * (size_t)slot, e->examiner->cover.apex, 24) == 0)
-            return true;
-    }
-    return false;
-}
-
-/* Are both ends of an edge outside of one of the cone's walls? `a` and `b` are their sets of sides. */
-static inline bool beside(const struct cover *cover, uint32_t words, const uint64_t *a, const uint64_t *b, uint32_t f)
-{
-    uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
-    const uint64_t *walls = cover->cone_walls + (size_t)f * words, *inside = cover->cone_signs + (size_t)f * words;
-    uint64_t outside = 0;
-    for (uint32_t word = 0; word < words; word++)
-        outside |= (inside[word] & ~(a[high + word] | b[high + word])) |
-                   ((walls[word] ^ inside[word]) & ~(a[low + word] | b[low + word]));
-    return outside;
-}
-
-/* All walls whose planes have the ends of an edge on different sides. */
-static bool try_walls(const struct examination *e, const uint32_t edge[2])
-{
-    const struct cover *cover = &e->examiner->cover;
-    const uint64_t *a = cover_side(cover, edge[0], POSITIVE), *b = cover_side(cover, edge[1], POSITIVE);
-    for (uint32_t word = 0; word < cover->words; word++)
-        for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
-            uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
-            const struct wall *wall = &cover->walls[w];
-            if (!beside(cover, cover->words, a, b, wall->cones[0]) && !beside(cover, cover->words, a, b, wall->cones[1]) &&
-                !at_wall(e, edge[0], edge[1], w))
-                return false;
-        }
-    return true;
-}
-
-enum { ARRIVED = -1, LOST = -2 };
-
-/* The wall by which an edge leaves cone f: of those that its far end is outside of the one that it crosses first. ARRIVED: of none.
- * LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the star. */
-static int64_t way_out(const struct cover *cover, const uint32_t edge[2], uint32_t f)
-{
-    const double *from = cover->offsets[edge[0]], *to = cover->offsets[edge[1]];
-    const uint64_t *near = cover_side(cover, edge[0], POSITIVE), *far = cover_side(cover, edge[1], POSITIVE),
-                   *inside = cover->cone_signs + (size_t)f * cover->words;
-    int64_t found = ARRIVED;
-    double first = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        uint32_t w = cover->cones[f].walls[k];
-        uint64_t bit = (uint64_t)1 << w % 64;
-        if (!((far[w / 64] ^ inside[w / 64]) & bit))
-            continue;
-        if ((near[w / 64] ^ inside[w / 64]) & bit || cover->walls[w].outer)
-            return LOST;
-        double distance = cover_distance(cover, w, from), t = distance / (distance - cover_distance(cover, w, to));
-        if (t < first) {
-            first = t;
-            found = w;
-        }
-    }
-    return found;
-}
-
-/* Follows an edge from cone to cone through the walls that it crosses. Where that fails, all walls are tried. */
-static bool at_edge(const struct examination *e, const uint32_t edge[2])
-{
-    const struct cover *cover = &e->examiner->cover;
-    size_t before = e->examiner->point_count;
-    uint32_t f = cover->homes[edge[0]];
-    if (f != TETLOD_NONE && cover->homes[edge[1]] == f)
-        return true; // most
-    for (uint32_t steps = 0; f != TETLOD_NONE && steps < cover->wall_count; steps++) {
-        int64_t w = way_out(cover, edge, f);
-        if (w == ARRIVED)
-            return true;
-        if (w == LOST)
-            break;
-        if (!at_wall(e, edge[0], edge[1], (uint32_t)w))
-            return false;
-        f = cover->walls[w].cones[cover->walls[w].cones[0] == f];
-    }
-    e->examiner->point_count = before; // they are found again
-    return try_walls(e, edge);
-}
-
-static bool at_edges(const struct examination *e)
-{
-    const struct cover *cover = &e->examiner->cover;
-    for (uint32_t i = 0; i < cover->edge_count; i++)
-        if (!at_edge(e, cover->edges[i]))
-            return false;
-    return true;
-}
-
-/* The walls that an original may lie on both sides of. */
-static inline void both_sides(const struct cover *cover, const uint32_t corners[4], uint64_t *out)
-{
-    for (uint32_t word = 0; word < cover->words; word++) {
-        uint64_t low = 0, high = 0;
-        for (int c = 0; c < 4; c++) {
-            low |= cover_side(cover, corners[c], MAYBE_NOT_POSITIVE)[word];
-            high |= cover_side(cover, corners[c], MAYBE_NOT_NEGATIVE)[word];
-        }
-        out[word] = low & high;
-    }
-}
-
-/* Are all walls that meet in the spoke among those? */
-static inline bool around(const struct cover *cover, uint32_t words, const uint64_t *both, uint32_t link)
-{
-    const uint64_t *walls = cover->spoke_walls + (size_t)link * words;
-    uint64_t missing = 0;
-    for (uint32_t word = 0; word < words; word++)
-        missing |= walls[word] & ~both[word];
-    return !missing;
-}
-
-/* The same of an original face. */
-static inline bool face_around(const struct cover *cover, uint32_t words, const uint32_t face[3], uint32_t link)
-{
-    const uint64_t *sides[3], *walls = cover->spoke_walls + (size_t)link * words;
-    uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
-    for (int k = 0; k < 3; k++)
-        sides[k] = cover->signs + (size_t)face[k] * SIDES * words;
-    uint64_t missing = 0;
-    for (uint32_t word = 0; word < words; word++)
-        missing |= walls[word] & ~((sides[0][low + word] | sides[1][low + word] | sides[2][low + word]) &
-                                   (sides[0][high + word] | sides[1][high + word] | sides[2][high + word]));
-    return !missing;
-}
-
-/* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the other way,
- * so that each counts once. `sets` are the originals' walls of both sides. */
-static inline bool at_spoke(const struct examination *e, uint32_t words, uint32_t link, const uint64_t *sets)
-{
-    const struct cover *cover = &e->examiner->cover;
-    for (uint32_t t = 0; t < cover->tet_count; t++) {
-        if (!around(cover, words, sets + (size_t)t * words, link))
-            continue;
-        for (int f = 0; f < 4; f++) {
-            uint32_t face[3];
-            for (int k = 0; k < 3; k++)
-                face[k] = cover->corners[t][tet_faces[f][k]];
-            if (face_around(cover, words, face, link) && !at_face(e, link, face))
-                return false;
-        }
-    }
-    return true;
-}
-
-static bool at_spokes(const struct examination *e)
-{
-    struct examiner *examiner = e->examiner;
-    const struct cover *cover = &examiner->cover;
-    size_t tets = cover->tet_count;
-    void *grown = examiner->sets;
-    if (!array_reserve(&grown, &examiner->set_capacity, tets * cover->words, sizeof *examiner->sets)) {
-        examiner->point_count = SIZE_MAX;
-        return false;
-    }
-    examiner->sets = grown;
-    for (size_t t = 0; t < tets; t++)
-        both_sides(cover, cover->corners[t], examiner->sets + t * cover->words);
-    for (uint32_t link = 0; link < cover->link_count; link++)
-        if (!(cover->words == 1   ? at_spoke(e, 1, link, examiner->sets)
-              : cover->words == 2 ? at_spoke(e, 2, link, examiner->sets)
-                                  : at_spoke(e, cover->words, link, examiner->sets)))
-            return false;
-    return true;
-}
-
-/* A sentinel is a point of the overlay that must hold wherever v' is. False: no memory. */
-static bool ask_sentinel(const struct examination *e, const struct watched *point)
-{
-    struct examiner *examiner = e->examiner;
-    struct cover *cover = &examiner->cover;
-    double p[3], weights[3], weight, t = point->along;
-    if (point->ends[0] == TETLOD_NONE)
-        return true;
-    const double *a = e->overlaps->mesh->positions + 3 * (size_t)point->ends[0],
-                 *b = e->overlaps->mesh->positions + 3 * (size_t)point->ends[1];
-    for (int k = 0; k < 3; k++)
-        p[k] = (1 - t) * a[k] + t * b[k];
-    uint32_t f = cover_cone_at(cover, e->complex, p, weights, &weight);
-    if (f == TETLOD_NONE || !(weight > 0))
-        return true;
-    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        double constant = -(1 - t) * original_value(examiner, e->overlaps, e->fields, d, point->ends[0]) -
-                          t * original_value(examiner, e->overlaps, e->fields, d, point->ends[1]);
-        for (int k = 0; k < 3; k++)
-            constant += weights[k] * examiner->level[d * (size_t)cover->link_count + cover->cones[f].link[k]];
-        examiner->constants[d] = constant;
-    }
-    const struct sentinel here = {cover->cones[f].tet, *point};
-    add_point(examiner, e->fields, weight, f, &here, INFINITY);
-    return examiner->point_count != SIZE_MAX;
-}
-
-/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: above the cutoff, or no memory. */
-static bool ask_sentinels(const struct examination *e)
-{
-    const struct examiner *examiner = e->examiner;
-    for (uint32_t i = 0; i < examiner->recent_count; i++)
-        if (!ask_sentinel(e, &examiner->recent[i].point))
-            return false;
-    if (!below_cutoff(examiner, e->fields, e->cutoff))
-        return false;
-    for (uint32_t i = 0; i < e->star->tet_count; i++)
-        for (uint32_t k = e->overlaps->sentinels[e->star->tets[i]]; k != TETLOD_NONE; k = e->overlaps->watches[k].next)
-            if (!ask_sentinel(e, &e->overlaps->watches[k].point))
-                return false;
-    return below_cutoff(examiner, e->fields, e->cutoff);
-}
-
-/* Is the next kind of corners asked, too? Not if one has refused, unless the whole bound is wanted. */
-static bool goes_on(const struct examination *e)
-{
-    return e->whole || below_cutoff(e->examiner, e->fields, 0);
-}
-
-/* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
- * above the cutoff, or out of memory. */
-static bool examine_corners(const struct examination *e)
-{
-    struct cover *cover = &e->examiner->cover;
-    if (!is_original(e) && !at_apex(e))
-        return false;
-    for (uint32_t v = 0; v < cover->vertex_count; v++) {
-        cover_place(cover, v);
-        if (!at_vertex(e, v))
-            return false;
-    }
-    if (!goes_on(e))
-        return false;
-    struct tetlod_error error;
-    if (cover_edges(cover, &error) != TETLOD_OK) {
-        e->examiner->point_count = SIZE_MAX;
-        return false;
-    }
-    return at_edges(e) && goes_on(e) && at_spokes(e);
-}
-
-/* ---- the finding */
-
-/* What is left of the points raises the limit of an empty interval to what it is: each time by the worst of them. */
-static void raise_limits(struct examiner *examiner, const struct fields *fields)
-{
-    size_t width = 1 + (size_t)fields->driver_count;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        struct interval *interval = &examiner->intervals[d];
-        for (int round = 0; round < 20 && interval->limit > interval->asked; round++) {
-            const double *worst = NULL;
-            double most = interval->limit * (1 + 1e-9);
-            for (size_t i = 0; i < examiner->point_count; i++) {
-                const double *point = examiner->points + width * i;
-                double error = fabs(point[0] * interval->low + point[1 + d]);
-                if (error > most) {
-                    most = error;
-                    worst = point;
-                }
-            }
-            if (!worst)
-                break;
-            narrow(interval, worst[0], worst[1 + d], &examiner->places[(size_t)(worst - examiner->points) / width]);
-        }
-    }
-}
-
-static bool refused(const struct examiner *examiner, const struct fields *fields, struct finding *out)
-{
-    out->error = 0;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct interval *interval = &examiner->intervals[d];
-        const struct driver *driver = &fields->drivers[d];
-        double bound = interval->limit * driver->scale * driver->weight;
-        if (interval->limit <= interval->asked || bound <= out->error)
-            continue;
-        out->error = bound;
-        out->witness[0] = interval->lowest.where;
-        out->witness[1] = interval->highest.where;
-    }
-    return out->error > 0;
-}
-
-/* The value whose differences at the corners of the overlay have the least sum of squares: it leaves contractions beside it
- * more room than the quadric's best does. */
-static double fitting(const struct examiner *examiner, const struct fields *fields, uint32_t d)
-{
-    size_t width = 1 + (size_t)fields->driver_count;
-    double products = 0, squares = 0;
-    for (size_t i = 0; i < examiner->point_count; i++) {
-        const double *point = examiner->points + width * i;
-        products += point[0] * point[1 + d];
-        squares += point[0] * point[0];
-    }
-    return squares > 0 ? -products / squares : 0;
-}
-
-/* The value of the field that is nearest to one that is less the base. */
-static double round_value(const struct examiner *examiner, const struct fields *fields, uint32_t d, double value)
-{
-    const struct driver *driver = &fields->drivers[d];
-    return field_round(&fields->fields[driver->field], driver->component, value + examiner->bases[d]);
-}
-
-static bool within(const struct examiner *examiner, uint32_t d, double rounded)
-{
-    double value = rounded - examiner->bases[d];
-    return value >= examiner->intervals[d].low && value <= examiner->intervals[d].high;
-}
-
-/* The field's value in the interval that is nearest to the wanted one, if there is one. */
-static double choose(const struct examiner *examiner, const struct fields *fields, uint32_t d, double wanted)
-{
-    const struct interval *interval = &examiner->intervals[d];
-    double nearest = smaller(larger(wanted, interval->low), interval->high);
-    double rounded = round_value(examiner, fields, d, nearest);
-    if (!within(examiner, d, rounded)) // a step inwards
-        rounded = round_value(examiner, fields, d, 2 * nearest - (rounded - examiner->bases[d]));
-    if (!within(examiner, d, rounded))
-        rounded = round_value(examiner, fields, d, (interval->low + interval->high) / 2);
-    return rounded;
-}
-
-/* The values, and the errors with them. */
-static void settle(struct examiner *examiner, const struct fields *fields, double limit, struct finding *out)
-{
-    size_t width = 1 + (size_t)fields->driver_count;
-    out->error = 0;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct driver *driver = &fields->drivers[d];
-        examiner->chosen[d] = choose(examiner, fields, d, fitting(examiner, fields, d));
-        double value = examiner->chosen[d] - examiner->bases[d], most = 0;
-        for (size_t i = 0; i < examiner->point_count; i++) {
-            const double *point = examiner->points + width * i;
-            most = larger(most, fabs(point[0] * value + point[1 + d]));
-        }
-        examiner->errors[d] += most;
-        out->error = larger(out->error, examiner->errors[d] * driver->scale * driver->weight);
-    }
-    out->allowed = out->error <= limit * (1 + LIMIT_TIE);
-}
-
-enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
-                                 const struct complex *complex, const struct fields *fields, const struct star *star,
-                                 const double p[3], double limit, double cutoff, bool whole, struct finding *out,
-                                 struct tetlod_error *error)
-{
-    const struct examination e = {examiner, overlaps, complex, fields, star, cutoff, whole};
-    bool good;
-    *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
-    TETLOD_TRY(cover_set_apex(&examiner->cover, complex, p, &good, error));
-    if (!good)
+    size_t size = question->working->component_count * sizeof(double);
+    TETLOD_TRY(exact_examine(&thread->examiner, &exact->overlaps, question->working, question->star, p, question->limit, cutoff,
+                             whole, finding, error));
+    answer->too_large += finding->large;
+    if (!finding->allowed)
         return TETLOD_OK;
-    open_intervals(examiner, fields, limit);
-    examiner->point_count = 0;
-    bool undecided = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
-    if (undecided) {
-        TETLOD_TRY(gather(examiner, overlaps, fields, star, &good, error));
-        out->large = !good;
-        if (!good)
-            return TETLOD_OK;
-        open_intervals(examiner, fields, limit);
-        examiner->point_count = 0;
-        examine_corners(&e);
+    answer->allowed = true;
+    answer->error = finding->error;
+    memcpy(answer->position, p, sizeof answer->position);
+    memcpy(answer->values, thread->examiner.chosen, size);
+    memcpy(answer->errors, thread->examiner.errors, size);
+    return exact_pass_on(&thread->examiner, question->working, &answer->passed, error);
+}
+
+/* May the star be contracted to a position that is none of those that were asked about? */
+static bool may_go(struct thread *thread, const struct question *question, const double p[3])
+{
+    static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
+    const struct star *star = question->star;
+    return border_allows(question->border, question->working, star->simplex, star->simplex_count, anywhere, p) &&
+           border_moves(question->border, question->working, star->simplex, star->simplex_count, p, &thread->map) <= question->border->limit &&
+           star_fits(star, question->working, p);
+}
+
+/* All positions are refused, this one by the least: goes on from there, each step to where less is needed, until that is allowed or no
+ * step is worth making. */
+static enum tetlod_status search(struct exact *exact, struct thread *thread, const struct question *question, const double start[3],
+                                 struct answer *answer, struct tetlod_error *error)
+{
+    struct finding finding;
+    double from[3], step[3], p[3], expected, most = CUTOFF * question->limit;
+    memcpy(p, start, sizeof p);
+    TETLOD_TRY(examine(exact, thread, question, p, most, true, answer, &finding, error));
+    for (int steps = 0; steps < MAX_STEPS && !finding.allowed && finding.error < most; steps++) {
+        double best = finding.error;
+        memcpy(from, p, sizeof from);
+        TETLOD_TRY(descent_step(&thread->descent, &thread->examiner, question->border, question->working, question->star, step,
+                                &expected, error));
+        for (int halving = 0; halving <= HALVINGS && expected < STEP_EXPECTED * question->limit && !(finding.error < best); halving++) {
+            for (int i = 0; i < 3; i++)
+                p[i] = from[i] + step[i] / (1 << halving);
+            working_round(question->working, p);
+            if (may_go(thread, question, p))
+                TETLOD_TRY(examine(exact, thread, question, p, best, true, answer, &finding, error));
+        }
+        if (!(finding.error < best))
+            break;
+        most = STEP_NEEDED * question->limit;
     }
-    if (examiner->point_count == SIZE_MAX)
-        return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);
-    raise_limits(examiner, fields);
-    if (!refused(examiner, fields, out))
-        settle(examiner, fields, limit, out);
-    for (int i = 0; i < 2 && examiner->recent_count < RECENT; i++)
-        examiner->recent[examiner->recent_count++] = out->witness[i];
     return TETLOD_OK;
 }
 
-enum tetlod_status exact_pass_on(struct examiner *examiner, const struct complex *complex, struct passed *out,
-                                 struct tetlod_error *error)
+/* Keeps the points that refused a position, in `answer->refused`: four numbers each. */
+static bool keep_witnesses(struct answer *answer, const struct finding *finding)
 {
-    return cover_pass_on(&examiner->cover, complex, out, error);
+    void *grown = answer->refused.numbers;
+    bool room = array_reserve(&grown, &answer->refused.capacity, answer->refused.count + 8, sizeof *answer->refused.numbers);
+    answer->refused.numbers = grown;
+    for (int i = 0; i < 2 && room; i++) {
+        const struct sentinel *witness = &finding->witness[i];
+        uint32_t *numbers = answer->refused.numbers + answer->refused.count;
+        numbers[0] = witness->tet;
+        numbers[1] = witness->point.ends[0];
+        numbers[2] = witness->point.ends[1];
+        memcpy(&numbers[3], &witness->point.along, sizeof numbers[3]);
+        answer->refused.count += 4;
+    }
+    return room;
+}
+
+static enum tetlod_status exact_ask(void *state, unsigned worker, const struct question *question, struct answer *answer,
+                                    struct tetlod_error *error)
+{
+    struct exact *exact = state;
+    struct thread *thread = &exact->threads[worker];
+    double cutoff = (question->named ? CUTOFF : 1) * question->limit, least = INFINITY;
+    uint32_t nearest = 0;
+    answer->allowed = false;
+    answer->too_large = 0;
+    TETLOD_TRY(exact_begin(&thread->examiner, question->working, question->star, error));
+    for (uint32_t i = 0; i < question->count && !answer->allowed; i++) {
+        struct finding finding;
+        TETLOD_TRY(examine(exact, thread, question, question->positions[i], cutoff, false, answer, &finding, error));
+        if (finding.error < least) {
+            least = finding.error;
+            nearest = i;
+        }
+        if (!finding.allowed && !keep_witnesses(answer, &finding))
+            return tetlodi_fail_nomem(error, "the exact limit", answer->refused.count * 4);
+    }
+    if (!answer->allowed && question->named && least < cutoff)
+        TETLOD_TRY(search(exact, thread, question, question->positions[nearest], answer, error));
+    if (!answer->allowed)
+        answer->error = least;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status exact_take(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error)
+{
+    struct exact *exact = state;
+    for (size_t i = 0; i < answer->refused.count; i += 4) {
+        const uint32_t *numbers = answer->refused.numbers + i;
+        struct sentinel witness = {numbers[0], {{numbers[1], numbers[2]}, 0}};
+        memcpy(&witness.point.along, &numbers[3], sizeof numbers[3]);
+        overlaps_watch(&exact->overlaps, &witness);
+    }
+    return answer->allowed ? overlaps_take(&exact->overlaps, star, &answer->passed, error) : TETLOD_OK;
+}
+
+static void exact_renumber(void *state, const struct renumbering *numbers)
+{
+    struct exact *exact = state;
+    overlaps_renumber(&exact->overlaps, numbers);
+}
+
+enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working, unsigned threads,
+                             struct tetlod_error *error)
+{
+    struct exact *exact = array_zero(1, sizeof *exact);
+    enum tetlod_status status = exact ? TETLOD_OK : tetlodi_fail_nomem(error, "the exact limit", sizeof *exact);
+    if (!exact)
+        return status;
+    exact->threads = array_zero(threads, sizeof *exact->threads);
+    exact->thread_count = threads;
+    status = exact->threads ? overlaps_init(&exact->overlaps, mesh, working, error)
+                            : tetlodi_fail_nomem(error, "the exact limit", threads * sizeof *exact->threads);
+    for (unsigned t = 0; t < threads && status == TETLOD_OK; t++)
+        status = examiner_init(&exact->threads[t].examiner, working, error);
+    if (status != TETLOD_OK) {
+        exact_free(exact);
+        return status;
+    }
+    *limit = (struct limit){exact, exact_free, exact_ask, exact_take, exact_renumber, true};
+    return TETLOD_OK;
+}
+
+uint64_t exact_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
+{
+    return overlaps_bytes(vertices, tets) + threads * cover_bytes(vertices, tets);
 }

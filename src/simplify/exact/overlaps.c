@@ -21,7 +21,8 @@ static float slope_of(const struct tetmesh *mesh, uint32_t tet)
     return nextafterf((float)slope, INFINITY);
 }
 
-enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, struct tetlod_error *error)
+enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, const struct working *working,
+                                 struct tetlod_error *error)
 {
     size_t tets = mesh->tet_count;
     *overlaps = (struct overlaps){.mesh = mesh,
@@ -33,14 +34,16 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
         overlaps_fini(overlaps);
         return tetlodi_fail_nomem(error, "the overlaps", overlaps_bytes(mesh->vertex_count, mesh->tet_count));
     }
-    for (uint32_t t = 0; t < tets; t++) {
-        overlaps->lists[t] = t;
+    enum tetlod_status status = working_origins(working, mesh, overlaps->lists, error);
+    for (uint32_t t = 0; t < tets && status == TETLOD_OK; t++) {
         overlaps->slopes[t] = slope_of(mesh, t);
         overlaps->sentinels[t] = TETLOD_NONE;
         for (int c = 0; c < 4; c++)
-            overlaps->host[mesh->corners[4 * (size_t)t + (size_t)c]] = t;
+            overlaps->host[mesh->corners[4 * (size_t)overlaps->lists[t] + (size_t)c]] = t;
     }
-    return TETLOD_OK;
+    if (status != TETLOD_OK)
+        overlaps_fini(overlaps);
+    return status;
 }
 
 /* The pool grows while tetrahedra go; both together take the most where it has about so many numbers for each that there was. */
@@ -99,12 +102,6 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
     overlaps->watches[chain[0]].point = *point;
 }
 
-void passed_fini(struct passed *passed)
-{
-    free(passed->numbers);
-    *passed = (struct passed){0};
-}
-
 /* Moves the lists that are in use to the front of the pool. */
 static void pool_compact(struct overlaps *overlaps)
 {
@@ -120,38 +117,6 @@ static void pool_compact(struct overlaps *overlaps)
         kept += size;
     }
     overlaps->pool_size = kept;
-}
-
-/* Leaves out the watches of tetrahedra that are gone. If there is no memory for that they stay. */
-static void watches_compact(struct overlaps *overlaps, const struct renumbering *tets)
-{
-    struct watch *kept = array_new(overlaps->watch_count, sizeof *kept);
-    size_t count = 0;
-    for (uint32_t t = 0; t < tets->after && kept; t++)
-        for (uint32_t *at = &overlaps->sentinels[t]; *at != TETLOD_NONE; at = &kept[count - 1].next) {
-            kept[count] = overlaps->watches[*at];
-            *at = (uint32_t)count++;
-        }
-    if (!kept)
-        return;
-    free(overlaps->watches);
-    overlaps->watch_count = count;
-    overlaps->watch_capacity = count + count / 16;
-    overlaps->watches = array_shrink(kept, overlaps->watch_capacity, sizeof *kept);
-}
-
-void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets)
-{
-    pool_compact(overlaps);
-    for (size_t at = 0; at < overlaps->pool_size; at += 2 + (size_t)overlaps->pool[at + 1])
-        overlaps->pool[at] = renumbered(tets, overlaps->pool[at]);
-    for (uint32_t v = 0; v < overlaps->mesh->vertex_count; v++)
-        overlaps->host[v] = renumbered(tets, overlaps->host[v]);
-    renumber_array(&overlaps->lists, sizeof *overlaps->lists, tets);
-    renumber_array(&overlaps->sentinels, sizeof *overlaps->sentinels, tets);
-    watches_compact(overlaps, tets);
-    overlaps->pool_capacity = overlaps->pool_size + overlaps->pool_size / 16;
-    overlaps->pool = array_shrink(overlaps->pool, overlaps->pool_capacity, sizeof *overlaps->pool);
 }
 
 /* Room for `needed` more in the pool, which is as large as what is in use and an eighth. */
@@ -170,6 +135,18 @@ static enum tetlod_status pool_room(struct overlaps *overlaps, size_t needed, st
     overlaps->pool = pool;
     overlaps->pool_capacity = capacity;
     return TETLOD_OK;
+}
+
+void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *numbers)
+{
+    pool_compact(overlaps);
+    for (size_t at = 0; at < overlaps->pool_size; at += 2 + (size_t)overlaps->pool[at + 1])
+        overlaps->pool[at] = numbers->tets[overlaps->pool[at]];
+    for (uint32_t v = 0; v < overlaps->mesh->vertex_count; v++)
+        if (overlaps->host[v] != TETLOD_NONE)
+            overlaps->host[v] = numbers->tets[overlaps->host[v]];
+    overlaps->lists = renumber_tets(numbers, overlaps->lists, sizeof *overlaps->lists);
+    overlaps->sentinels = renumber_tets(numbers, overlaps->sentinels, sizeof *overlaps->sentinels);
 }
 
 enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct passed *passed,

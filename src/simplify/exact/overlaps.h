@@ -3,7 +3,7 @@
 #ifndef TETLOD_OVERLAPS_H
 #define TETLOD_OVERLAPS_H
 
-#include "src/simplify/complex.h"
+#include "src/simplify/limit.h"
 
 /* A point on an edge of the original; `ends` may be twice the same vertex, or TETLOD_NONE: no such point. */
 struct watched {
@@ -40,15 +40,8 @@ struct overlaps {
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
-/* What a contraction passes on to its cones: their lists, as the pool has them; then vertices of the original and the tetrahedra
- * that they are in. */
-struct passed {
-    uint32_t *numbers;
-    size_t list_count, count, capacity; /* numbers of the lists; of all */
-};
-
-/* For the complex of the mesh before its first contraction. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
+/* For the working of the mesh before its first contraction. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, const struct working *working,
                                                 struct tetlod_error *error);
 void overlaps_fini(struct overlaps *overlaps);
 
@@ -70,10 +63,8 @@ static inline const uint32_t *overlaps_of(const struct overlaps *overlaps, uint3
     return list;
 }
 
-void passed_fini(struct passed *passed);
-
-/* Takes over new numbers of the level's tetrahedra, and gives back room. */
-void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets);
+/* Tetrahedra of the level have other numbers now. */
+void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *numbers);
 
 /* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
