@@ -32,8 +32,8 @@ enum { READING_FIRST = 0x1000, READING_Q = READING_FIRST, READING_NAN_FILL, READ
     "      --cell-data HOW     values of cells: keep them (default; where there are no others, also\n"                 \
     "                          average), average: also make point fields, the mean over a point's\n"                   \
     "                          tetrahedra by volume; or drop\n"                                                        \
-    "      --subdivide         use the points in the middle of edges of quadratic cells (default: corners\n"           \
-    "                          only)\n"                                                                                \
+    "      --subdivide         use the middles of the edges of quadratic cells, all points of Lagrange\n"              \
+    "                          cells (default: corners only)\n"                                                        \
     "      --weld T            merge points that are at most T apart and have the same values (default:\n"             \
     "                          0 between pieces and blocks, and not at all within one)\n"                              \
     "      --drop-degenerate   drop degenerate and duplicate tetrahedra (default: they are carried along)\n"           \
