@@ -232,8 +232,8 @@ $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL
 # What the builder asks the exact limit is taken down
 $(B)/tests/unit/test_asked_once: TETLOD_LDFLAGS += -Wl,--wrap=exact_examine
 
-# The heap is counted
-$(B)/tests/unit/test_region_room: TETLOD_LDFLAGS += $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc strdup free)
+# The heap is counted (tests/heap.h)
+$(addprefix $(B)/tests/unit/,test_region_room test_bounds): TETLOD_LDFLAGS += $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc strdup free)
 
 # The browser's module, natively
 VIEW_OBJECTS := $(call objects,$(wildcard $(WEB_DIR)/wasm/*.c))

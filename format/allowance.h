@@ -16,7 +16,7 @@ enum {
     NUMBERS_FREE = 1 << 10,   /* vertices, tetrahedra or values that a part's frames give, up to a level */
     NUMBERS_PER_BYTE = 4,
     LABELS_FREE = 1 << 16,    /* labels of records, up to a level; of a field, times its components */
-    LABELS_PER_BYTE = 32,     /* of geometry */
+    LABELS_PER_BYTE = 16,     /* of geometry; ordinary streams have 2 to 11 */
     FIELD_LABELS_PER_BYTE = 512,
     LEVEL_ROWS_FREE = 1 << 22, /* vertices and tetrahedra of all levels, added up */
     LEVEL_ROWS_PER_BYTE = 256,

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What a region asks its room for is no less than what it allocates, and not much more; what it is not granted it
  * does not take. */
-#include <malloc.h>
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -9,6 +8,7 @@
 #include "src/measure/region_error.h"
 #include "src/pipeline/build.h"
 #include "src/sample/sample.h"
+#include "tests/heap.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"
 
@@ -17,57 +17,6 @@ enum { SIZE = 10 };
 #else
 enum { SIZE = 24 };
 #endif
-
-/* ---- the heap: every allocation is counted while it lives, one that is moved twice meanwhile ---- */
-
-static size_t now, peak;
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *old, size_t size);
-void __real_free(void *block);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *old, size_t size);
-char *__wrap_strdup(const char *text);
-void __wrap_free(void *block);
-
-static void *count_in(void *block, size_t replaced)
-{
-    now += block ? malloc_usable_size(block) : 0;
-    peak = now > peak ? now : peak;
-    now -= block ? replaced : 0;
-    return block;
-}
-
-void *__wrap_malloc(size_t size)
-{
-    return count_in(__real_malloc(size), 0);
-}
-
-void *__wrap_calloc(size_t count, size_t size)
-{
-    return count_in(__real_calloc(count, size), 0);
-}
-
-void *__wrap_realloc(void *old, size_t size)
-{
-    size_t had = old ? malloc_usable_size(old) : 0;
-    return count_in(__real_realloc(old, size), had);
-}
-
-char *__wrap_strdup(const char *text)
-{
-    size_t size = strlen(text) + 1;
-    char *copy = __wrap_malloc(size);
-    return copy ? memcpy(copy, text, size) : NULL;
-}
-
-void __wrap_free(void *block)
-{
-    now -= block ? malloc_usable_size(block) : 0;
-    __real_free(block);
-}
 
 /* ---- regions ---- */
 

@@ -48,7 +48,7 @@ def require(condition, message):
 
 # How many are free, and how many come with each byte
 TABLE, PACKED, NUMBERS, LEVEL_ROWS = (1 << 16, 3), (0, 64), (1 << 10, 4), (1 << 22, 256)
-LABELS, FIELD_LABELS, STEP_ROWS = (1 << 16, 32), (1 << 16, 512), (1 << 22, 64)
+LABELS, FIELD_LABELS, STEP_ROWS = (1 << 16, 16), (1 << 16, 512), (1 << 22, 64)
 
 
 def allowed(allowance, size):
