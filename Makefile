@@ -117,12 +117,12 @@ WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),
 # as fast as -O3, measured, and a fifth smaller
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
-WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
+WASM_LDFLAGS := -lc-printscan-no-floating-point -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/lineage.c format/container.c format/prefix.c format/summary.c,$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view_cells view_filter) src/cut/line.c src/cut/normals.c \
-    $(patsubst %,format/%.c,base feed header index parts section status tail time_table topologies)
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_steps) src/cut/line.c src/cut/normals.c \
+    $(patsubst %,format/%.c,base cell_steps cells feed header index parts section series series_cells spans status tail time_table topologies views cursor reader checksum)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)

@@ -26,6 +26,12 @@ static int by_offset(const void *a, const void *b)
     return one->offset < other->offset ? -1 : one->offset > other->offset;
 }
 
+/* Its groups have digests of their own. */
+static bool has_groups(const struct tetlodi_section *section)
+{
+    return strcmp(section->tag, TAG_STEP_VALUES) == 0 || strcmp(section->tag, TAG_CELL_STEPS) == 0;
+}
+
 enum tetlod_status tetlodi_parts(const struct tetlod_file *file, const struct tetlod_series *series,
                                  struct tetlodi_frame **out, size_t *out_count, struct tetlod_error *error)
 {
@@ -42,7 +48,7 @@ enum tetlod_status tetlodi_parts(const struct tetlod_file *file, const struct te
         if (index->frames[i].size)
             parts[used++] = index->frames[i];
     for (uint32_t i = 0; i < index->info.section_count; i++)
-        if (index->sections[i].frame.size && !(series && strcmp(index->sections[i].tag, TAG_STEP_VALUES) == 0))
+        if (index->sections[i].frame.size && !(series && has_groups(&index->sections[i])))
             parts[used++] = index->sections[i].frame;
     if (series)
         used += tetlodi_series_parts(series, parts + used);

@@ -20,7 +20,7 @@ TETLOD_CHECKED enum tetlod_status tetlodi_parts(const struct tetlod_file *file, 
 TETLOD_CHECKED enum tetlod_status tetlodi_check_part(const struct tetlod_file *file, const struct tetlodi_frame *part,
                                                      struct tetlod_error *error);
 
-/* Of series.c: the groups of all sections TVAL; NULL counts them. */
+/* Of series.c: the groups of all sections TVAL and CSTP; NULL counts them. */
 size_t tetlodi_series_parts(const struct tetlod_series *series, struct tetlodi_frame *out);
 
 #endif

@@ -53,7 +53,7 @@ static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t o
     *out = malloc(size ? size : 1);
     if (!*out)
         return tetlodi_fail_nomem(error, "a part of the stream", size);
-    enum tetlod_status status = file->source.read(file->source.opaque, offset, *out, size);
+    enum tetlod_status status = size ? file->source.read(file->source.opaque, offset, *out, size) : TETLOD_OK;
     if (status != TETLOD_OK) {
         free(*out);
         *out = NULL;
@@ -72,8 +72,8 @@ static enum tetlod_status fail_digest(const struct tetlodi_frame *frame, const c
     return TETLOD_ERR_CHECKSUM;
 }
 
-static enum tetlod_status read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
-                                    const char *what, uint8_t **out, struct tetlod_error *error)
+enum tetlod_status tetlodi_read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
+                                     const char *what, uint8_t **out, struct tetlod_error *error)
 {
     uint8_t digest[DIGEST_SIZE];
     TETLOD_TRY(read_stored(file, frame->offset, frame->size, out, error));
@@ -93,7 +93,7 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     char what[96];
     snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
     *out_size = (size_t)frame->size;
-    return read_part(file, frame, what, out, error);
+    return tetlodi_read_part(file, frame, what, out, error);
 }
 
 /* ---- sections */
@@ -106,7 +106,7 @@ static enum tetlod_status read_section_into(const struct tetlod_file *file, cons
     uint8_t *stored;
     enum tetlod_status status = TETLOD_OK;
     snprintf(what, sizeof what, "section %s", section->tag);
-    TETLOD_TRY(read_part(file, &section->frame, what, &stored, error));
+    TETLOD_TRY(tetlodi_read_part(file, &section->frame, what, &stored, error));
     if (section->flags & SECTION_PACKED)
         status = tetlodi_unpack(stored, (size_t)section->frame.size, out, (size_t)section->plain, error);
     else
@@ -116,8 +116,8 @@ static enum tetlod_status read_section_into(const struct tetlod_file *file, cons
 }
 
 /* The same with a NUL behind, in a block that the caller frees. */
-static enum tetlod_status read_section(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t **out,
-                                       struct tetlod_error *error)
+enum tetlod_status tetlodi_read_section(const struct tetlod_file *file, const struct tetlodi_section *section,
+                                        uint8_t **out, struct tetlod_error *error)
 {
     *out = NULL;
     if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
@@ -160,7 +160,7 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
     uint8_t *bytes;
     if (!section)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream does not keep the original order (build --keep-order does)");
-    TETLOD_TRY(read_section(file, section, &bytes, error));
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
     int good = tetlodi_order_code(&coder, &order);
     while (good && coder.at < coder.end)
@@ -179,7 +179,7 @@ static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_
     info->metadata = "";
     if (!section)
         return TETLOD_OK;
-    TETLOD_TRY(read_section(file, section, &bytes, error));
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     file->index.metadata = (char *)bytes;
     info->metadata = file->index.metadata;
     info->metadata_size = (size_t)section->plain;
@@ -195,7 +195,7 @@ static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
     uint8_t *bytes = NULL;
     if (!section)
         return TETLOD_OK;
-    TETLOD_TRY(read_section(file, section, &bytes, error));
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     enum tetlod_status status = decode(&file->index, bytes, (size_t)section->plain, error);
     free(bytes);
     return status;

@@ -32,4 +32,13 @@ struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
                                                      uint8_t **out, size_t *out_size, struct tetlod_error *error);
 
+/* Any part of the stream, checked: `what` is its name in messages. The caller frees *out. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
+                                                    const char *what, uint8_t **out, struct tetlod_error *error);
+
+/* What a section holds, as it was before it was packed. The caller frees *out. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_section(const struct tetlod_file *file,
+                                                       const struct tetlodi_section *section, uint8_t **out,
+                                                       struct tetlod_error *error);
+
 #endif

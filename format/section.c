@@ -14,6 +14,7 @@ static const struct known {
     bool early, once;
 } known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false},
                 {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false},
+                {TAG_CELL_TIME, false, true}, {TAG_CELL_STEPS, false, false},
                 {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true}};
 
 static const struct known *find_known(const char *tag)
@@ -26,7 +27,11 @@ static const struct known *find_known(const char *tag)
 
 enum tetlodi_packing tetlodi_section_packing(const char *tag)
 {
-    return strcmp(tag, TAG_TIME) == 0 || strcmp(tag, TAG_TOPOLOGIES) == 0 ? PACKED_TABLE : PACKED_VALUES;
+    static const char *const tables[] = {TAG_TIME, TAG_CELL_TIME, TAG_TOPOLOGIES};
+    for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
+        if (strcmp(tag, tables[i]) == 0)
+            return PACKED_TABLE;
+    return PACKED_VALUES;
 }
 
 struct tetlodi_frame tetlodi_frame_of(const void *bytes, size_t size)

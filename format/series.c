@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "format/parts.h"
 #include "format/round.h"
+#include "format/series_cells.h"
 #include "format/time_table.h"
 
 /* A field's part of the band at hand. */
@@ -28,6 +29,7 @@ struct tetlod_series {
     struct tetlodi_lower lower;
     struct track *tracks; /* [field] */
     bool *chosen;         /* [field] to be decoded */
+    struct tetlodi_series_cells cells;
     int ready;            /* the tracks' values are there */
 };
 
@@ -55,6 +57,7 @@ void tetlod_series_free(struct tetlod_series *series)
     if (!series)
         return;
     drop_band(series);
+    tetlodi_series_cells_fini(&series->cells);
     tetlodi_time_fini(&series->time);
     free(series->fields);
     free(series->ranges);
@@ -68,17 +71,13 @@ void tetlod_series_free(struct tetlod_series *series)
 
 static enum tetlod_status read_table(struct tetlod_series *series, struct tetlod_error *error)
 {
-    const struct tetlod_info *info = &series->file->index.info;
-    uint32_t section = tetlod_section_index(info, TAG_TIME);
-    if (section == TETLOD_NONE)
+    const struct tetlodi_index *index = &series->file->index;
+    const struct tetlodi_section *section = tetlodi_section_find(index->sections, index->info.section_count, TAG_TIME);
+    uint8_t *bytes;
+    if (!section)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it is no series: it has one moment only");
-    size_t size = (size_t)info->sections[section].size;
-    uint8_t *bytes = malloc(size ? size : 1);
-    if (!bytes)
-        return tetlodi_fail_nomem(error, "the table of steps", size);
-    enum tetlod_status status = tetlod_section_read(series->file, section, bytes, error);
-    if (status == TETLOD_OK)
-        status = tetlodi_time_decode(&series->time, bytes, size, error);
+    TETLOD_TRY(tetlodi_read_section(series->file, section, &bytes, error));
+    enum tetlod_status status = tetlodi_time_decode(&series->time, bytes, (size_t)section->plain, error);
     free(bytes);
     return status;
 }
@@ -182,7 +181,12 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
                                     .bands = time->bands,
                                     .fields = series->fields,
                                     .ranges = (const double(*)[2])series->ranges};
-    return check_table(series, error);
+    TETLOD_TRY(check_table(series, error));
+    TETLOD_TRY(tetlodi_series_cells_open(&series->cells, series->file, time->step_count, error));
+    series->info.cell_field_count = series->cells.time.field_count;
+    series->info.cell_fields = series->cells.time.fields;
+    series->info.cell_ranges = (const double(*)[2])series->cells.time.ranges;
+    return TETLOD_OK;
 }
 
 enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file, struct tetlod_error *error)
@@ -291,7 +295,7 @@ size_t tetlodi_series_parts(const struct tetlod_series *series, struct tetlodi_f
             }
             count++;
         }
-    return count;
+    return count + tetlodi_series_cells_parts(&series->cells, out ? out + count : NULL);
 }
 
 /* ---- values */
@@ -324,24 +328,13 @@ static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t
 static enum tetlod_status read_group(struct tetlod_series *series, uint32_t field, uint32_t group, struct tetlod_error *error)
 {
     struct track *track = &series->tracks[field];
-    const struct tetlod_source *source = &series->file->source;
     struct tetlod_span span = group_span(series, field, series->band, group);
-    uint8_t digest[DIGEST_SIZE];
+    size_t row = time_row(&series->time, field, series->band);
+    struct tetlodi_frame frame = {span.offset, span.size, {0}};
+    memcpy(frame.digest, series->time.digests[row * series->time.group_count + group], DIGEST_SIZE);
     free(track->bytes);
     track->bytes = NULL;
-    int here = span.offset <= source->size && span.size <= source->size - span.offset;
-    track->bytes = malloc(span.size && here ? (size_t)span.size : 1);
-    if (!track->bytes)
-        return tetlodi_fail_nomem(error, "a group of steps", span.size);
-    enum tetlod_status status = here ? TETLOD_OK : TETLOD_ERR_TRUNCATED;
-    if (here && span.size)
-        status = source->read(source->opaque, span.offset, track->bytes, (size_t)span.size);
-    if (status != TETLOD_OK)
-        return tetlodi_fail(error, status, "the steps of group %u are not here", group);
-    tetlodi_digest(track->bytes, (size_t)span.size, digest);
-    size_t row = time_row(&series->time, field, series->band);
-    if (memcmp(digest, series->time.digests[row * series->time.group_count + group], DIGEST_SIZE) != 0)
-        return tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the steps of group %u do not match their digest", group);
+    TETLOD_TRY(tetlodi_read_part(series->file, &frame, GROUP_OF_STEPS, &track->bytes, error));
     track->at = 0;
     track->size = span.size;
     tetlodi_steps_start(&track->steps);
@@ -429,4 +422,31 @@ enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *
         finite &= isfinite(positions[i]) != 0;
     }
     return finite ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "a step moves a point out of all numbers");
+}
+
+/* ---- values of cells */
+
+int tetlod_has_step_cells(const struct tetlod_series *series, uint32_t field, uint32_t step)
+{
+    return field < series->file->index.info.cell_field_count && step < series->time.step_count &&
+           (step == 0 || tetlodi_series_cells_find(&series->cells, field) != TETLOD_NONE);
+}
+
+struct tetlod_span tetlod_step_cells_span(const struct tetlod_series *series, uint32_t field, uint32_t step)
+{
+    uint32_t row = tetlodi_series_cells_find(&series->cells, field);
+    if (step == 0 || step >= series->time.step_count || row == TETLOD_NONE)
+        return (struct tetlod_span){0, 0};
+    return tetlodi_series_cells_span(&series->cells, row, step / STEP_GROUP);
+}
+
+enum tetlod_status tetlod_step_cells(struct tetlod_series *series, uint32_t field, uint32_t step, double *out,
+                                     struct tetlod_error *error)
+{
+    if (!tetlod_has_step_cells(series, field, step))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no cell field number %u at step %u", field, step);
+    if (step == 0)
+        return tetlod_cells(series->file, field, out, error);
+    return tetlodi_series_cells_decode(&series->cells, tetlodi_series_cells_find(&series->cells, field), step, out,
+                                       error);
 }

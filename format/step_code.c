@@ -108,20 +108,36 @@ static double predict(const struct tetlodi_steps *steps, enum step_mode mode, ui
     return isfinite(x) ? x : rest;
 }
 
-/* How long the numbers of the neighbours were. */
-static unsigned context_of(const struct tetlodi_steps *steps, uint32_t v)
+/* How long the numbers of the neighbours were; of rows without neighbours those of the two rows above. */
+static unsigned context_of(const struct tetlodi_steps *steps, size_t v)
 {
     const struct tetlodi_lower *lower = steps->lower;
-    size_t begin = lower->begin[v], end = lower->begin[v + 1], sum = 0;
+    size_t begin = lower ? lower->begin[v] : 0, end = lower ? lower->begin[v + 1] : 0, sum = 0;
     for (size_t i = begin; i < end; i++)
         sum += steps->lengths[lower->vertex[i]];
-    sum = end > begin ? 2 * sum / (end - begin) : v ? 2 * (size_t)steps->lengths[v - 1] : 0;
+    if (end > begin)
+        sum = 2 * sum / (end - begin);
+    else if (v)
+        sum = (size_t)steps->lengths[v - 1] + steps->lengths[lower || v == 1 ? v - 1 : v - 2];
     return sum < NUMBER_CONTEXTS ? (unsigned)sum : NUMBER_CONTEXTS - 1;
 }
 
-static int is_code(const struct tetlodi_step_scale *scale, int64_t code)
+static int is_code(const struct tetlodi_steps *steps, int64_t code)
 {
+    const struct tetlodi_step_scale *scale = &steps->scale;
+    if (!steps->lower)
+        return code >= steps->rows.least && code <= steps->rows.most;
     return (!(scale->quantum > 0) || (code >= -MOST_STEP_CODE && code <= MOST_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
+}
+
+/* Of a row without neighbours, whose code is that of the step before, as `above` is of the row above; codes[-1] is that
+ * one's now. */
+static int64_t predict_row(enum step_mode mode, const int64_t *codes, size_t row, int64_t above, unsigned width)
+{
+    if (mode == STEP_KEY)
+        return row ? codes[-1] : 0;
+    return mode == STEP_SAME || !row ? codes[0]
+                                     : code_difference(codes[0], code_difference(above, codes[-1], width), width);
 }
 
 /* What an encoder tells where `near` is predicted: that, if it will do. Else a third of the way from the edge of those allowed to their
@@ -142,19 +158,21 @@ static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *ste
                           const int64_t *allowed)
 {
     struct tetlodi_number *models = &steps->models.value[mode != STEP_KEY];
-    unsigned width = steps->scale.quantum > 0 ? 64 : steps->scale.type == TETLOD_FLOAT32 ? 32 : 64;
-    const struct tetlodi_scale ring = {.type = width == 32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64};
-    for (uint32_t v = 0; v < steps->lower->vertices && mode != STEP_KEY; v++)
+    unsigned width = steps->rows.width;
+    int64_t above = 0, before = 0; // of the row above and of this one, in the step before
+    for (size_t v = 0; v < steps->rows.count && mode != STEP_KEY && steps->lower; v++)
         steps->before[v] = number_of(&steps->scale, codes[v]);
-    for (uint32_t v = 0; v < steps->lower->vertices; v++) {
-        int64_t near = code_near(&steps->scale, predict(steps, mode, v)), wanted = near;
-        if (allowed)
-            wanted = choose_code(&steps->scale, near, allowed + 2 * v);
+    for (size_t v = 0; v < steps->rows.count; v++, above = before) {
+        int64_t near = steps->lower ? code_near(&steps->scale, predict(steps, mode, (uint32_t)v))
+                                    : predict_row(mode, codes + v, v, above, width);
+        int64_t wanted = allowed ? choose_code(&steps->scale, near, allowed + 2 * v) : near;
         int64_t number = code_number(coder, models, context_of(steps, v), allowed ? code_difference(wanted, near, width) : 0);
-        codes[v] = code_offset(near, number, &ring);
-        if (!is_code(&steps->scale, codes[v]))
+        before = codes[v];
+        codes[v] = code_difference(near, (int64_t)(0 - (uint64_t)number), width);
+        if (!is_code(steps, codes[v]))
             return 0;
-        steps->now[v] = number_of(&steps->scale, codes[v]);
+        if (steps->lower)
+            steps->now[v] = number_of(&steps->scale, codes[v]);
         steps->lengths[v] = (uint8_t)bit_length(number < 0 ? 0 - (uint64_t)number : (uint64_t)number);
     }
     return 1;
@@ -162,9 +180,9 @@ static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *ste
 
 static int code_step(struct tetlodi_coder *coder, struct tetlodi_steps *steps, enum step_mode wanted, int64_t *codes, const int64_t *allowed)
 {
-    size_t n = steps->lower->vertices;
+    size_t n = steps->rows.count;
     enum step_mode mode = (enum step_mode)code_tree(coder, steps->models.mode, 2, wanted);
-    if (mode >= STEP_MODES || (steps->first && mode != STEP_KEY))
+    if (mode >= STEP_MODES || (steps->first && steps->lower && mode != STEP_KEY))
         return 0;
     for (uint32_t c = 0; c < steps->components; c++)
         if (!code_component(coder, steps, mode, codes + c * n, allowed ? allowed + 2 * c * n : NULL))
@@ -174,13 +192,28 @@ static int code_step(struct tetlodi_coder *coder, struct tetlodi_steps *steps, e
 
 /* ---- groups */
 
+static int make_room(struct tetlodi_steps *steps, struct tetlodi_memory *memory)
+{
+    size_t n = steps->rows.count, doubles = steps->lower ? n + 1 : 1, rooms[4] = {0};
+    return TETLODI_ROOM(memory, steps->codes, rooms[0], n * steps->components + 1) &&
+           TETLODI_ROOM(memory, steps->before, rooms[1], doubles) &&
+           TETLODI_ROOM(memory, steps->now, rooms[2], doubles) && TETLODI_ROOM(memory, steps->lengths, rooms[3], n + 1);
+}
+
 int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower, const struct tetlodi_step_scale *scale,
                        uint32_t components, struct tetlodi_memory *memory)
 {
-    size_t n = lower->vertices, rooms[4] = {0};
-    *steps = (struct tetlodi_steps){.lower = lower, .scale = *scale, .components = components};
-    return TETLODI_ROOM(memory, steps->codes, rooms[0], n * components + 1) && TETLODI_ROOM(memory, steps->before, rooms[1], n + 1) &&
-           TETLODI_ROOM(memory, steps->now, rooms[2], n + 1) && TETLODI_ROOM(memory, steps->lengths, rooms[3], n + 1);
+    *steps = (struct tetlodi_steps){
+        .lower = lower, .scale = *scale, .components = components, .rows.count = lower->vertices};
+    steps->rows.width = scale->quantum > 0 || scale->type != TETLOD_FLOAT32 ? 64 : 32;
+    return make_room(steps, memory);
+}
+
+int tetlodi_steps_init_rows(struct tetlodi_steps *steps, const struct tetlodi_step_rows *rows, uint32_t components,
+                            struct tetlodi_memory *memory)
+{
+    *steps = (struct tetlodi_steps){.rows = *rows, .components = components};
+    return make_room(steps, memory);
 }
 
 void tetlodi_steps_fini(struct tetlodi_steps *steps)
@@ -218,13 +251,13 @@ int tetlodi_steps_decode(struct tetlodi_steps *steps, const uint8_t *bytes, size
 
 size_t tetlodi_steps_encode(struct tetlodi_steps *steps, const int64_t *allowed, struct tetlodi_buffer *out)
 {
-    size_t count = (size_t)steps->lower->vertices * steps->components, least = SIZE_MAX;
+    size_t count = steps->rows.count * steps->components, least = SIZE_MAX;
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct tetlodi_encoder best = {0};
     struct tetlodi_step_models *models = malloc(2 * sizeof *models);
     int64_t *codes = malloc(2 * (count + 1) * sizeof *codes);
     int failed = !models || !codes;
-    for (int mode = 0; mode < (steps->first ? 1 : STEP_MODES) && !failed; mode++) {
+    for (int mode = 0; mode < (steps->first && steps->lower ? 1 : STEP_MODES) && !failed; mode++) {
         struct tetlodi_encoder encoder = {0};
         struct tetlodi_coder coder;
         memcpy(codes, steps->codes, count * sizeof *codes);

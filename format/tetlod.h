@@ -425,7 +425,10 @@ struct tetlod_series_info {
     const struct tetlod_band *bands; /* coarse to fine */
     const uint32_t *fields;          /* [field_count] of the stream */
     const double (*ranges)[2];       /* [field_count] over all steps */
-    uint64_t reserved[4];
+    uint32_t cell_field_count;            /* cell fields that have values at every step */
+    const uint32_t *cell_fields;          /* [cell_field_count] of the stream's cell fields, ascending */
+    const double (*cell_ranges)[2];       /* [cell_field_count] over all steps */
+    uint64_t reserved[1];
 };
 
 struct tetlod_series;
@@ -472,6 +475,17 @@ TETLOD_API const double *tetlod_step_values(const struct tetlod_series *series, 
 /* Moves points to where they are at that step: `positions` [3 * vertices] are those of the band's level. Does nothing where points keep their
  * places. ERR_STREAM if one would not be finite. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions, struct tetlod_error *error);
+
+/* Are there values of a cell field at a step? Those that have no steps are known at the first one only. */
+TETLOD_API int tetlod_has_step_cells(const struct tetlod_series *series, uint32_t field, uint32_t step);
+
+/* The values of cell field number `field` of the stream at a step, as tetlod_cells gives them. The step after the last
+ * one costs one frame. ERR_ARGUMENT where there are none, or as tetlod_cells. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_step_cells(struct tetlod_series *series, uint32_t field,
+                                                               uint32_t step, double *out, struct tetlod_error *error);
+
+/* The bytes of the stream that this needs beside those of tetlod_cells. Size 0: none. */
+TETLOD_API struct tetlod_span tetlod_step_cells_span(const struct tetlod_series *series, uint32_t field, uint32_t step);
 
 #ifdef __cplusplus
 }

@@ -9,6 +9,8 @@
 
 #define TAG_TIME "TIME"
 #define TAG_STEP_VALUES "TVAL"
+#define TAG_CELL_TIME "CTIM" /* of values of cells: cell_steps.h */
+#define TAG_CELL_STEPS "CSTP"
 
 enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = TETLOD_STEP_GROUP };
 

@@ -560,7 +560,7 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     const struct tetlodi_write_section *late = NULL;
     uint32_t count = 0, late_count = 0;
     if (in->late)
-        TETLOD_TRY(in->late(in->late_opaque, w->node_at, &late, &late_count, w->error));
+        TETLOD_TRY(in->late(in->late_opaque, w->node_at, w->original_of, &late, &late_count, w->error));
     struct tetlodi_write_section *sections =
         calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 3, sizeof *sections);
     if (!sections)

@@ -82,10 +82,11 @@ struct tetlodi_write_input {
     const struct tetlodi_write_section *sections; /* further ones */
     uint32_t cell_field_count;
     const struct tetlodi_write_cells *cells;
-    /* Makes more of them when the levels are written, or NULL: original_of[i] is the number above of the finest level's vertex i. Vertex i
-     * of a coarser level is the node there that this one comes from. What it gives is borrowed until tetlodi_write returns. */
-    enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
-                               struct tetlod_error *error);
+    /* Makes more of them when the levels are written, or NULL: original_of[i] is the number above of the finest level's
+     * vertex i, and original_tets[i] that of its tetrahedron i. Vertex i of a coarser level is the node there that this
+     * one comes from. What it gives is borrowed until tetlodi_write returns. */
+    enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+                               const struct tetlodi_write_section **out, uint32_t *count, struct tetlod_error *error);
     void *late_opaque;
     int (*progress)(void *opaque, double done); /* asked now and then by the caller's thread: 0 cancels; may be NULL */
     void *progress_opaque;

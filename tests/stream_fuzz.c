@@ -65,6 +65,20 @@ static void check_cells(const struct tetlod_file *file, const struct tetlod_info
     }
 }
 
+/* Values of cells forwards and back. */
+static void check_cell_steps(struct tetlod_series *series, const struct tetlod_info *info)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    for (uint32_t f = 0; f < info->cell_field_count && f < 4; f++) {
+        double *values = malloc((size_t)info->tets * info->cell_fields[f].components * sizeof *values + 1);
+        demand(values != NULL);
+        for (uint32_t s = 0; s < steps->step_count && s < 20; s++)
+            demand((tetlod_step_cells(series, f, s ^ 1, values, NULL) != TETLOD_ERR_ARGUMENT) ==
+                   tetlod_has_step_cells(series, f, s ^ 1));
+        free(values);
+    }
+}
+
 /* Steps forwards and back are the same, and finite. */
 static void check_steps(struct tetlod_file *file, const struct tetlod_info *info)
 {
@@ -91,6 +105,7 @@ static void check_steps(struct tetlod_file *file, const struct tetlod_info *info
                     demand(isfinite(points[i]));
             free(points);
         }
+    check_cell_steps(series, info);
     tetlod_cursor_free(cursor);
     tetlod_series_free(series);
 }

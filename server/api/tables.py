@@ -232,6 +232,9 @@ SCHEMAS = {
                             'times': several(NUMBER),
                             'fields': several(record({'name': TEXT,
                                                   'range': about('Over all steps', several(NUMBER, 2))})),
+                            'cell_fields': about('Fields of cells that have values at every step; others are known at '
+                                                 'the first one alone',
+                                                 several(record({'name': TEXT, 'range': several(NUMBER, 2)}))),
                             'bands': several(record({'error': about('A fraction of the range that '
                                                                     '`relative_to` names; 0: exact', NUMBER),
                                                  'level': COUNT, 'vertices': COUNT, 'tets': COUNT,

@@ -8,28 +8,38 @@
 #include "server/http/respond.h"
 #include "src/level/level_mesh.h"
 
-static json_t *cell_names(const struct tetlod_info *info)
+static bool is_known(struct cell_step at, uint32_t field)
+{
+    return !at.series || tetlod_has_step_cells(at.series, field, at.step);
+}
+
+static json_t *cell_names(const struct tetlod_info *info, struct cell_step at)
 {
     json_t *array = json_array();
     for (uint32_t f = 0; f < info->cell_field_count; f++)
-        json_array_append_new(array, json_string(info->cell_fields[f].name));
+        if (is_known(at, f))
+            json_array_append_new(array, json_string(info->cell_fields[f].name));
     return array;
 }
 
 /* Chooses what the first name of a list says. Its length with the comma behind, or 0. */
-static size_t choose(const struct tetlod_info *info, char *list, const char *form, struct cell_choice *out)
+static size_t choose(const struct tetlod_info *info, struct cell_step at, char *list, const char *form,
+                     struct cell_choice *out)
 {
     uint32_t field = TETLOD_NONE;
     size_t all = list_begins_with(list, "all"), size = 0;
     if (info->cell_field_count)
         size = list_find_either(list, form, &info->cell_fields[0].name, sizeof *info->cell_fields, info->cell_field_count, &field);
     for (uint32_t f = 0; f < info->cell_field_count; f++)
-        if (f == field || (all && !size))
+        if (is_known(at, f) && (f == field || (all && !size)))
             out->chosen[f] = out->any = true;
-    return size ? size : all;
+    if (size)
+        return is_known(at, field) ? size : 0;
+    return all;
 }
 
-bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
+bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_step at,
+                 struct cell_choice *out)
 {
     char list[1024], form[sizeof list];
     *out = (struct cell_choice){0};
@@ -43,10 +53,11 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
     }
     query_form_value(exchange->query, "cells", form, sizeof form);
     size_t size = 1;
-    for (char *at = list; *at && size; at += size)
-        if (!(size = choose(info, at, form + (at - list), out)))
-            response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info),
-                                     "there are no values of cells '%.*s'; names are separated by commas", (int)strcspn(at, ","), at);
+    for (char *name = list; *name && size; name += size)
+        if (!(size = choose(info, at, name, form + (name - list), out)))
+            response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info, at),
+                                     "there are no values of cells '%.*s'%s; names are separated by commas",
+                                     (int)strcspn(name, ","), name, at.series ? " at this step" : "");
     return size > 0 && percent_encode(list, out->text, sizeof out->text);
 }
 
@@ -79,4 +90,18 @@ enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struc
         if (choice->chosen[f])
             TETLOD_TRY(level_mesh_cells(file, f, tets, mesh, error));
     return TETLOD_OK;
+}
+
+enum tetlod_status cell_choice_add_step(const struct cell_choice *choice, const struct tetlod_file *file, uint32_t step,
+                                        struct tetmesh *mesh, struct tetlod_error *error)
+{
+    struct tetlod_series *series; // one that decodes is for one thread
+    enum tetlod_status status = choice->any ? tetlod_series_new(&series, file, error) : TETLOD_OK;
+    if (!choice->any || status != TETLOD_OK)
+        return status;
+    for (uint32_t f = 0; f < tetlod_info(file)->cell_field_count && status == TETLOD_OK; f++)
+        if (choice->chosen[f])
+            status = level_mesh_step_cells(file, series, step, f, mesh, error);
+    tetlod_series_free(series);
+    return status;
 }

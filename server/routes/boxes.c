@@ -188,7 +188,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
 /* The field that tells the parts keeps its name to itself. */
 static bool take_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
 {
-    if (!query_cells(exchange, info, out))
+    if (!query_cells(exchange, info, (struct cell_step){0}, out))
         return false;
     uint32_t clash = tetlod_cell_field_index(info, REGION_FIELD);
     if (clash == TETLOD_NONE || !out->chosen[clash])

@@ -218,7 +218,8 @@ static enum outcome redirect_to_step(struct exchange *exchange, const struct ste
 {
     const struct tetlod_info *info = dataset_info(step->dataset);
     struct choice choice = {0};
-    if (!parse_format(exchange, &choice, true) || !query_cells(exchange, info, &choice.cells))
+    if (!parse_format(exchange, &choice, true) ||
+        !query_cells(exchange, info, (struct cell_step){dataset_series(step->dataset), step->step}, &choice.cells))
         return ANSWERED;
     response_static(exchange->response, 303, "text/plain; charset=utf-8", redirected);
     response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid, step->band, step->step,
@@ -237,7 +238,8 @@ static enum outcome answer_mesh(struct exchange *exchange, struct dataset *datas
     if (asked != QUERY_ABSENT)
         return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
     if (check_parameters(exchange) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.selection.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.selection.box_count) &&
+        query_cells(exchange, dataset_info(dataset), (struct cell_step){0}, &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }

@@ -25,7 +25,9 @@ static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *m
 {
     const struct mesh_choice *choice = opaque;
     struct tetmesh with = *mesh; // all but the values of cells is borrowed
-    enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, NULL, &with, error);
+    enum tetlod_status status =
+        choice->step.any ? cell_choice_add_step(&choice->cells, choice->file, choice->step.step, &with, error)
+                         : cell_choice_add(&choice->cells, choice->file, NULL, &with, error);
     if (status == TETLOD_OK)
         status = mesh_format_write(choice->format, &with, out, error);
     for (uint32_t f = 0; f < with.cell_field_count; f++)
@@ -54,7 +56,7 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
 static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
 {
     struct mesh_choice choice = {.format = format, .file = dataset_file(dataset)};
-    if (!query_cells(exchange, dataset_info(dataset), &choice.cells))
+    if (!query_cells(exchange, dataset_info(dataset), (struct cell_step){0}, &choice.cells))
         return ANSWERED;
     if (format->write)
         return answer_made(exchange, dataset, level, &choice);
@@ -75,7 +77,8 @@ static enum outcome answer_step(struct exchange *exchange, struct dataset *datas
     enum outcome outcome = ANSWERED;
     if (captured_step(exchange, dataset, &choice.step) &&
         (choice.format = take_mesh_format(exchange, exchange->captures[4], true)) &&
-        query_cells(exchange, dataset_info(dataset), &choice.cells))
+        query_cells(exchange, dataset_info(dataset), (struct cell_step){dataset_series(dataset), choice.step.step},
+                    &choice.cells))
         outcome = answer_made(exchange, dataset, choice.step.level, &choice);
     if (outcome == ANSWERED && exchange->response->status == 200)
         name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step),

@@ -11,6 +11,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "src/report/series_json.h"
+#include "src/report/series_time.h"
 #include "src/stream/selection.h"
 #include "src/util/array.h"
 #include "src/util/number_text.h"
@@ -25,6 +26,19 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
         response_problem(exchange->response, 404, exchange->request->target, "'%s' is not a series in time",
                          dataset_id(dataset));
     return series ? tetlod_series_info(series) : NULL;
+}
+
+/* Beyond half a step outside of the series the nearest step is not what was meant. False: answered. */
+static bool check_time(struct exchange *exchange, const struct tetlod_info *stream,
+                       const struct tetlod_series_info *info, double time)
+{
+    struct series_times times;
+    if (series_has_time(stream, info, time, &times))
+        return true;
+    response_problem(exchange->response, 422, exchange->request->target,
+                     "there is no time %.9g: times go from %.9g to %.9g; the nearest is %.9g", time, times.first,
+                     times.last, time < times.first ? times.first : times.last);
+    return false;
 }
 
 /* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
@@ -47,6 +61,8 @@ static bool take_step(struct exchange *exchange, struct dataset *whole, struct s
                          "give one number, once: time=%s or step=%" PRIu32, time, count - 1);
         return false;
     }
+    if (selection->by_time && !check_time(exchange, stream, info, selection->time))
+        return false;
     selection->step = number;
     out->dataset = dataset_topology(whole, selection_topology(stream, selection, &own));
     out->step = selection_step(tetlod_series_info(dataset_series(out->dataset)), selection, own);

@@ -111,6 +111,12 @@ void build_notes(const struct build_request *request, const struct io_report *re
     if (request->build.series)
         fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
                 request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count, report->keys);
+    for (uint32_t c = 0; request->build.series && c < request->build.series->cell_count; c++)
+        if (request->build.series->cells[c].missing)
+            fprintf(
+                stderr,
+                "tetlod build: not every step has the values of cells %s: those of the first step alone are stored\n",
+                mesh->cell_fields[c].name);
     if (request->series.series.points_move)
         fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
                         "those at the same point of the body, proved on the mesh of the first step\n");

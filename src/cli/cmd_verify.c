@@ -362,8 +362,10 @@ static enum tetlod_status verify_alone(struct verification *v)
     TETLOD_TRY_DONE(check_metadata(v));
     if (tetlod_info(v->file)->keeps_order)
         TETLOD_TRY_DONE(check_order(v));
-    if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE)
+    if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE) {
         TETLOD_TRY_DONE(steps_decode(v->file, &v->series, v->error));
+        TETLOD_TRY_DONE(verify_cell_steps(v->file, v->error));
+    }
     TETLOD_TRY_DONE(steps_check_ranges(&v->series, true, v->error));
     status = undo(v);
 done:

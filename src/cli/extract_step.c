@@ -10,6 +10,7 @@
 #include "src/level/level_mesh.h"
 #include "src/report/promise.h"
 #include "src/report/series_json.h"
+#include "src/report/series_time.h"
 
 struct step_choice {
     const struct step_selection *selection;
@@ -47,6 +48,30 @@ static enum tetlod_status move(const struct tetlod_series *series, const struct 
     return TETLOD_OK;
 }
 
+/* The step's values of cells; says which are not known there: those without steps, and of a file that is cut off those
+ * that are missing. */
+static enum tetlod_status take_cells(const struct tetlod_file *file, struct tetlod_series *series, uint32_t step,
+                                     struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    const char *before = "; without the values of cells ";
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        enum tetlod_status status = level_mesh_step_cells(file, series, step, f, out, error);
+        if (status != TETLOD_OK && status != TETLOD_ERR_TRUNCATED)
+            return status;
+        if (status == TETLOD_OK && tetlod_has_step_cells(series, f, step))
+            continue;
+        size_t used = strlen(about);
+        snprintf(about + used, about_size - used, "%s%.60s", before, info->cell_fields[f].name);
+        before = ", ";
+    }
+    if (*before == ',') {
+        size_t used = strlen(about);
+        snprintf(about + used, about_size - used, ", which are not known at this step");
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor,
                                const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
@@ -62,6 +87,7 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, choice, band, step, about, about_size);
     TETLOD_TRY(level_mesh_step(info, series, out, error));
+    TETLOD_TRY(take_cells(file, series, step, out, about, about_size, error));
     return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
 }
 
@@ -76,8 +102,6 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
         status = tetlod_cursor_new(&cursor, file, none, 0, error); // positions alone: the fields' values are the step's
     if (status == TETLOD_OK)
         status = take(file, series, cursor, choice, out, about, about_size, error);
-    if (status == TETLOD_OK)
-        status = level_mesh_cells_here(file, NULL, NULL, out, error);
     if (status == TETLOD_OK && original_order)
         status = level_mesh_reorder(file, out, error);
     tetlod_cursor_free(cursor);
@@ -87,6 +111,20 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
     return status;
 }
 
+/* Beyond half a step outside of the series the nearest step is not what was meant. */
+static enum tetlod_status check_time(const struct tetlod_file *file, double time, struct tetlod_error *error)
+{
+    struct tetlod_series *series;
+    struct series_times times;
+    TETLOD_TRY(tetlod_series_new(&series, file, error));
+    bool near = series_has_time(tetlod_info(file), tetlod_series_info(series), time, &times);
+    tetlod_series_free(series);
+    return near ? TETLOD_OK
+                : tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                               "it has no time %.9g: its times go from %.9g to %.9g; the nearest is %.9g", time,
+                               times.first, times.last, time < times.first ? times.first : times.last);
+}
+
 enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection, bool original_order,
                                 struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
@@ -94,6 +132,8 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_sele
     struct step_choice choice = {.selection = selection};
     struct tetlod_file *part;
     uint32_t topology = selection_topology(info, selection, &choice.step);
+    if (selection->by_time)
+        TETLOD_TRY(check_time(file, selection->time, error));
     if (!info->topology_count)
         return extract_from(file, &choice, original_order, out, about, about_size, error);
     choice.total = series_steps_before(info, info->topology_count);

@@ -20,6 +20,8 @@ struct series_input {
     double *times;
     enum tetlod_type *types;
     struct spool spool; /* the controlled fields' values */
+    struct build_series_cells *cells; /* fields of cells of the first step */
+    struct spool cell_spool;          /* their values */
     uint64_t rounded; /* coordinates of points that move which come back to the last place only */
     uint32_t own_times; /* numbers stand for times, which fall or are not there */
 };

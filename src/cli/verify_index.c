@@ -163,6 +163,28 @@ static enum tetlod_status check_sums(const struct tetlod_file *file, const struc
     return status;
 }
 
+static void widen(double range[2], const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (isfinite(values[i])) {
+            range[0] = smaller(range[0], values[i]);
+            range[1] = larger(range[1], values[i]);
+        }
+}
+
+/* Is the range that a table says that of the finite values? */
+static enum tetlod_status check_cell_range(const char *table, const char *name, const double said[2],
+                                           const double found[2], struct tetlod_error *error)
+{
+    static const double none[2] = {0, 0};
+    const double *range = found[0] > found[1] ? none : found;
+    if (range[0] == said[0] && range[1] == said[1])
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                        "%s says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g", table, name,
+                        said[0], said[1], range[0], range[1]);
+}
+
 /* The values of a field of cells are decoded, and have the range that the table says. */
 static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f, struct tetlod_error *error)
 {
@@ -170,20 +192,41 @@ static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f
     const struct tetlod_cell_field *field = &info->cell_fields[f];
     size_t count = (size_t)info->tets * field->components;
     double *values = array_new(count, sizeof *values), found[2] = {INFINITY, -INFINITY};
-    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name,
-                                                                                                   count * sizeof *values);
-    for (size_t i = 0; i < count && status == TETLOD_OK; i++)
-        if (isfinite(values[i])) {
-            found[0] = smaller(found[0], values[i]);
-            found[1] = larger(found[1], values[i]);
-        }
+    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
+    if (status == TETLOD_OK)
+        widen(found, values, count);
     free(values);
-    if (found[0] > found[1])
-        found[0] = found[1] = 0;
-    if (status == TETLOD_OK && (found[0] != field->range[0] || found[1] != field->range[1]))
-        status = tetlodi_fail(error, TETLOD_ERR_STREAM,
-                              "the table of cell data says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g",
-                              field->name, field->range[0], field->range[1], found[0], found[1]);
+    return status == TETLOD_OK ? check_cell_range("the table of cell data", field->name, field->range, found, error)
+                               : status;
+}
+
+static enum tetlod_status check_cell_steps(const struct tetlod_file *file, struct tetlod_series *series, uint32_t row,
+                                           struct tetlod_error *error)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    const struct tetlod_cell_field *field = &tetlod_info(file)->cell_fields[steps->cell_fields[row]];
+    size_t count = (size_t)tetlod_info(file)->tets * field->components;
+    double *values = array_new(count, sizeof *values), found[2] = {INFINITY, -INFINITY};
+    enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
+    for (uint32_t s = 0; s < steps->step_count && status == TETLOD_OK; s++) {
+        status = tetlod_step_cells(series, steps->cell_fields[row], s, values, error);
+        if (status == TETLOD_OK)
+            widen(found, values, count);
+    }
+    free(values);
+    return status == TETLOD_OK
+               ? check_cell_range("the table of cells' steps", field->name, steps->cell_ranges[row], found, error)
+               : status;
+}
+
+enum tetlod_status verify_cell_steps(const struct tetlod_file *file, struct tetlod_error *error)
+{
+    struct tetlod_series *series;
+    TETLOD_TRY(tetlod_series_new(&series, file, error));
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t row = 0; row < tetlod_series_info(series)->cell_field_count && status == TETLOD_OK; row++)
+        status = check_cell_steps(file, series, row, error);
+    tetlod_series_free(series);
     return status;
 }
 

@@ -12,4 +12,8 @@
 TETLOD_CHECKED enum tetlod_status verify_index(const struct tetlod_file *file, const struct tetmesh *finest,
                                                struct tetlod_error *error);
 
+/* Decodes the values of cells at every step of a series: they have the range that their table says. ERR_STREAM,
+ * ERR_CHECKSUM, ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status verify_cell_steps(const struct tetlod_file *file, struct tetlod_error *error);
+
 #endif

@@ -100,12 +100,20 @@ enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct 
     return TETLOD_OK;
 }
 
-static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, const uint32_t *tets, struct tetmesh *mesh, double *all,
-                                    struct tetlod_error *error)
+/* Where values of cells are from: the stream, or a step of its series. */
+struct cell_source {
+    const struct tetlod_file *file;
+    struct tetlod_series *series; /* NULL: the stream's own */
+    uint32_t step;
+};
+
+static enum tetlod_status add_cells(const struct cell_source *from, uint32_t f, const uint32_t *tets,
+                                    struct tetmesh *mesh, double *all, struct tetlod_error *error)
 {
-    const struct tetlod_cell_field *field = &tetlod_info(file)->cell_fields[f];
+    const struct tetlod_cell_field *field = &tetlod_info(from->file)->cell_fields[f];
     enum tetlod_type type = field->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
-    TETLOD_TRY(tetlod_cells(file, f, all, error));
+    TETLOD_TRY(from->series ? tetlod_step_cells(from->series, f, from->step, all, error)
+                            : tetlod_cells(from->file, f, all, error));
     TETLOD_TRY(tetmesh_add_cell_field(mesh, field->name, field->components, type, mesh->tet_count, error));
     struct point_field *out = &mesh->cell_fields[mesh->cell_field_count - 1];
     out->is_integer = field->type > TETLOD_CELL_FLOAT64;
@@ -114,20 +122,33 @@ static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, 
     return TETLOD_OK;
 }
 
-enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
-                                    struct tetlod_error *error)
+static enum tetlod_status add_chosen(const struct cell_source *from, uint32_t field, const uint32_t *tets,
+                                     struct tetmesh *mesh, struct tetlod_error *error)
 {
-    const struct tetlod_info *info = tetlod_info(file);
+    const struct tetlod_info *info = tetlod_info(from->file);
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t f = 0; f < info->cell_field_count && status == TETLOD_OK; f++) {
-        if (field != TETLOD_NONE && f != field)
+        if ((field != TETLOD_NONE && f != field) ||
+            (from->series && !tetlod_has_step_cells(from->series, f, from->step)))
             continue;
         double *all = array_new(info->tets, info->cell_fields[f].components * sizeof *all);
-        status = all ? add_cells(file, f, tets, mesh, all, error)
+        status = all ? add_cells(from, f, tets, mesh, all, error)
                      : tetlodi_fail_nomem(error, info->cell_fields[f].name, (uint64_t)info->tets * info->cell_fields[f].components * 8);
         free(all);
     }
     return status == TETLOD_OK ? level_mesh_units(info, mesh, error) : status;
+}
+
+enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets,
+                                    struct tetmesh *mesh, struct tetlod_error *error)
+{
+    return add_chosen(&(struct cell_source){.file = file}, field, tets, mesh, error);
+}
+
+enum tetlod_status level_mesh_step_cells(const struct tetlod_file *file, struct tetlod_series *series, uint32_t step,
+                                         uint32_t field, struct tetmesh *mesh, struct tetlod_error *error)
+{
+    return add_chosen(&(struct cell_source){file, series, step}, field, NULL, mesh, error);
 }
 
 enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets, struct tetmesh *mesh,

@@ -22,6 +22,11 @@ TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info
 TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
                                                    struct tetlod_error *error);
 
+/* The same of a step of the stream's series: values that are not known at that step are left out. */
+TETLOD_CHECKED enum tetlod_status level_mesh_step_cells(const struct tetlod_file *file, struct tetlod_series *series,
+                                                        uint32_t step, uint32_t field, struct tetmesh *mesh,
+                                                        struct tetlod_error *error);
+
 /* All of them but one of the name `except` (NULL: none); of a file that is cut off also without those of which bytes are missing. */
 TETLOD_CHECKED enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets,
                                                         struct tetmesh *mesh, struct tetlod_error *error);

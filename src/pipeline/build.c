@@ -14,6 +14,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/build_series.h"
+#include "src/pipeline/cell_types.h"
 #include "src/pipeline/limits.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
@@ -347,23 +348,14 @@ done:
     return status;
 }
 
-/* The least type that holds a field of cells exactly. */
-static enum tetlod_cell_type cell_type(const struct point_field *field, uint32_t tets)
+/* A field of a series has the type that holds it at every step. */
+static enum tetlod_cell_type stored_cell_type(const struct build_series *series, const struct tetmesh *mesh,
+                                              uint32_t field)
 {
-    enum tetlod_cell_type type = TETLOD_CELL_INT8;
-    if (!field->is_integer)
-        return field->type == TETLOD_FLOAT32 ? TETLOD_CELL_FLOAT32 : TETLOD_CELL_FLOAT64;
-    for (size_t i = 0; i < (size_t)tets * field->components; i++) {
-        double value = field->values[i];
-        if (!(fabs(value) <= 0x1p53) || value != floor(value) || (value == 0 && signbit(value)))
-            return TETLOD_CELL_FLOAT64; // filled or averaged since it was read
-        enum tetlod_cell_type least = value >= -0x1p7 && value < 0x1p7     ? TETLOD_CELL_INT8
-                                      : value >= -0x1p15 && value < 0x1p15 ? TETLOD_CELL_INT16
-                                      : value >= -0x1p31 && value < 0x1p31 ? TETLOD_CELL_INT32
-                                                                           : TETLOD_CELL_INT64;
-        type = least > type ? least : type;
-    }
-    return type;
+    for (uint32_t c = 0; series && c < series->cell_count; c++)
+        if (series->cells[c].field == field)
+            return series->cells[c].type;
+    return cell_type_of(&mesh->cell_fields[field], mesh->tet_count);
 }
 
 static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const struct build_options *options)
@@ -373,7 +365,7 @@ static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const 
         const struct point_field *field = &mesh->cell_fields[f];
         cells[f] = (struct tetlodi_write_cells){.name = field->name,
                                                 .components = field->components,
-                                                .type = cell_type(field, mesh->tet_count),
+                                                .type = stored_cell_type(options->series, mesh, f),
                                                 .region = options->regions && strcmp(options->regions, field->name) == 0,
                                                 .values = field->values};
     }

@@ -14,6 +14,13 @@
 
 enum { MAX_SERIES_STEPS = 1 << 20, MAX_SERIES_BANDS = 32 };
 
+/* A field of cells that has values at every step. */
+struct build_series_cells {
+    uint32_t field, components; /* of the mesh's fields of cells */
+    enum tetlod_cell_type type; /* holds them all */
+    bool missing;   /* a step is without it: it has no steps */
+};
+
 struct build_series {
     uint32_t step_count;
     const double *times;           /* [step], not falling */
@@ -24,6 +31,9 @@ struct build_series {
     bool own_ranges;               /* of each step's own range (SPEC 3.7), not of that over all steps */
     bool points_move;              /* the last control says how far */
     const double (*ranges)[2];     /* [control, but how far points move] over more steps than these, or NULL */
+    const struct build_series_cells *cells; /* ascending */
+    uint32_t cell_count;
+    struct tetlod_source cell_values; /* [step][cells][components * tetrahedra] */
 };
 
 /* The bands of a series whose user names none. */
@@ -42,7 +52,8 @@ TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, s
                                                   const double *weights, const struct simplify_options *options, struct tetlod_error *error);
 
 /* The writer's late sections (struct tetlodi_write_input): `opaque` is the series. */
-enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
+enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+                                   const struct tetlodi_write_section **out, uint32_t *count,
                                    struct tetlod_error *error);
 
 /* Steps that drove. */

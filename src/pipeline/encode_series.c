@@ -16,7 +16,6 @@
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
-#include "src/util/spool.h"
 
 /* Codes up to this size are exact in float32, times a power of two. */
 static const double FLOAT32_CODES = 0x1p24;
@@ -35,7 +34,9 @@ struct series_encoding {
     struct spool *spools;      /* [control][band] */
     struct tetlod_source *sources; /* the same, in the end */
     struct tetlodi_buffer table;
+    struct series_cells_encoding cells;
     struct tetlodi_write_section *sections;
+    uint32_t section_count;
     uint64_t row_total, byte_total; /* of the frames so far: what decoding them counts (SPEC 2.3), and their bytes */
 };
 
@@ -62,6 +63,7 @@ void series_encoding_free(struct series_encoding *encoding)
     free(encoding->spools);
     free(encoding->sources);
     tetlodi_buffer_fini(&encoding->table);
+    series_cells_encoding_fini(&encoding->cells);
     free(encoding->sections);
     free(encoding);
 }
@@ -382,7 +384,7 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     encoding->levels = array_zero(encoding->band_count, sizeof *encoding->levels);
     encoding->spools = array_zero(encoding->row_count, sizeof *encoding->spools);
     encoding->sources = array_zero(encoding->row_count, sizeof *encoding->sources);
-    encoding->sections = array_zero(1 + (size_t)encoding->row_count, sizeof *encoding->sections);
+    encoding->sections = array_zero(2 + (size_t)encoding->row_count + input->cell_count, sizeof *encoding->sections);
     if (!encoding->levels || !encoding->spools || !encoding->sources || !encoding->sections ||
         !tetlodi_time_allocate(&encoding->time, controls, input->band_count, input->step_count))
         return tetlodi_fail_nomem(error, "the table of steps", (uint64_t)encoding->row_count * input->step_count * 8);
@@ -398,21 +400,39 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     return TETLOD_OK;
 }
 
+static void list_frames(struct series_encoding *encoding, const char *tag, const struct tetlod_source *source)
+{
+    encoding->sections[encoding->section_count++] =
+        (struct tetlodi_write_section){.tag = tag, .row = ROW_CODED, .source = source, .size = (size_t)source->size};
+}
+
+static void list_table(struct series_encoding *encoding, const char *tag, const struct tetlodi_buffer *table)
+{
+    encoding->sections[encoding->section_count++] =
+        (struct tetlodi_write_section){.tag = tag, .row = 8, .bytes = table->bytes, .size = table->size};
+}
+
+/* Tables first: a reader fetches them together. */
 static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
 {
+    const struct series_cells_encoding *cells = &encoding->cells;
     tetlodi_time_encode(&encoding->time, &encoding->table);
     if (encoding->table.failed)
         return tetlodi_fail_nomem(error, "the table of steps", encoding->table.size);
-    encoding->sections[0] = (struct tetlodi_write_section){.tag = TAG_TIME, .row = 8, .bytes = encoding->table.bytes, .size = encoding->table.size};
+    list_table(encoding, TAG_TIME, &encoding->table);
+    if (cells->time.field_count)
+        list_table(encoding, TAG_CELL_TIME, &cells->table);
     for (uint32_t i = 0; i < encoding->row_count; i++) {
-        struct tetlod_source *source = &encoding->sources[i];
-        TETLOD_TRY(spool_source(&encoding->spools[i], source, error));
-        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .source = source, .size = (size_t)source->size};
+        TETLOD_TRY(spool_source(&encoding->spools[i], &encoding->sources[i], error));
+        list_frames(encoding, TAG_STEP_VALUES, &encoding->sources[i]);
     }
+    for (uint32_t f = 0; f < cells->time.field_count; f++)
+        list_frames(encoding, TAG_CELL_STEPS, &cells->sources[f]);
     return TETLOD_OK;
 }
 
-enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
+enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+                                   const struct tetlodi_write_section **out, uint32_t *count,
                                    struct tetlod_error *error)
 {
     struct series_build *series = opaque;
@@ -431,8 +451,10 @@ enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, co
     }
     free(numbers);
     if (status == TETLOD_OK)
+        status = series_cells_encode(series, original_tets, &series->encoding->cells, error);
+    if (status == TETLOD_OK)
         status = list_sections(series->encoding, error);
     *out = status == TETLOD_OK ? series->encoding->sections : NULL;
-    *count = status == TETLOD_OK ? 1 + series->encoding->row_count : 0;
+    *count = status == TETLOD_OK ? series->encoding->section_count : 0;
     return status;
 }

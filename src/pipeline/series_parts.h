@@ -3,8 +3,10 @@
 #ifndef TETLOD_SERIES_PARTS_H
 #define TETLOD_SERIES_PARTS_H
 
+#include "format/cell_steps.h"
 #include "src/pipeline/build_series.h"
 #include "src/simplify/retrace.h"
+#include "src/util/spool.h"
 
 struct series_encoding;
 
@@ -66,5 +68,19 @@ TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *seri
 uint32_t series_batch(const struct series_build *series);
 
 void series_encoding_free(struct series_encoding *encoding);
+
+/* The steps of fields of cells (encode_cells.c): the table and the frames of each field. */
+struct series_cells_encoding {
+    struct tetlodi_cell_time time;
+    struct spool *spools;          /* [field] */
+    struct tetlod_source *sources; /* the same, in the end */
+    struct tetlodi_buffer table;
+    uint64_t numbers, bytes;       /* that decoding the frames so far counts (SPEC 2.3); of these frames */
+};
+
+/* Encodes all steps; original_tets as of series_sections. To be freed also after a failure. */
+TETLOD_CHECKED enum tetlod_status series_cells_encode(const struct series_build *series, const uint32_t *original_tets,
+                                                      struct series_cells_encoding *out, struct tetlod_error *error);
+void series_cells_encoding_fini(struct series_cells_encoding *encoding);
 
 #endif

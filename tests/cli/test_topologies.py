@@ -43,7 +43,9 @@ def info_case():
 
 
 def chosen_case():
-    for choice, said in ((('--time', '0.56'), 'step 3 of 0..6'), (('--time', '99'), 'step 6 of 0..6'), (('--step', '5'), 'step 5 of 0..6')):
+    last = info(path('changes.tetlod'))['topologies'][-1]['times'][-1]
+    for choice, said in ((('--time', '0.56'), 'step 3 of 0..6'), (('--time', '%r' % (last + 1e-6)), 'step 6 of 0..6'),
+                         (('--step', '5'), 'step 5 of 0..6')):
         done = must('extract', path('changes.tetlod'), *choice, '--error', '5%', '-o', path('step.vtu'))
         found = re.search(r'Pressure within (\S+) %', done.stderr.decode())
         if said not in done.stderr.decode() or not 0 < float(found.group(1)) <= 5:

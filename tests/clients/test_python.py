@@ -283,11 +283,14 @@ def test_series():
         streams = [tetlod.open(path, decoder=decoder) for decoder in ('library', 'python')]
         times = streams[0].times
         assert len(times) > 8 and times == streams[1].times
-        for time, choice in ((times[3], {}), (0.7 * times[7] + 0.3 * times[8], {'error': '10%'}), (-1e300, {'abs_error': 1e9}), (times[2], {'error': 1.0})):
+        for time, choice in ((times[3], {}), (0.7 * times[7] + 0.3 * times[8], {'error': '10%'}), (times[0] - 1e-9, {'abs_error': 1e9}),
+                             (times[2], {'error': 1.0})):
             a, b = meshes = [stream.at(time, **choice) for stream in streams]
             assert same(a, b) and a.time == b.time and a.errors == b.errors and a.fields, (path, time)
             assert a.time == min(times, key=lambda t: abs(t - time)) and a.error <= (0.1 if choice == {'error': '10%'} else 1.0)
             assert all(stream.level == -1 for stream in streams)  # it stays where it was
+        for stream, far in zip(streams, (-1e300, times[-1] + 2)):
+            raises(ValueError, 'the nearest is', stream.at, far)
             if choice != {'error': 1.0}:
                 options = [word for name, value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
                 command('extract', path, '--time', repr(time), *options, '-o', os.path.join(SCRATCH, 'step.vtu'))

@@ -10,7 +10,9 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise', 'topologies'))
+ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT = (
+    plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read())
+    for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise', 'topologies', 'series_cells'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -115,6 +117,26 @@ def cases():
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
     yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\x60' * len(group))
+    sizes = 8 + 5 * 24
+    yield 'cell_steps_early', 'open', 'steps of cells before level 0', section(ONE, b'CTIM', 2)
+    yield 'cell_steps_twice', 'open', 'CTIM twice', section(HEAT, b'CTIM', 0)
+    table = tetlod.open(HEAT).section('CTIM')
+    yield ('cell_steps_place', 'decode', 'a table of cells\' steps that does not follow TIME',
+           section(STEPS, b'CTIM', 0, content=table, unpacked=len(table)))
+    yield 'cell_steps_none', 'decode', 'a table of cells\' steps without fields', cells_retimed(0, 'I', 0)
+    yield 'cell_steps_steps', 'decode', 'a table of cells\' steps of another number of them', cells_retimed(4, 'I', 10)
+    yield 'cell_steps_length', 'decode', 'a table of cells\' steps that is too long', cells_retimed(0, '', b'', 8)
+    yield 'cell_steps_field', 'decode', 'steps of a cell field that is not there', cells_retimed(8 + 4 * 24, 'Q', 6)
+    yield 'cell_steps_order', 'decode', 'a cell field that has steps twice', cells_retimed(8 + 24, 'Q', 0)
+    yield 'cell_steps_range', 'decode', 'steps of cells without a range', cells_retimed(16, 'd', INFINITY)
+    yield 'cell_steps_first', 'decode', 'a frame of the first step of cells', cells_retimed(sizes, 'Q', 1)
+    yield 'cell_steps_frame', 'decode', 'a frame of cells of another size than its section', cells_retimed(sizes + 8, 'Q', 5)
+    yield ('cell_steps_digest', 'decode', 'a group of cells\' steps with another digest',
+           cells_retimed(sizes + 5 * 88, '16s', bytes(16)))
+    yield ('cell_steps_mode', 'decode', 'a step of cells of the fourth mode',
+           cells_shuffled(lambda group: b'\xf0' * len(group)))
+    yield ('cell_steps_whole', 'decode', 'a step with a whole number that its type does not hold',
+           cells_shuffled(lambda group: bytes(255 - b for b in group), 3))
     yield 'topologies_one', 'open', 'one topology group, which needs no table', regrouped(0, 'I', 1)
     yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 32, 'I', 0)
     yield 'topologies_times', 'open', 'steps of topology groups whose times fall', regrouped(4 + 3 * 32 + 8, 'd', -1.0)
@@ -189,6 +211,26 @@ def shuffled(change):
         struct.pack_into('<16s', table, len(table) - 16 * rows * groups + 16 * group, tetlod.digest(part))
         values += part
     return with_section(with_section(STEPS, 'TIME', bytes(table)), 'TVAL', values)
+
+
+def cells_retimed(at, form, value, longer=0):
+    """The table of cells' steps with a number changed, or with more bytes."""
+    table = bytearray(tetlod.open(HEAT).section('CTIM')) + bytes(longer)
+    if form:
+        struct.pack_into('<' + form, table, at, value)
+    return with_section(HEAT, 'CTIM', bytes(table))
+
+
+def cells_shuffled(change, row=0):
+    """A row's groups changed, of the same sizes, with digests that match."""
+    cells, table = tetlod.open(HEAT).series()._cells, bytearray(tetlod.open(HEAT).section('CTIM'))
+    data, rows, groups, values = tetlod.open(HEAT).section('CSTP', row), len(cells._sizes), len(cells._digests[0]), b''
+    for group in range(groups):
+        begin = sum(cells._sizes[row][:8 * group])
+        part = change(data[begin:begin + sum(cells._sizes[row][8 * group:8 * group + 8])])
+        struct.pack_into('<16s', table, len(table) - 16 * groups * (rows - row) + 16 * group, tetlod.digest(part))
+        values += part
+    return with_section(with_section(HEAT, 'CTIM', bytes(table)), 'CSTP', values, row)
 
 
 def renamed(data, second):

@@ -59,6 +59,15 @@ def check_steps(path):
     return found == wanted and len(found) > 20
 
 
+def check_cell_steps(path):
+    wanted, stream = open(path + '.cell_steps').read().split(), tetlod.open(path)
+    series = stream.series()
+    names = [field['name'] for field in stream.cell_fields if series.has_cells(field['name'], 1)]
+    found = [hashlib.sha256(np.ascontiguousarray(series.cells(name, step), '<f8').tobytes()).hexdigest()
+             for name in names for step in range(len(series.times))]
+    return found == wanted and len(found) > 20 and series.cells('late', 1) is None
+
+
 def check_topologies(path):
     """The groups behind the first, each as a stream of its own."""
     stream = tetlod.open(path)
@@ -138,6 +147,7 @@ for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod'))
                       (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
                       (check_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python agrees on steps of float64'),
                       (check_steps(os.path.join(golden, 'series_moving.tetlod')), 'Python agrees on points that move'),
+                      (check_cell_steps(os.path.join(golden, 'series_cells.tetlod')), 'Python agrees on steps of cells'),
                       (check_topologies(os.path.join(golden, 'topologies.tetlod')), 'Python agrees on steps over several meshes'),
                       (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),
                       (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),

@@ -43,6 +43,9 @@ def decode(data, levels=None):
         for band in range(len(series.bands) if series else 0):
             for step in range(len(series.times)):
                 series.seek(band, step)
+        for field in stream.cell_fields if series else []:
+            for step in range(len(series.times)):
+                series.cells(field['name'], step)
         for topology in range(1, len(stream.topologies) if levels is not None else 0):
             stream.topology(topology).series()
         return stream.cid

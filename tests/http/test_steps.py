@@ -150,7 +150,7 @@ def test_topologies():
     base = '/v1/meshes/topologies'
     groups = server.json(base)['topologies']
     assert [group['steps'] for group in groups] == [2, 2, 1] and sum((group['times'] for group in groups), []) == [0, .25, .5, .75, 1]
-    for step, (number, own, time) in enumerate(((0, 0, .1), (0, 1, .3), (1, 0, .6), (1, 1, .8), (2, 0, 9))):
+    for step, (number, own, time) in enumerate(((0, 0, .1), (0, 1, .3), (1, 0, .6), (1, 1, .8), (2, 0, 1.1))):
         described = server.json('%s?topology=%d' % (base, number))
         assert described['cid'] == groups[number]['cid'] and described['series']['times'] == groups[number]['times'], described
         assert described['links']['self'] == 'topologies' + ('?topology=%d' % number if number else '')
@@ -168,6 +168,9 @@ def test_topologies():
             assert server.get(address, **{'If-None-Match': head['etag']})[0] == 304
     for query in ('step=5', 'step=-1', 'step=1&time=0.5'):
         assert server.get('%s/mesh?error=1&%s' % (base, query))[0] == 400, query
+    for time in (-.2, 1.2, 99):
+        status, _, body = server.get('%s/mesh?error=1&time=%g' % (base, time))
+        assert status == 422 and b'times go from 0 to 1; the nearest is' in body, (time, status, body)
     for query in ('topology=3', 'topology=x', 'topology=', 'topologies=1'):
         assert server.get('%s?%s' % (base, query))[0] == 400, query
     assert server.get('/v1/meshes/series_float32?topology=0')[0] == 200 and server.get('/v1/meshes/series_float32?topology=1')[0] == 400

@@ -84,6 +84,44 @@ static void check_cells(const struct tetlod_file *file, const char *path)
         fclose(list);
 }
 
+/* The values of each field of cells with steps at every step, forwards; then backwards, which must not matter. */
+static void check_cell_steps(const struct tetlod_file *file, struct tetlod_series *series, const char *path)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    uint32_t count = steps->cell_field_count * steps->step_count;
+    FILE *list = count ? open_list(path, "cell_steps") : NULL;
+    char (*hashes)[65] = malloc((count + 1) * sizeof *hashes), line[128];
+    CHECK(!count || list);
+    for (uint32_t i = 0; i < 2 * count && list; i++) {
+        uint32_t at = i < count ? i : 2 * count - 1 - i, field = steps->cell_fields[at / steps->step_count];
+        size_t numbers = (size_t)info->tets * info->cell_fields[field].components;
+        double *values = malloc(numbers * sizeof *values);
+        struct tetlodi_sha256 sha;
+        CHECK(tetlod_has_step_cells(series, field, at % steps->step_count));
+        CHECK_INT(tetlod_step_cells(series, field, at % steps->step_count, values, NULL), TETLOD_OK);
+        tetlodi_sha256_init(&sha);
+        add_numbers(&sha, values, numbers, 8);
+        hash_text(&sha, i < count ? hashes[at] : line);
+        CHECK_TEXT(i < count ? hashes[at] : line, hashes[at]);
+        if (i < count && getenv("UPDATE"))
+            fprintf(list, "%s\n", hashes[at]);
+        free(values);
+    }
+    for (uint32_t i = 0; i < count && list; i++) {
+        if (i == 0)
+            rewind(list);
+        REQUIRE(fgets(line, sizeof line, list) != NULL);
+        line[strcspn(line, "\n")] = 0;
+        CHECK_TEXT(hashes[i], line);
+    }
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        CHECK_INT(tetlod_step_cells(series, f, steps->step_count, NULL, NULL), TETLOD_ERR_ARGUMENT);
+    if (list)
+        fclose(list);
+    free(hashes);
+}
+
 static void add_points(struct tetlodi_sha256 *sha, const struct tetlod_series *series, const struct tetlod_mesh *mesh)
 {
     double *points = malloc(24 * (size_t)mesh->vertices);
@@ -141,6 +179,7 @@ static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cu
         hash_step(series, info, cursor, hash);
         CHECK_TEXT(hash, hashes[i]);
     }
+    check_cell_steps(file, series, path);
     CHECK_INT(tetlod_seek_step(series, cursor, 0, steps->step_count, NULL), TETLOD_ERR_ARGUMENT);
     CHECK(tetlod_step_values(series, steps->field_count) == NULL);
     CHECK_INT(tetlod_band_for_error(steps, steps->bands[0].error), 0);
@@ -200,6 +239,9 @@ static void check_fed_steps(const struct tetlod_file *whole, struct tetlod_curso
     feed_band(feed, in, whole, level);
     CHECK_INT(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL), TETLOD_ERR_TRUNCATED);
     put_span(feed, in, (struct tetlod_span){info->sections[section].offset, info->sections[section].stored});
+    if (strcmp(info->sections[section + 1].tag, "CTIM") == 0)
+        put_span(feed, in,
+                 (struct tetlod_span){info->sections[section + 1].offset, info->sections[section + 1].stored});
     REQUIRE(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL) == TETLOD_OK);
     tetlod_feed_forget(feed);
     REQUIRE(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), none, 0, NULL) == TETLOD_OK);

@@ -218,7 +218,7 @@ static void test_values_of_cells_colour_and_hide(void)
     REQUIRE(info->cell_field_count > 1);
     CHECK(!view_cells(view, 0));
     for (uint32_t f = 0; f < info->cell_field_count; f++)
-        CHECK_INT(view_load_cells(view, f), TETLOD_OK);
+        CHECK_INT(view_load_cells(view, f, 0), TETLOD_OK);
     for (uint32_t level = 0; level < info->level_count; level++) {
         CHECK_INT(view_seek(view, level), TETLOD_OK);
         if (level)

@@ -39,6 +39,27 @@ async function everyStep(source, name, order = (count) => [...Array(count).keys(
   stream.close();
 }
 
+// As tests/unit/test_golden.c: values of cells at a step; without steps they are known at the first one alone.
+async function valuesOfCells() {
+  const stream = await TetlodStream.open(new Blob([readFileSync(pathOf('series_cells'))]));
+  const hashes = readFileSync(`${pathOf('series_cells')}.cell_steps`, 'utf8').trim().split('\n');
+  await stream.seekStep(3);
+  const { cellFields, times } = stream.series;
+  assert.deepEqual(cellFields.map(({ name }) => name), ['heat', 'flux', 'material', 'load', 'wide']);
+  for (const step of [3, 10, 9, 0, 5])
+    for (const [f, { name }] of cellFields.entries()) {
+      await stream.seekStep(step);
+      const hash = createHash('sha256').update(Buffer.from((await stream.cells(name)).buffer)).digest('hex');
+      assert.equal(hash, hashes[f * times.length + step], `${name} at step ${step}`);
+    }
+  await assert.rejects(stream.cells('late'), /late are known at the first step alone/);
+  await stream.refineTo({ error: 0 });
+  assert.ok((await stream.cells('late')).every((value) => value === 0));
+  const first = createHash('sha256').update(Buffer.from((await stream.cells('heat')).buffer)).digest('hex');
+  assert.equal(first, hashes[0]);
+  stream.close();
+}
+
 async function ofAServer() {
   const server = await program(names.map(pathOf));
   for (const name of names) await everyStep(`${server.url}v1/meshes/${name}`, name,
@@ -140,7 +161,7 @@ async function damageIsFound() {
   damaged[bytes.length - 1] ^= 1; // the last group of the exact band
   const stream = await TetlodStream.open(new Blob([damaged]));
   await stream.seekStep(0, { band: 0 });
-  await assert.rejects(stream.seekStep(stream.series.times.length - 1, { band: bands.length - 1 }), /digest/);
+  await assert.rejects(stream.seekStep(stream.series.times.length - 1, { band: bands.length - 1 }), /checksum/);
   await stream.seekStep(1, { band: 0 });
   assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[1]);
   stream.close();
@@ -166,5 +187,5 @@ async function aGroupThatDoesNotCome() {
   host.close();
 }
 
-await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound,
-           aGroupThatDoesNotCome]);
+await run([valuesOfCells, ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend,
+           damageIsFound, aGroupThatDoesNotCome]);

@@ -9,7 +9,7 @@ import json
 import os
 import weakref
 from ctypes import POINTER, Structure, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint32, c_uint64, c_void_p
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -78,7 +78,9 @@ class CBand(Structure):
 
 class CSeriesInfo(Structure):
     _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32), ('displacement', c_uint32), ('times', POINTER(c_double)),
-                ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)), ('reserved', c_uint64 * 4)]
+                ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)),
+                ('cell_field_count', c_uint32), ('cell_fields', POINTER(c_uint32)), ('cell_ranges', POINTER(c_double * 2)),
+                ('reserved', c_uint64 * 1)]
 
 
 FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
@@ -98,6 +100,8 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_step_error': (c_double, [c_void_p, c_uint32, c_uint32, c_uint32]),
     'tetlod_seek_step': (c_int, [c_void_p, c_void_p, c_uint32, c_uint32, POINTER(CError)]),
     'tetlod_step_values': (c_void_p, [c_void_p, c_uint32]),
+    'tetlod_has_step_cells': (c_int, [c_void_p, c_uint32, c_uint32]),
+    'tetlod_step_cells': (c_int, [c_void_p, c_uint32, c_uint32, c_void_p, POINTER(CError)]),
     'tetlod_step_move': (c_int, [c_void_p, c_void_p, POINTER(CError)]),
 }
 
@@ -249,12 +253,21 @@ class LibraryDecoder:
     def step_error(self, field: int, band: int, step: int) -> float:
         return float(self._library.tetlod_step_error(self._series, field, band, step))
 
+    def has_step_cells(self, name: str, step: int) -> bool:
+        return bool(self._library.tetlod_has_step_cells(self._series, self.info.cells.index(name), step))
+
     def cells(self, name: str) -> Any:
+        return self._cells(name, lambda *rest: self._library.tetlod_cells(self._file, *rest))
+
+    def step_cells(self, name: str, step: int) -> Any:
+        return self._cells(name, lambda number, *rest: self._library.tetlod_step_cells(self._series, number, step, *rest))
+
+    def _cells(self, name: str, read: Callable[[int, int, Any], Any]) -> Any:
         number = self.info.cells.index(name)
         field, error = self._library.tetlod_info(self._file).contents.cell_fields[number], CError()
         shape = (self.info.tets,) if field.components == 1 else (self.info.tets, field.components)
         values = np.empty(shape, np.float64)
-        self._check(self._library.tetlod_cells(self._file, number, values.ctypes.data, byref(error)), error)
+        self._check(read(number, values.ctypes.data, byref(error)), error)
         return values.astype(CELL_TYPES[field.type])
 
 

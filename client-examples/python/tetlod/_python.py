@@ -46,6 +46,12 @@ class PythonDecoder:
             cursor, values = self._series.seek(band, step)
         return self._series.points(), cursor.tets, values
 
+    def has_step_cells(self, name: str, step: int) -> bool:
+        return bool(self._series.has_cells(name, step))
+
+    def step_cells(self, name: str, step: int) -> Any:
+        return self._series.cells(name, step)
+
     def step_error(self, field: int, band: int, step: int) -> float:
         return float(self._series.error(band, step, field))
 

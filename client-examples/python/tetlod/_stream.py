@@ -72,12 +72,15 @@ class Stream:
         """The step whose time is nearest, as a mesh of copies with the fields that have steps. The stream stays at its level.
 
         error: a fraction of each field's range over all steps; abs_error: the same in the fields' units. The coarsest form within
-        it is taken; without one, the exact form.
+        it is taken; without one, the exact form. Its `cells` are those that have values at the step. ValueError for a time
+        that is more than half a step outside of the series.
         """
+        check_time(self.times, time)
         topologies = self.info.topologies
         nearest = min(range(len(topologies)), key=lambda i: min(abs(own - time) for own in topologies[i].times), default=0)
-        if nearest:
-            return self._topology(nearest).at(time, error, abs_error=abs_error)
+        return (self._topology(nearest) if nearest else self)._at(time, error, abs_error)
+
+    def _at(self, time: float, error: Optional[Fraction], abs_error: Optional[float]) -> Mesh:
         steps = self._decoder.steps
         if steps is None:
             raise ValueError('%s is no series: it has one moment only' % self._source.name)
@@ -112,7 +115,7 @@ class Stream:
         fields = {name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected}
         errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
         return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
-                    level.domain_error, self._cells(len(tets)), steps.times[step])
+                    level.domain_error, self._step_cells(step, len(tets)), steps.times[step])
 
     def level_for(self, **choice: Any) -> int:
         """The level that `seek` would move to."""
@@ -206,6 +209,11 @@ class Stream:
     def _cells(self, count: int) -> Cells:
         return Cells([name for name in self.info.cells if name not in self._missing_cells()], self._decoder.cells, count)
 
+    def _step_cells(self, step: int, count: int) -> Cells:
+        here = [name for name in self.info.cells if name not in self._missing_cells()]
+        names = [name for name in here if self._decoder.has_step_cells(name, step)]
+        return Cells(names, lambda name: self._decoder.step_cells(name, step), count)
+
     def _missing_cells(self) -> Tuple[str, ...]:
         """Of a stream that is cut off: the values of tetrahedra of which bytes are missing."""
         return tuple(name for name, end in zip(self.info.cells, self._decoder.cell_ends) if end > self._source.size)
@@ -229,6 +237,17 @@ def reopen(location: Location, choice: Choice, fields: Optional[Sequence[str]], 
            level: int) -> Stream:
     stream = Stream(open_source(location, choice, None), choice, fields, decoder)
     return stream._seek(level) if level >= 0 else stream
+
+
+def check_time(times: Sequence[float], time: float) -> None:
+    """Beyond half a step outside of the series the nearest step is not what was meant."""
+    if not times or not math.isfinite(time):
+        return
+    first, last = times[0], times[-1]
+    second, before = next((t for t in times if t > first), first), next((t for t in reversed(times) if t < last), last)
+    if not first - (second - first) / 2 <= time <= last + (last - before) / 2:
+        nearest = first if time < first else last
+        raise ValueError('there is no time %g: times go from %g to %g; the nearest is %g' % (time, first, last, nearest))
 
 
 def frozen(array: Any) -> Any:

@@ -255,10 +255,11 @@ class Stream:
             tag, place = tag.decode(), flags & 2
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
-            room = allowed(TABLE if tag in ('TIME', 'TOPO') else PACKED, size)
+            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'TOPO') else PACKED, size)
             require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
-            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'TOPO': 2, 'NEXT': 0}
-            twice = tag not in ('CVAL', 'TVAL') and any(tag == s['tag'] for s in self.sections)
+            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'CTIM': 0, 'CSTP': 0,
+                     'TOPO': 2, 'NEXT': 0}
+            twice = tag not in ('CVAL', 'TVAL', 'CSTP') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
             require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)

@@ -6,6 +6,7 @@
     band = series.band_for_error(0.01)
     cursor, values = series.seek(band, series.step_for_time(0.5))
     series.points(), cursor.tets, values['Pressure']
+    series.cells('Pressure', 3)[:len(cursor.tets)]  # None: it has no steps, and is known at the first one only
 """
 import math
 
@@ -14,6 +15,7 @@ import numpy as np
 from .reference import Bytes, Coder, Number, STEP_ROWS, Scale, allowed, bits, digest, in_ring, require
 
 GROUP, KEY, SAME, MOVED = 8, 0, 1, 2
+LIMITS = {'int8': 1 << 7, 'int16': 1 << 15, 'int32': 1 << 31, 'int64': 1 << 53}  # of whole numbers of cells
 
 
 class Series:
@@ -50,6 +52,8 @@ class Series:
         counted = sum(field['components'] for field in self.fields) * sum(level['vertices'] + level['tets'] for level in levels) * steps
         require(counted <= allowed(STEP_ROWS, sum(sizes)), 'more steps than their bytes can hold')
         self._cursor, self._lower, self._found = None, {}, {}
+        cells = stream.section('CTIM')
+        self._cells = None if cells is None else CellSteps(stream, cells, steps)
 
     def _field(self, data):
         number, kind, low, high = data.take('IIdd')
@@ -87,6 +91,15 @@ class Series:
         points = points.astype(np.float32).astype(np.float64) if not self.stream.scales[0].original else points
         require(np.isfinite(points).all(), 'a step moves a point out of all numbers')
         return points
+
+    def has_cells(self, name, step):
+        return step == 0 or bool(self._cells) and name in self._cells.names
+
+    def cells(self, name, step):
+        """The values of all tetrahedra at a step, or None."""
+        if step == 0:
+            return self.stream.cells(name)
+        return self._cells.values(name, step) if self.has_cells(name, step) else None
 
     def _values(self, number, band, step):
         row, begin = number * len(self.bands) + band, step // GROUP * GROUP
@@ -163,3 +176,98 @@ class Steps:
         mean = total / len(lower)
         x = rest + mean if mode else mean
         return x if math.isfinite(x) else rest
+
+
+# ---- values of cells
+
+class CellSteps:
+    """The table, and the steps of each field by its name."""
+
+    def __init__(self, stream, table, steps):
+        tags = [section['tag'] for section in stream.sections]
+        require(tags[tags.index('CTIM') - 1] == 'TIME', 'a table of cells\' steps that does not follow that of steps')
+        self._stream, self.names, self.ranges, data = stream, [], {}, Bytes(table)
+        fields, count = data.take('II')
+        require(0 < fields <= 256 and count == steps, 'a table of cells\' steps beyond the limits')
+        groups, numbers = (steps + GROUP - 1) // GROUP, []
+        size = 8 + fields * (24 + 8 * steps + 16 * groups)
+        require(len(table) == size, 'the table of cells\' steps has another length')
+        for _ in range(fields):
+            number, low, high = data.take('Qdd')
+            require(number < len(stream.cell_fields) and number > max(numbers, default=-1), 'steps of no cell field')
+            require(math.isfinite(low) and math.isfinite(high) and low <= high, 'steps of cells without a range')
+            numbers.append(number)
+            self.names.append(stream.cell_fields[number]['name'])
+            self.ranges[self.names[-1]] = [low, high]
+        self._sizes = [[data.take('Q') for _ in range(steps)] for _ in range(fields)]
+        require(all(sizes[0] == 0 and max(sizes) <= 1 << 40 for sizes in self._sizes), 'a frame of the first step')
+        self._digests = [[data.take('16s') for _ in range(groups)] for _ in range(fields)]
+        self._sections = [section for section in stream.sections if section['tag'] == 'CSTP']
+        require([(s['stored'], s['packed']) for s in self._sections] == [(sum(sizes), False) for sizes in self._sizes],
+                'the table of cells\' steps does not go with the stream')
+        coded = sum(stream.cell_fields[number]['components'] * sum(map(bool, sizes))
+                    for number, sizes in zip(numbers, self._sizes))
+        require(coded * stream.tets <= allowed(STEP_ROWS, sum(map(sum, self._sizes))),
+                'more steps of cells than their bytes can hold')
+
+    def values(self, name, step):
+        """Of all tetrahedra, as stream.cells."""
+        first, row, begin = self._stream.cells(name), self.names.index(name), step // GROUP * GROUP
+        sizes, offset = self._sizes[row], self._sections[row]['offset'] + sum(self._sizes[row][:begin])
+        size = sum(sizes[begin:begin + GROUP])
+        wanted = self._digests[row][begin // GROUP] if size else digest(b'')
+        group = self._stream._part('a group of steps of cells', offset, size, wanted)
+        steps = CellGroup(first)
+        for size in sizes[begin:step + 1]:
+            if size:
+                steps.decode(group[:size])
+            group = group[size:]
+        return steps.values()
+
+
+class CellGroup:
+    """One field in one group: begins at the first step."""
+
+    def __init__(self, first):
+        self.type, self.shape = first.dtype, first.shape
+        self.limit = LIMITS.get(first.dtype.newbyteorder('=').name)  # None of floats
+        self.width = 32 if first.dtype.itemsize == 4 and not self.limit else 64
+        self.codes = [self._codes(column) for column in first.reshape(len(first), -1).T]
+        self.mode, self.models, self.coder = bits(4), (Number(), Number()), Coder((1 << 7) - 2)
+
+    def _codes(self, values):
+        if self.limit:
+            return values.tolist()
+        sign = 1 << self.width - 1
+        plain = np.ascontiguousarray(values).view('<u%d' % (self.width // 8)).tolist()
+        return [code if code < sign else -1 - (code - sign) for code in plain]
+
+    def values(self):
+        columns = self.codes
+        if not self.limit:
+            sign = 1 << self.width - 1
+            columns = [[code if code >= 0 else sign + (-1 - code) for code in codes] for codes in columns]
+        kind = self.type if self.limit else '<u%d' % (self.width // 8)
+        return np.ascontiguousarray(np.array(columns, kind).T).view(self.type).reshape(self.shape)
+
+    def decode(self, frame):
+        self.coder.start(frame)
+        mode = self.coder.tree(self.mode, 2)
+        require(mode <= MOVED, 'a step of cells of an unknown kind')
+        self.codes = [self._component(mode, codes) for codes in self.codes]
+        self.coder.finish('a step of cells')
+
+    def _component(self, mode, before):
+        now, lengths = [], []
+        for t, code in enumerate(before):
+            if mode == KEY:
+                near = now[t - 1] if t else 0
+            else:
+                near = code + (now[t - 1] - before[t - 1] if mode == MOVED and t else 0)
+            context = min(lengths[t - 1] + lengths[max(t - 2, 0)], 65) if t else 0
+            number = self.coder.number(self.models[mode != KEY], context)
+            now.append(in_ring(near + number, self.width, True))
+            lengths.append(abs(number).bit_length())
+            require(not self.limit or -self.limit <= now[-1] < self.limit + (self.limit == 1 << 53),
+                    'a number that its type does not hold')
+        return now

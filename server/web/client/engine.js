@@ -53,6 +53,8 @@ export class Engine {
   #raysOf = '';       // what the page has the tetrahedra of
   #vectorsOf = '';    // what the page has arrows or streamlines of
   #cells = new Map(); // promises of fields of cells, by number
+  #cellBytes = new Map(); // what they are made from, by number
+  #cellsAt = 0; // the step that they are those of
   #shows = 0;
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
@@ -375,6 +377,7 @@ export class Engine {
     }
     const seconds = (performance.now() - started) / 1000;
     const fresh = this.#shown !== level;
+    await this.#goToCells(step);
     this.#at = { band, step };
     this.#moved = moves ? level : -1;
     this.#shown = this.#coarser = level;
@@ -404,15 +407,34 @@ export class Engine {
 
   async #readCells(field) {
     const { name, components, type, place: [offset, size] } = this.#base.cellFields[field];
-    const bytes = await this.#source.apart(offset, size);
-    this.#view.put(offset, bytes);
+    this.#cellBytes.set(field, await this.#source.apart(offset, size));
+    await this.#stepCells(field, this.#cellsAt);
+    if (!this.#base.time) this.#cellBytes.delete(field); // there is no other step
+    const whole = components === 1 && type.startsWith('int');
+    this.#emit('cells', { field: name, bytes: size, regions: whole ? countRegions(this.#view.cells(field, this.#info.tets)) : null });
+  }
+
+  // Values of cells become those of a step.
+  async #stepCells(field, step) {
+    const { place: [own] } = this.#base.cellFields[field], { offset, size } = this.#view.cellsSpan(field, step);
+    const group = size && await this.#source.apart(offset, size).catch(() => 0);
+    if (step !== this.#cellsAt) return; // it went on meanwhile
+    this.#view.put(own, this.#cellBytes.get(field));
+    if (group) this.#view.put(offset, group);
     try {
-      this.#view.loadCells(field);
+      this.#view.loadCells(field, step);
     } finally {
       this.#view.forget();
     }
-    const whole = components === 1 && type.startsWith('int');
-    this.#emit('cells', { field: name, bytes: size, regions: whole ? countRegions(this.#view.cells(field, this.#info.tets)) : null });
+  }
+
+  // What is not known, or does not come, has no colour.
+  async #goToCells(step) {
+    if (step === this.#cellsAt) return;
+    this.#cellsAt = step;
+    const tell = ({ message }) => this.#emit('error', { message });
+    for (const field of this.#cellBytes.keys()) await this.#stepCells(field, step).catch(tell);
+    this.#dirty = true;
   }
 
   // ---- levels
@@ -429,6 +451,7 @@ export class Engine {
           await this.#showStep(await this.#series);
           continue;
         }
+        await this.#goToCells(0); // after the steps
         const next = this.#within;
         if (next > this.#shown) await this.#refine();
         else if (next < this.#shown) await this.#coarsen(next);

@@ -13,13 +13,15 @@ export function chooseBand({ bands }, error, finest = Infinity) {
 
 /** The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise. */
 export function infoOfSteps(info, series, band) {
-  const ranges = new Map(series.fields.map(({ name, range }) => [name, range]));
+  const rangesOf = (fields) => new Map(fields.map(({ name, range }) => [name, range]));
+  const ranges = rangesOf(series.fields), cells = rangesOf(series.cellFields);
   const promised = (k) => (series.bands[band].level === k ? series.bands[band].error
     : series.bands.reduce((least, { error, level }) => (level <= k ? Math.min(least, error) : least), 1));
   const errorsAt = (k) => Object.fromEntries([...ranges.keys()].map((name) => [name, { max: promised(k) }]));
   return {
     ...info,
     fields: info.fields.map((field) => ({ ...field, range: ranges.get(field.name) ?? field.range, controlled: ranges.has(field.name) })),
+    cellFields: info.cellFields.map((field) => ({ ...field, range: cells.get(field.name) ?? field.range })),
     levels: info.levels.map((level, k) => ({ ...level, errors: { ...level.errors, ...errorsAt(k) } })),
   };
 }

@@ -34,6 +34,11 @@ function objectOf(text) {
   }
 }
 
+// What describe.c wrote: numbers that are not whole are their bits.
+const parse = (text) => JSON.parse(text, (_, value) =>
+  /^\x01[0-9a-f]{16}$/.test(value)
+    ? new Float64Array(BigUint64Array.of(BigInt(`0x${value.slice(1)}`)).buffer)[0] : value);
+
 // The exports; none of them throws but by a trap, which ends what they are part of.
 function guarded(exports, broken) {
   const guard = (call) => (...words) => {
@@ -107,7 +112,7 @@ export class View {
   describe() {
     const text = this.#code.view_describe(this.#view);
     if (!text) throw new TetlodError(10, 'out of memory');
-    const described = JSON.parse(this.#text(text));
+    const described = parse(this.#text(text));
     return { ...described, metadata: objectOf(described.metadata) };
   }
 
@@ -169,7 +174,7 @@ export class View {
   series(fields) {
     const list = Uint32Array.from(fields ?? []);
     this.#check(this.#lend(list, (address) => this.#code.view_series(this.#view, address, fields ? list.length : NONE)));
-    return JSON.parse(this.#text(this.#code.view_describe_series(this.#view)));
+    return parse(this.#text(this.#code.view_describe_series(this.#view)));
   }
 
   /** Where the bytes are that a step needs in a band, of the series' field with this number. */
@@ -211,9 +216,16 @@ export class View {
     return this.#floats(values, count).slice().sort();
   }
 
-  /** Decodes values of cells, whose bytes are put: the field with this number of describe().cellFields. */
-  loadCells(field) {
-    this.#check(this.#code.view_load_cells(this.#view, field));
+  /** Where the bytes are that values of cells at a step need beside the field's own. */
+  cellsSpan(field, step) {
+    const [offset, size] = this.#doubles(this.#code.view_cells_span(this.#view, field, step), 2);
+    return { offset, size };
+  }
+
+  /** Decodes values of cells at a step, whose bytes are put: the field with this number of describe().cellFields. After a
+   *  failure they are NaN. */
+  loadCells(field, step = 0) {
+    this.#check(this.#code.view_load_cells(this.#view, field, step));
   }
 
   /** A copy of the values of all the original's tetrahedra, `count` numbers; those of a level's are the first. */

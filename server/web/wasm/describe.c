@@ -12,11 +12,18 @@ static void put(struct tetlodi_buffer *out, const char *text)
     tetlodi_put_block(out, text, strlen(text));
 }
 
+/* What is not whole is a string of its bits behind U+0001, which no name has: printing it would need 2 kB of the page.
+ */
 static void put_number(struct tetlodi_buffer *out, double number)
 {
-    char text[32];
-    snprintf(text, sizeof text, "%.17g", number);
-    put(out, isfinite(number) ? text : "null");
+    char text[32] = "null";
+    uint64_t bits;
+    memcpy(&bits, &number, sizeof bits);
+    if (fabs(number) < 0x1p53 && number == floor(number))
+        snprintf(text, sizeof text, "%lld", (long long)number);
+    else if (isfinite(number))
+        snprintf(text, sizeof text, "\"\\u0001%016llx\"", (unsigned long long)bits);
+    put(out, text);
 }
 
 /* A member whose value is a number, with the comma that is before it. */
@@ -131,7 +138,7 @@ static void put_level(struct tetlodi_buffer *out, const struct view *view, uint3
     put(out, "}");
 }
 
-/* Where the table of steps is: their bytes, in the stream as a whole. */
+/* Where the table of steps is, with that of cells' steps behind it: their bytes, in the stream as a whole. */
 static void put_table(struct tetlodi_buffer *out, const struct tetlod_info *info)
 {
     uint32_t section = tetlod_section_index(info, "TIME");
@@ -142,6 +149,8 @@ static void put_table(struct tetlodi_buffer *out, const struct tetlod_info *info
     }
     place[0] = (double)info->sections[section].offset;
     place[1] = (double)info->sections[section].stored;
+    if (section + 1 < info->section_count && strcmp(info->sections[section + 1].tag, "CTIM") == 0)
+        place[1] += (double)info->sections[section + 1].stored;
     put_point(out, place, 2);
 }
 
@@ -173,6 +182,14 @@ const char *view_describe_series(struct view *view)
         put_string(out, view_info(view)->fields[series->fields[f]].name);
         put(out, ",\"range\":");
         put_point(out, series->ranges[f], 2);
+        put(out, "}");
+    }
+    put(out, "],\"cellFields\":[");
+    for (uint32_t f = 0; f < series->cell_field_count; f++) {
+        put(out, f ? ",{\"name\":" : "{\"name\":");
+        put_string(out, view_info(view)->cell_fields[series->cell_fields[f]].name);
+        put(out, ",\"range\":");
+        put_point(out, series->cell_ranges[f], 2);
         put(out, "}");
     }
     put(out, "],\"displacement\":");

@@ -214,8 +214,11 @@ VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
 
 /* ---- values of tetrahedra (view_cells.c) ---- */
 
-/* Decodes a field of cells, whose bytes are put. */
-VIEW_EXPORT(view_load_cells) uint32_t view_load_cells(struct view *view, uint32_t field);
+/* Decodes a field of cells, or that of a step: its bytes, and those that view_cells_span says, are put. After a failure
+ * it is NaN. */
+VIEW_EXPORT(view_load_cells) uint32_t view_load_cells(struct view *view, uint32_t field, uint32_t step);
+/* Offset and size. */
+VIEW_EXPORT(view_cells_span) const double *view_cells_span(struct view *view, uint32_t field, uint32_t step);
 /* [components * tetrahedra of the original]; NULL: it is not loaded. */
 VIEW_EXPORT(view_cells) const double *view_cells(const struct view *view, uint32_t field);
 /* Of a tetrahedron, in a field of cells that is loaded. */

@@ -7,23 +7,40 @@
 #include "server/web/wasm/view.h"
 #include "src/util/array.h"
 
-uint32_t view_load_cells(struct view *view, uint32_t field)
+static enum tetlod_status read_cells(struct view *view, uint32_t field, uint32_t step)
+{
+    if (step == 0)
+        return tetlod_cells(tetlod_feed_file(view->feed), field, view->cells[field], &view->error);
+    if (tetlod_has_step_cells(view->series, field, step))
+        return tetlod_step_cells(view->series, field, step, view->cells[field], &view->error);
+    return tetlodi_fail(&view->error, TETLOD_ERR_ARGUMENT,
+                        "the values of cells %.60s are known at the first step alone",
+                        view_info(view)->cell_fields[field].name);
+}
+
+uint32_t view_load_cells(struct view *view, uint32_t field, uint32_t step)
 {
     const struct tetlod_info *info = view_info(view);
     size_t count = (size_t)info->tets * info->cell_fields[field].components;
     if (!view->cells && !(view->cells = array_zero(info->cell_field_count, sizeof *view->cells)))
         return tetlodi_fail_nomem(&view->error, "values of tetrahedra", info->cell_field_count * sizeof *view->cells);
-    if (view->cells[field])
-        return TETLOD_OK;
-    double *values = array_new(count, sizeof *values);
-    if (!values)
-        return tetlodi_fail_nomem(&view->error, "values of tetrahedra", count * sizeof *values);
-    enum tetlod_status status = tetlod_cells(tetlod_feed_file(view->feed), field, values, &view->error);
-    if (status == TETLOD_OK)
-        view->cells[field] = values;
-    else
-        free(values);
+    if (!view->cells[field] && !(view->cells[field] = array_new(count, sizeof **view->cells)))
+        return tetlodi_fail_nomem(&view->error, "values of tetrahedra", count * sizeof **view->cells);
+    enum tetlod_status status = read_cells(view, field, step);
+    for (size_t i = 0; i < count && status != TETLOD_OK; i++)
+        view->cells[field][i] = NAN; // not those of another step
+    view->grid_size = 0;
     return status;
+}
+
+const double *view_cells_span(struct view *view, uint32_t field, uint32_t step)
+{
+    struct tetlod_span span = {0, 0};
+    if (step)
+        span = tetlod_step_cells_span(view->series, field, step);
+    view->span[0] = (double)span.offset;
+    view->span[1] = (double)span.size;
+    return view->span;
 }
 
 const double *view_cells(const struct view *view, uint32_t field)
