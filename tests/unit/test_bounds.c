@@ -13,6 +13,12 @@
 #include "tests/memory_sink.h"
 #include "tests/test.h"
 
+#ifdef __SANITIZE_ADDRESS__ // which makes all of it slow
+enum { HUB = 12, GRID = 8, MAX_RATIO = 20 };
+#else
+enum { HUB = 16, GRID = 12, MAX_RATIO = 6 };
+#endif
+
 struct cost {
     double seconds;              /* of processor, for a byte */
     uint64_t bytes, peak;        /* of the file; of memory */
@@ -77,7 +83,7 @@ static struct cost cost_of(const struct gen_options *options)
 
 static struct gen_options grid(uint32_t levels)
 {
-    return (struct gen_options){.kind = GEN_GRID, .seed = 1, .size = 12, .levels = levels, .arity = 2,
+    return (struct gen_options){.kind = GEN_GRID, .seed = 1, .size = GRID, .levels = levels, .arity = 2,
                                 .type = TETLOD_FLOAT32};
 }
 
@@ -96,12 +102,12 @@ static void check_memory(const struct cost *cost)
 
 static void test_large_stars(void)
 {
-    const struct gen_options ordinary = grid(5), worst = hub(16);
+    const struct gen_options ordinary = grid(5), worst = hub(HUB);
     const struct cost usual = cost_of(&ordinary), cost = cost_of(&worst);
     CHECK(usual.labels < LABELS_FREE + LABELS_PER_BYTE * usual.geometry);
     CHECK(cost.labels <= LABELS_FREE + LABELS_PER_BYTE * cost.geometry);
     CHECK(cost.labels > LABELS_PER_BYTE * cost.geometry * 9 / 10); // it was padded
-    CHECK(cost.seconds < 6 * usual.seconds);
+    CHECK(cost.seconds < MAX_RATIO * usual.seconds);
     check_memory(&usual);
     check_memory(&cost);
 }
@@ -110,7 +116,7 @@ static void test_many_levels(void)
 {
     const struct gen_options ordinary = grid(5), worst = grid(1000);
     const struct cost usual = cost_of(&ordinary), cost = cost_of(&worst);
-    CHECK(cost.seconds < 6 * usual.seconds);
+    CHECK(cost.seconds < MAX_RATIO * usual.seconds);
     check_memory(&cost);
 }
 
