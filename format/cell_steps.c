@@ -126,7 +126,7 @@ static struct tetlodi_step_rows rows_of(enum tetlod_cell_type type, size_t count
     int64_t most =
         type == TETLOD_CELL_INT64 ? INT64_C(1) << 53 : (INT64_C(1) << (bits - 2)) - 1 + (INT64_C(1) << (bits - 2));
     int64_t least = type == TETLOD_CELL_INT64 ? -most : -1 - most;
-    return (struct tetlodi_step_rows){count, type == TETLOD_CELL_FLOAT32 ? 32 : 64, least, most};
+    return (struct tetlodi_step_rows){count, type == TETLOD_CELL_FLOAT32 ? 32u : 64u, least, most};
 }
 
 bool tetlodi_cell_steps_start(struct tetlodi_steps *steps, enum tetlod_cell_type type, uint32_t components, size_t rows,

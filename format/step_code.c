@@ -203,8 +203,8 @@ static int make_room(struct tetlodi_steps *steps, struct tetlodi_memory *memory)
 int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower, const struct tetlodi_step_scale *scale,
                        uint32_t components, struct tetlodi_memory *memory)
 {
-    *steps = (struct tetlodi_steps){
-        .lower = lower, .scale = *scale, .components = components, .rows.count = lower->vertices};
+    *steps = (struct tetlodi_steps){.lower = lower, .scale = *scale, .components = components};
+    steps->rows.count = lower->vertices;
     steps->rows.width = scale->quantum > 0 || scale->type != TETLOD_FLOAT32 ? 64 : 32;
     return make_room(steps, memory);
 }
