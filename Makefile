@@ -158,7 +158,7 @@ CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c 
 OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
-$(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),-mavx2)
+$(B)/src/simplify/mesh/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),-mavx2)
 
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")

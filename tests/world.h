@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/simplify/evaluate.h"
-#include "src/simplify/outcome.h"
+#include "src/simplify/rounds/evaluate.h"
+#include "src/simplify/rounds/outcome.h"
 
 struct world {
     struct contraction_log log;

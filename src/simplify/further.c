@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/simplify/rounds.h"
+#include "src/simplify/rounds/rounds.h"
 
 enum tetlod_status simplify_further(uint32_t *out_tets, const struct further *further, const uint32_t *controlled,
                                     uint32_t count, const struct simplify_options *options, struct tetlod_error *error)

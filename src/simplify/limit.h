@@ -9,8 +9,8 @@
 
 #include <stdlib.h>
 
-#include "src/simplify/border.h"
-#include "src/simplify/star.h"
+#include "src/simplify/mesh/border.h"
+#include "src/simplify/mesh/star.h"
 
 struct question {
     const struct working *working;

@@ -6,7 +6,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
-#include "src/simplify/regions.h"
+#include "src/simplify/mesh/regions.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 

@@ -9,7 +9,7 @@
 #ifndef TETLOD_PIECE_H
 #define TETLOD_PIECE_H
 
-#include "src/simplify/border.h"
+#include "src/simplify/mesh/border.h"
 #include "src/simplify/simplify_options.h"
 
 /* What is one for all pieces of a mesh. */

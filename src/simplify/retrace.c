@@ -11,8 +11,8 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
-#include "src/simplify/evaluate.h"
-#include "src/simplify/merge.h"
+#include "src/simplify/rounds/evaluate.h"
+#include "src/simplify/rounds/merge.h"
 #include "src/util/array.h"
 
 struct retraced {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/simplify/simplify.h"
 
-#include "src/simplify/rounds.h"
+#include "src/simplify/rounds/rounds.h"
 
 enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                             uint32_t controlled_count, const double *limits, const struct simplify_options *options,

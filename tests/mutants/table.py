@@ -18,42 +18,42 @@ REGIONS = 'attack 3000001 60'  # levels that are finer in boxes
 
 # ---- the envelope (PROOF.md, 2 to 4), in rounds
 
-mutant('star without a tetrahedron', 'src/simplify/kernels.c',
+mutant('star without a tetrahedron', 'src/simplify/mesh/kernels.c',
        'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 0; i < weighing->count; i++) {',
        'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 1; i < weighing->count; i++) {',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
-mutant('rounding slack', 'src/simplify/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
-mutant('upper is the value', 'src/simplify/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
+mutant('rounding slack', 'src/simplify/mesh/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
+mutant('upper is the value', 'src/simplify/rounds/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
        'errors accumulate', PROOF)
-mutant('one side of the error', 'src/simplify/outcome.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
+mutant('one side of the error', 'src/simplify/rounds/outcome.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
        'worst = larger(worst, (upper[c] - value) * component->factor);', 'the error counts both ways', PROOF)
-mutant('certified is one side', 'src/simplify/merge.c', 'answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);',
+mutant('certified is one side', 'src/simplify/rounds/merge.c', 'answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);',
        'answer->errors[c] : upper[c] - values[c];', 'what is stored counts both ways', PROOF)
-mutant('mean beyond the error', 'src/simplify/merge.c',
+mutant('mean beyond the error', 'src/simplify/rounds/merge.c',
        'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    return value >= least && value <= greatest ? value : middle;',
        'return field_round(field, component, most >= 0 ? mean : middle);', 'a better value keeps to the error that is stated', PROOF)
-mutant('values are not rounded', 'src/simplify/outcome.c',
+mutant('values are not rounded', 'src/simplify/rounds/outcome.c',
        'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
-mutant('flips', 'src/simplify/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
+mutant('flips', 'src/simplify/mesh/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
        'C1: no tetrahedron flips or degenerates', PROOF,
-       more=(('src/simplify/evaluate.c', 'working_row(working, hood->slots[c])) <= 0)', 'working_row(working, hood->slots[c])) < -1)'),
-             ('src/simplify/evaluate.c', '!answer.half_turned, answer.followed', 'true, answer.followed'),
-             ('src/simplify/evaluate.c', 'answer.turned <= hood->shared[n], answer.followed', 'true, answer.followed')))
-mutant('link condition', 'src/simplify/evaluate.c',
+       more=(('src/simplify/rounds/evaluate.c', 'working_row(working, hood->slots[c])) <= 0)', 'working_row(working, hood->slots[c])) < -1)'),
+             ('src/simplify/rounds/evaluate.c', '!answer.half_turned, answer.followed', 'true, answer.followed'),
+             ('src/simplify/rounds/evaluate.c', 'answer.turned <= hood->shared[n], answer.followed', 'true, answer.followed')))
+mutant('link condition', 'src/simplify/rounds/evaluate.c',
        'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room) && !room) {',
        'C4 is asked', 'unit/test_links')
-mutant('link triangles', 'src/simplify/links.c', 'if (!has_a && !meets_well(links, v))', 'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
-mutant('link condition across the inside', 'src/simplify/links.c', 'if (open && !hood->along[neighbour])\n        return false;', '',
+mutant('link triangles', 'src/simplify/mesh/links.c', 'if (!has_a && !meets_well(links, v))', 'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
+mutant('link condition across the inside', 'src/simplify/mesh/links.c', 'if (open && !hood->along[neighbour])\n        return false;', '',
        'an edge through the inside with both ends on the boundary', 'unit/test_links')
-mutant("link condition's boundary", 'src/simplify/links.c',
+mutant("link condition's boundary", 'src/simplify/mesh/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', 'unit/test_links')
 
 # ---- local bounds (2)
 
-mutant('local bound of one side', 'src/simplify/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
-mutant('local bound stays behind', 'src/simplify/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
+mutant('local bound of one side', 'src/simplify/rounds/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
+mutant('local bound stays behind', 'src/simplify/rounds/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
        'a record that closes a gap takes its bounds along', 'cli/test_local_bound')
 mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0)', 'larger(floor((bound - grid->origin) / grid->step), 0)',
        'what is stored is no less than the bound', 'cli/test_local_bound')
@@ -88,44 +88,44 @@ mutant('a step says more than its own range', 'src/pipeline/encode_series.c', 'f
 
 # ---- the boundary (5)
 
-mutant('no demands of the map, above', 'src/simplify/outcome.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
+mutant('no demands of the map, above', 'src/simplify/rounds/outcome.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
        'what the boundary map demands of the upper value', 'unit/test_rounds')
-mutant('no demands of the map, below', 'src/simplify/outcome.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
+mutant('no demands of the map, below', 'src/simplify/rounds/outcome.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
        'what the boundary map demands of the lower value', 'unit/test_rounds')
-mutant('no crossings', 'src/simplify/boundary_map.c', 'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);', 'return graphs(map, cosine) && map_vertices(map);',
+mutant('no crossings', 'src/simplify/mesh/boundary_map.c', 'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);', 'return graphs(map, cosine) && map_vertices(map);',
        'edges of the old and the new patch cross', 'unit/test_boundary_map')
-mutant('no result in the old patch', 'src/simplify/boundary_map.c', 'return !result || map_result(map);', 'return true;',
+mutant('no result in the old patch', 'src/simplify/mesh/boundary_map.c', 'return !result || map_result(map);', 'return true;',
        'the result between the ends', 'unit/test_boundary_map')
-mutant('distance is not counted', 'src/simplify/boundary_map.c', 'double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;',
+mutant('distance is not counted', 'src/simplify/mesh/boundary_map.c', 'double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;',
        'double all = larger(boundary_map_least(map, moved, stride, 0), 0), rim = 0;', 'how far the boundary moved', PROOF)
-mutant('distance does not add up', 'src/simplify/merge.c', 'row[row_moved(working)] = moved;', 'row[row_moved(working)] = 0;',
+mutant('distance does not add up', 'src/simplify/rounds/merge.c', 'row[row_moved(working)] = moved;', 'row[row_moved(working)] = 0;',
        'how far the boundary moved in all', PROOF)
 
 # ---- frozen vertices (6)
 
-mutant('inverted are not frozen', 'src/simplify/evaluate.c', 'if (working->flags[slot] & VERTEX_FROZEN)\n', 'if (working->flags[slot] & 0)\n',
+mutant('inverted are not frozen', 'src/simplify/rounds/evaluate.c', 'if (working->flags[slot] & VERTEX_FROZEN)\n', 'if (working->flags[slot] & 0)\n',
        'no star that moves has a degenerate or inverted tetrahedron', PROOF)
-mutant('folds are not frozen', 'src/simplify/border.c', 'working->flags[working->corners[t][c]] |= VERTEX_FROZEN;', '(void)c;',
+mutant('folds are not frozen', 'src/simplify/mesh/border.c', 'working->flags[working->corners[t][c]] |= VERTEX_FROZEN;', '(void)c;',
        'no star that moves has a folded tetrahedron', PROOF)
 
 # ---- faces and tetrahedra
 
-mutant('simplices: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) <= 0)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
+mutant('simplices: flips', 'src/simplify/mesh/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) <= 0)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
        'C1', 'unit/test_working')
-mutant('simplices: link triangles', 'src/simplify/links.c', 'return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));',
+mutant('simplices: link triangles', 'src/simplify/mesh/links.c', 'return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));',
        'return true;', 'C4: a common triangle', 'unit/test_links')
-mutant("simplices: link condition's boundary", 'src/simplify/links.c', 'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {',
+mutant("simplices: link condition's boundary", 'src/simplify/mesh/links.c', 'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {',
        'C4: the boundary is coned', 'unit/test_links')
-mutant('simplices: faces behind those that vanish', 'src/simplify/working.c', 'opened &= count > 2;', 'opened = false;',
+mutant('simplices: faces behind those that vanish', 'src/simplify/mesh/working.c', 'opened &= count > 2;', 'opened = false;',
        'a face behind several tetrahedra that vanish is on the boundary', 'unit/test_working')
-mutant('simplices: a vertex is forgotten', 'src/simplify/outcome.c', 'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
+mutant('simplices: a vertex is forgotten', 'src/simplify/rounds/outcome.c', 'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
        'for (uint32_t s = 0; s < 2 && room; s++)\n        list_star(', 'the star is of all vertices of the simplex', 'unit/test_outcome', PROOF)
 
 # ---- new numbers without gaps
 
-mutant('numbers: boundary faces keep theirs', 'src/simplify/working.c', 'working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);', '',
+mutant('numbers: boundary faces keep theirs', 'src/simplify/mesh/working.c', 'working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);', '',
        'what belongs to a tetrahedron moves with it', 'unit/test_working')
-mutant('numbers: stars keep theirs', 'src/simplify/working.c', 'star[i] = numbers->tets[star[i]];', '(void)star[i];', 'the same', 'unit/test_working')
+mutant('numbers: stars keep theirs', 'src/simplify/mesh/working.c', 'star[i] = numbers->tets[star[i]];', '(void)star[i];', 'the same', 'unit/test_working')
 mutant('numbers: points that refused keep theirs', 'src/simplify/exact/overlaps.c',
        'overlaps->sentinels = renumber_tets(numbers, overlaps->sentinels, sizeof *overlaps->sentinels);', '', 'the same', 'unit/test_overlaps')
 mutant('numbers: lists of originals keep theirs', 'src/simplify/exact/overlaps.c',
@@ -159,9 +159,9 @@ mutant('exact: planes turned outwards', 'src/simplify/exact/cover.c', 'bool turn
        'the same', 'unit/test_exact')
 mutant('exact: walls of the wrong side', 'src/simplify/exact/cover.c', 'cover->masks[(2 * f + !positive) * words', 'cover->masks[(2 * f + positive) * words',
        'the same', 'unit/test_exact')
-mutant('exact: a refusal is forgotten', 'src/simplify/simplices.c', 'known->bound = nextafterf(', 'known->bound = 0 * nextafterf(',
+mutant('exact: a refusal is forgotten', 'src/simplify/rounds/simplices.c', 'known->bound = nextafterf(', 'known->bound = 0 * nextafterf(',
        'what was refused is not asked again', 'unit/test_asked_once')
-mutant('exact: what the bounds say is stored', 'src/simplify/merge.c', 'answer && run->asked->certifies ? answer->errors[c]', 'answer && run->asked->certifies ? 0 * answer->errors[c]',
+mutant('exact: what the bounds say is stored', 'src/simplify/rounds/merge.c', 'answer && run->asked->certifies ? answer->errors[c]', 'answer && run->asked->certifies ? 0 * answer->errors[c]',
        'what is stored is what the limit has answered', PROOF)
 mutant('exact: originals stay marked', 'src/simplify/exact/cover.c', 'cover->listed[cover->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
 mutant('exact: the star stays marked', 'src/simplify/exact/cover.c', 'cover->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')

@@ -6,7 +6,7 @@
 
 #include "src/measure/measure.h"
 #include "src/sample/sample.h"
-#include "src/simplify/evaluate.h"
+#include "src/simplify/rounds/evaluate.h"
 #include "src/simplify/simplify.h"
 #include "tests/test.h"
 

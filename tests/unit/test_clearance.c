@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* How far the boundary may move, against the distances of all pairs of faces: on fans of needles, whose boxes all meet. */
-#include "src/simplify/clearance.h"
+#include "src/simplify/mesh/clearance.h"
 
 #include <math.h>
 #include <string.h>

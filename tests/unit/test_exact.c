@@ -11,7 +11,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 #include "src/sample/sample.h"
-#include "src/simplify/simplices.h"
+#include "src/simplify/rounds/simplices.h"
 #include "tests/gen.h"
 #include "tests/test.h"
 #include "tests/world.h"

@@ -3,7 +3,7 @@
  * The link condition, of edges and of simplices of any size, against its definition; and it is asked of every boundary:
  * a cavity stays.
  */
-#include "src/simplify/links.h"
+#include "src/simplify/mesh/links.h"
 
 #include <stdlib.h>
 
@@ -12,7 +12,7 @@
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
-#include "src/simplify/rounds.h"
+#include "src/simplify/rounds/rounds.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
 #include "tests/test.h"

@@ -13,7 +13,7 @@
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
-#include "src/simplify/rounds.h"
+#include "src/simplify/rounds/rounds.h"
 #include "src/simplify/simplify.h"
 #include "tests/test.h"
 

@@ -3,14 +3,14 @@
  * The parallel rounds: the same bytes on any number of threads and with either arithmetic; rings and stars of any size are contracted,
  * and what is refused is counted; a run stops at its limits.
  */
-#include "src/simplify/rounds.h"
+#include "src/simplify/rounds/rounds.h"
 
 #include <stdlib.h>
 
 #include "src/sample/sample.h"
-#include "src/simplify/border.h"
-#include "src/simplify/clearance.h"
-#include "src/simplify/kernels.h"
+#include "src/simplify/mesh/border.h"
+#include "src/simplify/mesh/clearance.h"
+#include "src/simplify/mesh/kernels.h"
 #include "src/simplify/simplify.h"
 #include "src/measure/measure.h"
 #include "src/mesh/tet_geom.h"

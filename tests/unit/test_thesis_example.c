@@ -10,7 +10,7 @@
 #include "src/measure/overlay.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
-#include "src/simplify/quadric.h"
+#include "src/simplify/rounds/quadric.h"
 #include "tests/test.h"
 #include "tests/world.h"
 

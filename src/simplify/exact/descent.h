@@ -7,7 +7,7 @@
 #ifndef TETLOD_DESCENT_H
 #define TETLOD_DESCENT_H
 
-#include "src/simplify/border.h"
+#include "src/simplify/mesh/border.h"
 #include "src/simplify/exact/examiner.h"
 
 struct descent_driver;

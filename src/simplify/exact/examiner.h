@@ -8,7 +8,7 @@
 #ifndef TETLOD_EXAMINER_H
 #define TETLOD_EXAMINER_H
 
-#include "src/simplify/star.h"
+#include "src/simplify/mesh/star.h"
 #include "src/simplify/exact/cover.h"
 
 /* |weight * s' + constant| is the difference at a corner of the overlay. */
