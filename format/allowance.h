@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a stream may ask for by its bytes (SPEC 2.3): so many things for each byte, and some that are free. An encoder that has more
- * appends zero bytes, which change nothing. Not installed.
+ * What a stream may ask for by its bytes (SPEC 2.3): so many things for each byte, and some that are free. An encoder
+ * that has more appends zero bytes, which change nothing. Not installed.
  */
 #ifndef TETLOD_ALLOWANCE_H
 #define TETLOD_ALLOWANCE_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Predictions are made in binary64, each operation rounded by itself (SPEC 2.2). A compiler that fuses, reorders or widens them would
- * decode other meshes without noticing. What can be switched off is switched off here, whatever the flags; what cannot is refused.
- * Included before any function that computes. Not installed.
+ * Predictions are made in binary64, each operation rounded by itself (SPEC 2.2). A compiler that fuses, reorders or
+ * widens them would decode other meshes without noticing. What can be switched off is switched off here, whatever the
+ * flags; what cannot is refused. Included before any function that computes. Not installed.
  */
 #ifndef TETLOD_ARITHMETIC_H
 #define TETLOD_ARITHMETIC_H
@@ -21,7 +21,8 @@
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "tetlod must not be compiled with -ffast-math or parts of it: streams would decode wrong"
 #endif
-/* 16, of machines that compute in binary16 (-mavx512fp16): float and double are evaluated in their own precision, as with 0 */
+/* 16, of machines that compute in binary16 (-mavx512fp16): float and double are evaluated in their own precision, as
+ * with 0 */
 #if !defined(FLT_EVAL_METHOD) || (FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16)
 #error "tetlod needs double arithmetic in double precision; on 32-bit x86 compile with -msse2 -mfpmath=sse"
 #endif

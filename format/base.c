@@ -10,7 +10,8 @@
 
 #include "format/fail.h"
 
-/* Faces by their vertices in ascending order. `tet` chains all tetrahedra of the face in an encoder (4 * tet + face). */
+/* Faces by their vertices in ascending order. `tet` chains all tetrahedra of the face in an encoder (4 * tet +
+ * face). */
 struct face_table {
     uint32_t *keys; /* [3 * size] */
     uint32_t *sides; /* tetrahedra that have arrived; 0 with `chain` NONE: a free place */
@@ -258,7 +259,8 @@ enum tetlod_status tetlodi_base_connectivity(struct tetlodi_recorder *recorder, 
                                              const struct tetlodi_base_guide *guide, struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = recorder->replay;
-    struct grower grower = {.recorder = recorder, .memory = replay->memory, .guide = guide, .vertices = vertices, .tets = tets};
+    struct grower grower = {.recorder = recorder, .memory = replay->memory, .guide = guide, .vertices = vertices,
+                            .tets = tets};
     struct face_table guide_faces = {0};
     enum tetlod_status status;
     replay->vertices = replay->tets = 0;
@@ -315,7 +317,8 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
             continue;
         }
         int64_t base = predict(column, axis, c, corners, vertex, &context);
-        int64_t difference = coder->encoder ? code_difference(*code, base, width) : 0; // a decoder's code is not there yet
+        // a decoder's code is not there yet
+        int64_t difference = coder->encoder ? code_difference(*code, base, width) : 0;
         difference = code_number(coder, &models[axis], context, difference);
         *code = code_offset(base, difference, &column->scale);
         double value = scale_value(&column->scale, axis, *code);

@@ -19,8 +19,8 @@ TETLOD_CHECKED enum tetlod_status tetlodi_base_connectivity(struct tetlodi_recor
                                                             uint32_t tets, const struct tetlodi_base_guide *guide,
                                                             struct tetlod_error *error);
 
-/* Codes a column for the base mesh's vertices: its codes are read, or written together with its values. Of a field, component c
- * has the codes of component copied[c]; NULL: positions. */
+/* Codes a column for the base mesh's vertices: its codes are read, or written together with its values. Of a field,
+ * component c has the codes of component copied[c]; NULL: positions. */
 TETLOD_CHECKED enum tetlod_status tetlodi_base_column(struct tetlodi_replay *replay, struct tetlodi_column *column,
                                                       struct tetlodi_coder *coder, struct tetlodi_number *models,
                                                       const uint8_t *copied, struct tetlod_error *error);

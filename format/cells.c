@@ -63,7 +63,8 @@ static bool is_repeated(const struct tetlodi_index *index, uint32_t f)
     return false;
 }
 
-enum tetlod_status tetlodi_cells_decode(struct tetlodi_index *index, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+enum tetlod_status tetlodi_cells_decode(struct tetlodi_index *index, const uint8_t *bytes, size_t size,
+                                        struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {bytes, size, false};
     uint32_t count = (uint32_t)tetlodi_get(&in, 2);
@@ -76,7 +77,8 @@ enum tetlod_status tetlodi_cells_decode(struct tetlodi_index *index, const uint8
     for (uint32_t f = 0; f < count && good; f++)
         good = decode_field(&index->cells[f], &in, &text) && !is_repeated(index, f) && has_values(index, f);
     if (!good || in.left || values_of(index, count))
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of cell data is damaged, or does not go with the values");
+        return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                            "the table of cell data is damaged, or does not go with the values");
     index->info.cell_field_count = count;
     index->info.cell_fields = index->cells;
     return TETLOD_OK;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Values of the original's tetrahedra (SPEC 3.6): a table of them before level 0, and the values behind the last level. Not installed. */
+/* Values of the original's tetrahedra (SPEC 3.6): a table of them before level 0, and the values behind the last level.
+ * Not installed. */
 #ifndef TETLOD_CELLS_H
 #define TETLOD_CELLS_H
 

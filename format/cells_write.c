@@ -53,7 +53,8 @@ static void put_range(const struct tetlodi_write_cells *cells, uint32_t tets, st
     tetlodi_put_f64(out, range[1]);
 }
 
-static void encode_table(const struct tetlodi_write_cells *cells, uint32_t count, uint32_t tets, struct tetlodi_buffer *out)
+static void encode_table(const struct tetlodi_write_cells *cells, uint32_t count, uint32_t tets,
+                         struct tetlodi_buffer *out)
 {
     tetlodi_put(out, count, 2);
     for (uint32_t f = 0; f < count; f++) {
@@ -78,12 +79,14 @@ static uint64_t bits_of(double value, enum tetlod_cell_type type)
     return type == TETLOD_CELL_FLOAT32 ? narrow : type == TETLOD_CELL_FLOAT64 ? wide : (uint64_t)(int64_t)value;
 }
 
-static void encode_rows(const struct tetlodi_write_cells *cells, const uint32_t *original_of, uint32_t tets, struct tetlodi_buffer *out)
+static void encode_rows(const struct tetlodi_write_cells *cells, const uint32_t *original_of, uint32_t tets,
+                        struct tetlodi_buffer *out)
 {
     size_t n = cells->components;
     for (uint32_t t = 0; t < tets; t++)
         for (size_t c = 0; c < n; c++)
-            tetlodi_put(out, bits_of(cells->values[original_of[t] * n + c], cells->type), tetlodi_cell_width(cells->type));
+            tetlodi_put(out, bits_of(cells->values[original_of[t] * n + c], cells->type),
+                        tetlodi_cell_width(cells->type));
 }
 
 bool tetlodi_cells_encode(struct tetlodi_cell_parts *out, const struct tetlodi_write_cells *cells, uint32_t count,
@@ -109,10 +112,12 @@ uint32_t tetlodi_cells_list(const struct tetlodi_cell_parts *parts, const struct
 {
     if (!parts->count)
         return 0;
-    sections[0] = (struct tetlodi_write_section){.tag = TAG_CELLS, .early = 1, .bytes = parts->table.bytes, .size = parts->table.size};
+    sections[0] = (struct tetlodi_write_section){.tag = TAG_CELLS, .early = 1, .bytes = parts->table.bytes,
+                                                 .size = parts->table.size};
     for (uint32_t f = 0; f < parts->count; f++) {
         uint32_t row = cells[f].components * tetlodi_cell_width(cells[f].type);
-        sections[1 + f] = (struct tetlodi_write_section){.tag = TAG_CELL_VALUES, .row = row, .bytes = parts->rows[f].bytes, .size = parts->rows[f].size};
+        sections[1 + f] = (struct tetlodi_write_section){.tag = TAG_CELL_VALUES, .row = row,
+                                                         .bytes = parts->rows[f].bytes, .size = parts->rows[f].size};
     }
     return 1 + parts->count;
 }

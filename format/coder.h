@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The adaptive binary range coder (SPEC 6). One set of functions codes in both directions: an encoder takes the value and
- * returns it, a decoder ignores the argument and returns what the frame says. What is coded is thus written once.
- * A frame's trailing zero bytes are not stored: a decoder reads zeros beyond its end. Not installed.
+ * The adaptive binary range coder (SPEC 6). One set of functions codes in both directions: an encoder takes the value
+ * and returns it, a decoder ignores the argument and returns what the frame says. What is coded is thus written once. A
+ * frame's trailing zero bytes are not stored: a decoder reads zeros beyond its end. Not installed.
  */
 #ifndef TETLOD_CODER_H
 #define TETLOD_CODER_H
@@ -11,11 +11,12 @@
 
 #include "format/memory.h"
 
-/* Loops that code much have the coder in a local variable and are compiled once for each direction, so that a decoder's is
- * in registers: no call takes the address of a coder that decodes. */
+/* Loops that code much have the coder in a local variable and are compiled once for each direction, so that a decoder's
+ * is in registers: no call takes the address of a coder that decodes. */
 #define TETLODI_INLINE static inline __attribute__((always_inline))
 
-/* tests/bench counts what is spent on what: a bit under a model that had a chance of so many 65536ths, or plain bits. */
+/* tests/bench counts what is spent on what: a bit under a model that had a chance of so many 65536ths, or plain
+ * bits. */
 #ifndef TETLODI_COUNT
 #define TETLODI_COUNT(model, chance, plain) ((void)0)
 #endif
@@ -115,7 +116,8 @@ TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, 
 }
 
 /* A number of `depth` bits, most significant first, each under a model chosen by those before it: 2^depth models. */
-TETLODI_INLINE unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit *models, unsigned depth, unsigned value)
+TETLODI_INLINE unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit *models, unsigned depth,
+                                  unsigned value)
 {
     unsigned node = 1;
     for (unsigned i = depth; i--;)
@@ -123,8 +125,10 @@ TETLODI_INLINE unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bi
     return node - (1u << depth);
 }
 
-/* A number of which the length in bits is known, at least 1: two bits below the first under models, the rest without. */
-TETLODI_INLINE uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bit models[4], unsigned length, uint64_t value)
+/* A number of which the length in bits is known, at least 1: two bits below the first under models, the rest
+ * without. */
+TETLODI_INLINE uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bit models[4], unsigned length,
+                                   uint64_t value)
 {
     unsigned left = length - 1, top = left < 2 ? left : 2;
     uint64_t bits = 1;
@@ -140,7 +144,8 @@ TETLODI_INLINE uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_b
     return bits;
 }
 
-/* Models of a signed number (SPEC 6.3): its length in bits under one of 66 contexts, its sign, two bits below the first. */
+/* Models of a signed number (SPEC 6.3): its length in bits under one of 66 contexts, its sign, two bits below the
+ * first. */
 enum { NUMBER_CONTEXTS = 66 };
 struct tetlodi_number {
     struct tetlodi_bit length[NUMBER_CONTEXTS][128], sign, top[65][4];

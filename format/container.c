@@ -29,7 +29,8 @@ static enum tetlod_status add_to_digest(void *opaque, const void *bytes, size_t 
     return TETLOD_OK;
 }
 
-static enum tetlod_status frame_of_source(struct tetlodi_frame *frame, const struct tetlodi_write_section *in, struct tetlod_error *error)
+static enum tetlod_status frame_of_source(struct tetlodi_frame *frame, const struct tetlodi_write_section *in,
+                                          struct tetlod_error *error)
 {
     struct tetlodi_sha256 sha;
     uint8_t digest[32];
@@ -43,15 +44,16 @@ static enum tetlod_status frame_of_source(struct tetlodi_frame *frame, const str
     return TETLOD_OK;
 }
 
-/* Enters a section into the directory, packed if that is worth it. The order is range coded already: it stays as it is, because it
- * does not become smaller. */
+/* Enters a section into the directory, packed if that is worth it. The order is range coded already: it stays as it is,
+ * because it does not become smaller. */
 static enum tetlod_status add_section(struct tetlodi_section *section, const struct tetlodi_write_section *in,
                                       struct tetlodi_buffer *stored, struct tetlod_error *error)
 {
     bool packed = in->row != ROW_CODED && (in->row || in->size >= LARGE_SECTION) && 
                   tetlodi_pack(tetlodi_section_packing(in->tag), in->bytes, in->size, in->row ? in->row : 1, stored);
     if (strlen(in->tag) != TAG_SIZE)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a section's tag has %d letters, not '%.16s'", TAG_SIZE, in->tag);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a section's tag has %d letters, not '%.16s'", TAG_SIZE,
+                            in->tag);
     if (!packed && in->row != ROW_CODED) {
         tetlodi_buffer_fini(stored);
         tetlodi_put_block(stored, in->bytes, in->size);
@@ -78,15 +80,16 @@ static void place_sections(struct tetlodi_index *index, uint64_t *early, uint64_
     }
 }
 
-/* A bound that takes few bytes: the least number that is no less and has 16 binary or 3 decimal digits. The latter are what people ask
- * for: a level made for 1 % stays one. */
+/* A bound that takes few bytes: the least number that is no less and has 16 binary or 3 decimal digits. The latter are
+ * what people ask for: a level made for 1 % stays one. */
 static double short_error(double error)
 {
     static const double tens[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12};
     int exponent, digits = 2;
     if (!(error > 0) || !isfinite(error))
         return error;
-    double mantissa = frexp(error, &exponent), binary = ldexp(ceil(ldexp(mantissa, 16)), exponent - 16), decimal = INFINITY;
+    double mantissa = frexp(error, &exponent), binary = ldexp(ceil(ldexp(mantissa, 16)),
+                                                              exponent - 16), decimal = INFINITY;
     while (digits < 12 && error * tens[digits] < 100)
         digits++;
     for (double n = floor(error * tens[digits]); n <= 1000 && isinf(decimal); n++)
@@ -111,7 +114,8 @@ static size_t frame_count(const struct tetlodi_index *index)
 }
 
 /* Header and stored index, which is packed if that makes it smaller. */
-static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes[HEADER_SIZE], struct tetlodi_buffer *stored,
+static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes[HEADER_SIZE],
+                                      struct tetlodi_buffer *stored,
                                       struct tetlod_error *error)
 {
     struct tetlodi_header header = {0};
@@ -137,7 +141,8 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     for (size_t i = 0; i < frame_count(index); i++)
         header.file_size += index->frames[i].size;
     if (!is_within(tetlodi_level_rows(index), LEVEL_ROWS_FREE, LEVEL_ROWS_PER_BYTE, header.file_size))
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "there are more levels than go with the stream's bytes; use a larger --growth");
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "there are more levels than go with the stream's bytes; use a larger --growth");
     tetlodi_header_encode(&header, bytes);
     tetlodi_content_id(bytes, stored->bytes, stored->size, header.cid);
     tetlodi_header_encode(&header, bytes);
@@ -160,7 +165,8 @@ static enum tetlod_status put_sections(const struct tetlodi_index *index, const 
     return TETLOD_OK;
 }
 
-static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t header[HEADER_SIZE], const struct tetlodi_buffer *stored_index,
+static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t header[HEADER_SIZE],
+                                  const struct tetlodi_buffer *stored_index,
                                   const struct tetlodi_buffer *frames, const struct tetlodi_write_section *in,
                                   const struct tetlodi_buffer *sections, const struct tetlodi_sink *sink)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A cursor decodes each level once, in order, because what the coder has learned carries on from level to level. What is
- * decoded stays in the replay's log, so that going down and up again costs no decoding.
+ * A cursor decodes each level once, in order, because what the coder has learned carries on from level to level. What
+ * is decoded stays in the replay's log, so that going down and up again costs no decoding.
  */
 #include "format/cursor.h"
 
@@ -26,8 +26,8 @@ static void free_frames(struct tetlod_cursor *cursor)
     cursor->frame_bytes = 0;
 }
 
-/* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong. The first
- * column's failure counts: a source that has failed is not asked again. */
+/* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong.
+ * The first column's failure counts: a source that has failed is not asked again. */
 static enum tetlod_status for_columns(struct tetlod_cursor *cursor, tetlodi_task *task, struct tetlod_error *error)
 {
     uint32_t count = cursor->replay.column_count;
@@ -53,11 +53,13 @@ static int load_frame(void *opaque, uint32_t column)
     error->status =
         tetlodi_read_frame(cursor->file, cursor->loading, cursor->parts[column], &cursor->frames[column], &size, error);
     if (error->status == TETLOD_OK)
-        tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column], size);
+        tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column],
+                             size);
     return error->status == TETLOD_OK;
 }
 
-/* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is decoded. */
+/* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is
+ * decoded. */
 static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &cursor->file->index;
@@ -97,7 +99,8 @@ static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct 
 }
 
 /* Room for a level's mesh and columns. */
-static enum tetlod_status make_room(struct tetlod_cursor *cursor, const struct tetlod_level *level, struct tetlod_error *error)
+static enum tetlod_status make_room(struct tetlod_cursor *cursor, const struct tetlod_level *level,
+                                    struct tetlod_error *error)
 {
     int done = tetlodi_replay_room(&cursor->replay, level->vertices, level->tets);
     for (uint32_t c = 0; c < cursor->replay.column_count && done; c++)
@@ -126,7 +129,8 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     for (uint32_t c = 1; c < replay->column_count; c++) {
         struct tetlodi_field_models *models = &recorder->field_models[c - 1];
         tetlodi_copies_code(&recorder->coders[c], models, cursor->columns[c].components);
-        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], &models->corner, models->copied, error));
+        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], &models->corner,
+                                       models->copied, error));
     }
     return tetlodi_replay_base(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
@@ -195,7 +199,8 @@ static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, const st
     return begin_fields(cursor, error);
 }
 
-static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most, struct tetlod_error *error)
+static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most,
+                                         struct tetlod_error *error)
 {
     const struct tetlod_level *to = &cursor->file->index.info.levels[level];
     struct tetlod_error later = {0};
@@ -208,7 +213,8 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
     if (cursor->replay.vertices < to->vertices)
         return TETLOD_MORE;
     if (cursor->replay.tets != to->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", cursor->replay.tets, to->tets);
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", cursor->replay.tets,
+                            to->tets);
     return TETLOD_OK;
 }
 
@@ -234,7 +240,8 @@ static enum tetlod_status decode_tail(struct tetlod_cursor *cursor, struct tetlo
     for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
         struct tetlodi_column *column = &cursor->columns[c];
         size_t count = (size_t)cursor->replay.vertices * column->components;
-        if (is_exact_later(cursor, c) && !TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
+        if (is_exact_later(cursor, c) &&
+            !TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
             return tetlodi_no_room(&cursor->memory, error);
     }
     return for_columns(cursor, decode_exact, error);
@@ -278,8 +285,8 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     return status;
 }
 
-/* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at its end.
- * On failure the mesh is that of the last level that is whole. */
+/* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at
+ * its end. On failure the mesh is that of the last level that is whole. */
 static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *most, struct tetlod_error *error)
 {
     uint32_t level = cursor->decoded + 1;
@@ -379,7 +386,8 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     if (!cursor)
         return tetlodi_fail_nomem(error, "a cursor", sizeof *cursor);
     cursor->file = file;
-    cursor->memory = (struct tetlodi_memory){.most = tetlodi_memory_limit(file), .allocate = file->options.allocate, .opaque = file->options.opaque};
+    cursor->memory = (struct tetlodi_memory){.most = tetlodi_memory_limit(file), .allocate = file->options.allocate,
+                                             .opaque = file->options.opaque};
     cursor->columns = calloc(1 + (size_t)info->field_count, sizeof *cursor->columns);
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);
@@ -418,7 +426,8 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 /* The level at hand, from the number of records applied. */
 static void settle(struct tetlod_cursor *cursor)
 {
-    uint32_t records = cursor->replay.records, finest = cursor->decoded - (is_tail(cursor, cursor->decoded) && !cursor->exact);
+    uint32_t records = cursor->replay.records, finest = cursor->decoded - (is_tail(cursor, cursor->decoded) &&
+                                                                           !cursor->exact);
     cursor->level = cursor->level < finest ? cursor->level : finest;
     while (cursor->level < finest && records >= cursor->records[cursor->level + 1])
         cursor->level++;
@@ -485,7 +494,8 @@ static enum tetlod_status check_level(const struct tetlod_cursor *cursor, uint32
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level, uint32_t records, struct tetlod_error *error)
+enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level, uint32_t records,
+                                      struct tetlod_error *error)
 {
     enum tetlod_status status = check_level(cursor, level, error);
     for (; records && status == TETLOD_OK && !at_level(cursor, level); records--) {

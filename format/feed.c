@@ -97,7 +97,8 @@ static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, 
             return TETLOD_ERR_FIELD;
         offset -= feed->left_out[frame];
     }
-    if (size && (offset < feed->dropped || offset - feed->dropped > feed->bytes.size || size > feed->bytes.size - (offset - feed->dropped)))
+    if (size && (offset < feed->dropped || offset - feed->dropped > feed->bytes.size ||
+                 size > feed->bytes.size - (offset - feed->dropped)))
         return TETLOD_ERR_TRUNCATED;
     if (size)
         memcpy(buffer, feed->bytes.bytes + (offset - feed->dropped), size);
@@ -137,7 +138,8 @@ static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_e
     return TETLOD_OK;
 }
 
-/* Bytes from the beginning that are sure to be wanted before the file can be opened: the header, then all before level 0. */
+/* Bytes from the beginning that are sure to be wanted before the file can be opened: the header, then all before level
+ * 0. */
 static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, struct tetlod_error *error)
 {
     struct tetlodi_header header;
@@ -163,7 +165,8 @@ static enum tetlod_status put(struct tetlod_feed *feed, const uint8_t *bytes, si
 }
 
 /* Takes what belongs to header and index, and opens the file when that is all. */
-static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **bytes, size_t *size, struct tetlod_error *error)
+static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **bytes, size_t *size,
+                                     struct tetlod_error *error)
 {
     for (;;) {
         uint64_t end;
@@ -186,7 +189,8 @@ static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **b
 }
 
 /* Takes bytes for the frames that they are of, and passes those between. */
-static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *bytes, size_t size,
+                                      struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &feed->file->index;
     size_t parts = 1 + (size_t)index->info.field_count;
@@ -229,11 +233,13 @@ enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, 
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size, struct tetlod_error *error)
+enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size,
+                                   struct tetlod_error *error)
 {
     uint64_t whole = feed->file ? feed->file->index.info.bytes : 0;
     if (offset > whole || size > whole - offset)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream has no %zu bytes at %llu", size, (unsigned long long)offset);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream has no %zu bytes at %llu", size,
+                            (unsigned long long)offset);
     struct piece *piece = malloc(sizeof *piece + size);
     if (!piece)
         return tetlodi_fail_nomem(error, "a part of the stream", size);

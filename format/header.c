@@ -37,7 +37,8 @@ static enum tetlod_status check_version(unsigned major, unsigned minor, struct t
         return tetlodi_fail(error, TETLOD_ERR_VERSION,
                             "the stream has the old layout (format %u.%u), from before the first release; build it again from its mesh",
                             major, minor);
-    return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream has format %u.%u, this program reads %d.x", major, minor, FORMAT_MAJOR);
+    return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream has format %u.%u, this program reads %d.x", major,
+                        minor, FORMAT_MAJOR);
 }
 
 enum tetlod_status tetlodi_header_decode(struct tetlodi_header *header, const uint8_t bytes[HEADER_SIZE],
@@ -55,14 +56,16 @@ enum tetlod_status tetlodi_header_decode(struct tetlodi_header *header, const ui
     uint32_t required = (uint32_t)tetlodi_get(&in, 4);
     tetlodi_get(&in, 4); // optional features: none is known, any may be
     if (required)
-        return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream needs features 0x%x, which this program lacks", required);
+        return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream needs features 0x%x, which this program lacks",
+                            required);
     header->index_size = (uint32_t)tetlodi_get(&in, 4);
     header->index_plain = (uint32_t)tetlodi_get(&in, 4);
     header->early_size = (uint32_t)tetlodi_get(&in, 4);
     header->file_size = tetlodi_get(&in, 8);
     memcpy(header->cid, tetlodi_get_block(&in, DIGEST_SIZE), DIGEST_SIZE);
     if (tetlodi_get(&in, 4) != 0 || header->index_plain > MOST_INDEX || header->index_size > header->index_plain ||
-        (header->index_plain != header->index_size && !tetlodi_packs(PACKED_TABLE, header->index_plain, header->index_size)) || header->early_size > MOST_EARLY ||
+        (header->index_plain != header->index_size &&
+         !tetlodi_packs(PACKED_TABLE, header->index_plain, header->index_size)) || header->early_size > MOST_EARLY ||
         header->file_size > INT64_MAX || header->file_size < tetlodi_header_head(header))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the header contradicts itself");
     return TETLOD_OK;

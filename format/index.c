@@ -157,7 +157,8 @@ static bool valid_scale(const struct tetlodi_scale *scale, int axes)
     return true;
 }
 
-/* Errors do not grow from level to level. NaN is one that is not known: the next one is held against the last that is. */
+/* Errors do not grow from level to level. NaN is one that is not known: the next one is held against the last that
+ * is. */
 static bool grew(double *last, double error)
 {
     if (error < 0 || error > *last)
@@ -236,7 +237,8 @@ static const char *wrong_levels(const struct tetlodi_index *index)
 static const char *wrong_tail(const struct tetlodi_index *index)
 {
     const struct tetlod_info *info = &index->info;
-    const struct tetlodi_frame *frames = &index->frames[(size_t)(info->level_count - 1) * (info->field_count + (size_t)1)];
+    const struct tetlodi_frame *frames = &index->frames[(size_t)(info->level_count - 1) *
+                                                        (info->field_count + (size_t)1)];
     if (index->tail && frames[0].size)
         return "a tail with a mesh of its own";
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -312,8 +314,8 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
     index->tail = info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
 }
 
-/* The levels' frames were placed where the index ends; the early sections lie between. Sections count from the index's end or
- * from that of the levels. */
+/* The levels' frames were placed where the index ends; the early sections lie between. Sections count from the index's
+ * end or from that of the levels. */
 static void place(struct tetlodi_index *index, uint64_t index_end, uint64_t early, uint64_t levels_end)
 {
     struct tetlod_info *info = &index->info;
@@ -336,7 +338,8 @@ static void place(struct tetlodi_index *index, uint64_t index_end, uint64_t earl
 }
 
 /* The directory; `end` is where the levels' frames end if nothing lies between them and the index. */
-static enum tetlod_status decode_sections(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t index_end, uint64_t end,
+static enum tetlod_status decode_sections(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t index_end,
+                                          uint64_t end,
                                           struct tetlod_error *error)
 {
     struct tetlod_info *info = &index->info;
@@ -430,7 +433,8 @@ static bool decode_counts(struct tetlodi_index *index, struct tetlodi_bytes *in)
            info->field_count <= MOST_FIELDS && info->level_count && info->level_count <= MOST_LEVELS && least <= in->left;
 }
 
-static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t first_offset, struct tetlod_error *error)
+static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t first_offset,
+                                 struct tetlod_error *error)
 {
     struct tetlod_info *info = &index->info;
     uint64_t end = first_offset;
@@ -450,11 +454,13 @@ static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_byt
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
     TETLOD_TRY(decode_sections(index, in, first_offset, end, error));
     if (!is_within(tetlodi_level_rows(index), LEVEL_ROWS_FREE, LEVEL_ROWS_PER_BYTE, info->bytes))
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has more levels than go with the stream's bytes");
+        return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                            "the index is damaged: it has more levels than go with the stream's bytes");
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size, uint64_t first_offset,
+enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size,
+                                        uint64_t first_offset,
                                         struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {(const uint8_t *)bytes, size, false};

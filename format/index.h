@@ -17,8 +17,8 @@ enum {
     MOST_SLOWEST = 7,
 };
 
-/* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the geometry's,
- * the fields' follow. */
+/* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the
+ * geometry's, the fields' follow. */
 struct tetlodi_index {
     struct tetlod_info info;
     struct tetlod_field *fields;
@@ -41,12 +41,13 @@ struct tetlodi_index {
 
 void tetlodi_index_fini(struct tetlodi_index *index);
 
-/* Allocates the arrays for info.field_count fields and info.level_count levels, and those of info.section_count sections.
- * False: out of memory. */
+/* Allocates the arrays for info.field_count fields and info.level_count levels, and those of info.section_count
+ * sections. False: out of memory. */
 bool tetlodi_index_allocate(struct tetlodi_index *index);
 bool tetlodi_index_allocate_sections(struct tetlodi_index *index);
 
-/* What the frames of a part give up to a level: vertices and tetrahedra, or a field's values, those of the tail as well (SPEC 2.3). */
+/* What the frames of a part give up to a level: vertices and tetrahedra, or a field's values, those of the tail as well
+ * (SPEC 2.3). */
 uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part);
 
 /* What a step of a field at a level counts: vertices and tetrahedra, times components. */
@@ -55,8 +56,8 @@ uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, ui
 /* Vertices and tetrahedra of all levels, added up. */
 uint64_t tetlodi_level_rows(const struct tetlodi_index *index);
 
-/* Index to bytes, not packed, and back. Offsets of frames are not stored: they follow each other from `first_offset` on, where
- * the index ends, behind the early sections. */
+/* Index to bytes, not packed, and back. Offsets of frames are not stored: they follow each other from `first_offset`
+ * on, where the index ends, behind the early sections. */
 void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buffer *out);
 TETLOD_CHECKED enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size,
                                                        uint64_t first_offset, struct tetlod_error *error);
@@ -65,7 +66,8 @@ TETLOD_CHECKED enum tetlod_status tetlodi_index_decode(struct tetlodi_index *ind
 uint32_t tetlodi_index_row(uint32_t field_count);
 
 /* The stored index to its bytes, which the caller frees: unpacked if it is packed. */
-TETLOD_CHECKED enum tetlod_status tetlodi_index_unpack(const struct tetlodi_header *header, const uint8_t *stored, uint8_t **out,
+TETLOD_CHECKED enum tetlod_status tetlodi_index_unpack(const struct tetlodi_header *header, const uint8_t *stored,
+                                                       uint8_t **out,
                                                        struct tetlod_error *error);
 
 #endif

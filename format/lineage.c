@@ -60,7 +60,8 @@ static void number_leaves(struct lineage *l)
     }
 }
 
-/* The different nodes in which a tetrahedron's corners meet, three at most: those of neighbours in depth first order. */
+/* The different nodes in which a tetrahedron's corners meet, three at most: those of neighbours in depth first
+ * order. */
 static uint32_t meetings(const struct lineage *l, uint32_t tet, uint32_t out[3])
 {
     uint32_t leaves[4], count = 0;
@@ -114,7 +115,8 @@ static enum tetlod_status list_meetings(struct lineage *l, struct tetlod_error *
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in, struct tetlod_error *error)
+enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in,
+                                        struct tetlod_error *error)
 {
     uint32_t nodes = in->vertices + in->contractions;
     *out = (struct lineage){.in = in,
@@ -142,7 +144,8 @@ void tetlodi_lineage_trim(struct lineage *lineage, uint32_t contractions)
 
 void tetlodi_lineage_fini(struct lineage *lineage)
 {
-    void *const owned[] = {lineage->parent, lineage->range, lineage->position, lineage->meeting_begin, lineage->meeting, lineage->waiting};
+    void *const owned[] = {lineage->parent, lineage->range, lineage->position, lineage->meeting_begin,
+                           lineage->meeting, lineage->waiting};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     *lineage = (struct lineage){0};

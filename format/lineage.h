@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The contractions of a stream that is written, as a forest: its leaves are the vertices of the original, its roots those of the base mesh. Leaves
- * are numbered depth first, so that "below a node" is a range. Internal. */
+/* The contractions of a stream that is written, as a forest: its leaves are the vertices of the original, its roots
+ * those of the base mesh. Leaves are numbered depth first, so that "below a node" is a range. Internal. */
 #ifndef TETLOD_LINEAGE_H
 #define TETLOD_LINEAGE_H
 
@@ -25,7 +25,8 @@ struct lineage {
 };
 
 /* The input is borrowed. ERR_ARGUMENT: it is no forest; ERR_LIMIT; ERR_NOMEM. *out can be freed in any case. */
-enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in, struct tetlod_error *error);
+enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in,
+                                        struct tetlod_error *error);
 void tetlodi_lineage_fini(struct lineage *lineage);
 
 /* Gives back the parents, which only the base mesh needs, and the meetings of all but the first contractions. */

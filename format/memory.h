@@ -29,7 +29,8 @@ enum tetlod_status tetlodi_no_room(const struct tetlodi_memory *memory, struct t
 #define TETLODI_ROOM(memory, array, capacity, needed)                                                                  \
     ((needed) <= (capacity) || tetlodi_room_((memory), (void **)&(array), &(capacity), (needed), sizeof *(array)))
 
-static inline int tetlodi_room_(struct tetlodi_memory *memory, void **array, size_t *capacity, size_t needed, size_t size)
+static inline int tetlodi_room_(struct tetlodi_memory *memory, void **array, size_t *capacity, size_t needed,
+                                size_t size)
 {
     void *old, *grown;
     __builtin_memcpy(&old, array, sizeof old);

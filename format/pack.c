@@ -9,8 +9,8 @@
 
 enum { RATE = 6, MOST_STRIDE = 1 << 16, STRIDE_BYTES = 3, NODES = 256 };
 
-/* `same`: is a byte the one above it, by its place in the row. Others: by place modulo 8, because most rows hold numbers of
- * 8 bytes; in rows of one byte, which are text, by the byte before. */
+/* `same`: is a byte the one above it, by its place in the row. Others: by place modulo 8, because most rows hold
+ * numbers of 8 bytes; in rows of one byte, which are text, by the byte before. */
 struct models {
     struct tetlodi_bit *same, *byte;
 };
@@ -48,10 +48,12 @@ static void code_bytes(struct tetlodi_coder *coder, struct models *models, uint3
 
 bool tetlodi_packs(enum tetlodi_packing packing, uint64_t plain, uint64_t packed)
 {
-    return packing == PACKED_TABLE ? is_within(plain, PACKED_TABLE_FREE, PACKED_TABLE_PER_BYTE, packed) : is_within(plain, 0, PACKED_PER_BYTE, packed);
+    return packing == PACKED_TABLE ? is_within(plain, PACKED_TABLE_FREE, PACKED_TABLE_PER_BYTE,
+                                               packed) : is_within(plain, 0, PACKED_PER_BYTE, packed);
 }
 
-bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t size, uint32_t stride, struct tetlodi_buffer *out)
+bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t size, uint32_t stride,
+                  struct tetlodi_buffer *out)
 {
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct tetlodi_encoder encoder = {0};
@@ -76,7 +78,8 @@ bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t siz
     return packed;
 }
 
-enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uint8_t *out, size_t size, struct tetlod_error *error)
+enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uint8_t *out, size_t size,
+                                  struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {packed, packed_size, false};
     struct tetlodi_coder coder;

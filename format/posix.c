@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The only part of the library that needs POSIX: streams in files. Leave it out elsewhere, and give tetlod_open a source. */
+/* The only part of the library that needs POSIX: streams in files. Leave it out elsewhere, and give tetlod_open a
+ * source. */
 #ifndef _POSIX_C_SOURCE
 #define _POSIX_C_SOURCE 200809L
 #endif

@@ -22,7 +22,8 @@ struct part {
     uint32_t section_count, own_count;
 };
 
-static enum tetlod_status copy(const struct tetlod_file *file, const struct tetlodi_sink *sink, struct tetlod_error *error)
+static enum tetlod_status copy(const struct tetlod_file *file, const struct tetlodi_sink *sink,
+                               struct tetlod_error *error)
 {
     uint8_t *block = malloc(COPIED);
     enum tetlod_status status = block ? TETLOD_OK : tetlodi_fail_nomem(error, "a block of the stream", COPIED);
@@ -56,15 +57,18 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
     const struct tetlod_info *info = &file->index.info;
     struct tetlodi_write_cells *cells = calloc(info->cell_field_count + (size_t)1, sizeof *cells);
     uint32_t *numbers = malloc(sizeof *numbers * ((size_t)part->index.info.tets + 1)), count = 0;
-    enum tetlod_status status = cells && numbers ? TETLOD_OK : tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)4);
+    enum tetlod_status status = cells && numbers ? TETLOD_OK : tetlodi_fail_nomem(error, "values of tetrahedra",
+                                                                                  part->index.info.tets * (uint64_t)4);
     for (uint32_t t = 0; status == TETLOD_OK && t < part->index.info.tets; t++)
         numbers[t] = t;
     for (uint32_t f = 0; status == TETLOD_OK && f < info->cell_field_count; f++) {
         const struct tetlod_cell_field *field = &info->cell_fields[f];
         double *values = malloc(sizeof *values * ((size_t)info->tets * field->components + 1));
-        status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, "values of tetrahedra", info->tets * (uint64_t)8);
+        status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, "values of tetrahedra",
+                                                                                    info->tets * (uint64_t)8);
         if (status == TETLOD_OK)
-            cells[count++] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region, values};
+            cells[count++] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region,
+                                                          values};
         else
             free(values);
         status = status == TETLOD_ERR_TRUNCATED ? TETLOD_OK : status;
@@ -89,10 +93,12 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
     if (!part->sections || !part->section_bytes)
         return tetlodi_fail_nomem(error, "the directory of sections", most * sizeof *part->sections);
     TETLOD_TRY(mark(info, &part->section_bytes[part->own_count++], &size, error));
-    part->sections[part->section_count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = part->section_bytes[0], .size = size};
+    part->sections[part->section_count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1,
+                                                                           .bytes = part->section_bytes[0], .size = size};
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlodi_section *from = &file->index.sections[i];
-        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 || strcmp(from->tag, TAG_CELLS) == 0 ||
+        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 ||
+            strcmp(from->tag, TAG_CELLS) == 0 ||
             strcmp(from->tag, TAG_TOPOLOGIES) == 0)
             continue; // those behind the levels are about the finest one, or about other steps
         void *bytes = malloc((size_t)from->plain + 1);
@@ -114,7 +120,8 @@ static enum tetlod_status take_frames(struct part *part, const struct tetlod_fil
         return tetlodi_fail_nomem(error, "the frames", part->index.info.level_count * parts * sizeof *part->frames);
     for (size_t i = 0; i < part->index.info.level_count * parts; i++) {
         struct tetlodi_buffer *frame = &part->frames[i];
-        TETLOD_TRY(tetlodi_read_frame(file, (uint32_t)(i / parts), (uint32_t)(i % parts), &frame->bytes, &frame->size, error));
+        TETLOD_TRY(tetlodi_read_frame(file, (uint32_t)(i / parts), (uint32_t)(i % parts), &frame->bytes, &frame->size,
+                                      error));
     }
     return TETLOD_OK;
 }

@@ -39,7 +39,8 @@ static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t o
     size_t size = (size_t)stored;
     *out = NULL;
     if (stored > file->options.max_bytes || stored > SIZE_MAX)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a part of the stream has %llu bytes, more than the memory allowed",
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "a part of the stream has %llu bytes, more than the memory allowed",
                             (unsigned long long)stored);
     if (offset > file->source.size || size > file->source.size - offset) {
         enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
@@ -99,7 +100,8 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
 /* ---- sections */
 
 /* A section as it was before it was packed, with room for its bytes at `out`. */
-static enum tetlod_status read_section_into(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t *out,
+static enum tetlod_status read_section_into(const struct tetlod_file *file, const struct tetlodi_section *section,
+                                            uint8_t *out,
                                             struct tetlod_error *error)
 {
     char what[32];
@@ -121,7 +123,8 @@ enum tetlod_status tetlodi_read_section(const struct tetlod_file *file, const st
 {
     *out = NULL;
     if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "section %s has %llu bytes, more than the memory allowed", section->tag,
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "section %s has %llu bytes, more than the memory allowed",
+                            section->tag,
                             (unsigned long long)section->plain);
     uint8_t *bytes = malloc((size_t)section->plain + 1);
     if (!bytes)
@@ -135,7 +138,8 @@ enum tetlod_status tetlodi_read_section(const struct tetlod_file *file, const st
     return status;
 }
 
-enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out, struct tetlod_error *error)
+enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out,
+                                       struct tetlod_error *error)
 {
     if (section >= file->index.info.section_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no section number %u", section);
@@ -159,7 +163,8 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
     struct tetlodi_coder coder;
     uint8_t *bytes;
     if (!section)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream does not keep the original order (build --keep-order does)");
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "the stream does not keep the original order (build --keep-order does)");
     TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
     int good = tetlodi_order_code(&coder, &order);
@@ -174,7 +179,8 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
 static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_error *error)
 {
     struct tetlod_info *info = &file->index.info;
-    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count, TAG_METADATA);
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count,
+                                                                 TAG_METADATA);
     uint8_t *bytes = NULL;
     info->metadata = "";
     if (!section)
@@ -188,10 +194,12 @@ static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_
 
 /* Decodes the first section with a tag, if there is one, into the index. */
 static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
-                                     enum tetlod_status (*decode)(struct tetlodi_index *, const uint8_t *, size_t, struct tetlod_error *),
+                                     enum tetlod_status (*decode)(struct tetlodi_index *, const uint8_t *, size_t,
+                                                                  struct tetlod_error *),
                                      struct tetlod_error *error)
 {
-    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, tag);
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count,
+                                                                 tag);
     uint8_t *bytes = NULL;
     if (!section)
         return TETLOD_OK;
@@ -210,9 +218,11 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     TETLOD_TRY_DONE(read_stored(file, HEADER_SIZE, header->index_size, &stored, error));
     tetlodi_content_id(raw_header, stored, header->index_size, cid);
     if (memcmp(cid, header->cid, sizeof cid) != 0)
-        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the index is damaged: the content id is not that of header and index"));
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM,
+                                     "the index is damaged: the content id is not that of header and index"));
     TETLOD_TRY_DONE(tetlodi_index_unpack(header, stored, &index, error));
-    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_plain, HEADER_SIZE + (uint64_t)header->index_size, error));
+    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_plain,
+                                         HEADER_SIZE + (uint64_t)header->index_size, error));
     if (file->index.info.bytes != header->file_size || file->index.info.levels[0].offset != tetlodi_header_head(header))
         TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about sizes"));
     if (file->source.size > header->file_size)
@@ -221,7 +231,8 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     for (int i = 0; i < DIGEST_SIZE; i++)
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
     file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
-                        file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
+                        file->index.info.level_count * (1 +
+                                                        (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     TETLOD_TRY_DONE(read_metadata(file, error));
     TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
     status = read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error);
@@ -244,7 +255,8 @@ enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_sou
     file->options = tetlodi_options(options);
     enum tetlod_status status;
     if (!tetlodi_arithmetic_holds())
-        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "this program rounds in its own way: compile tetlod without options such as "
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                     "this program rounds in its own way: compile tetlod without options such as "
                                      "-ffp-contract=fast, and leave the rounding mode alone"));
     if (source->size < HEADER_SIZE)
         TETLOD_TRY_DONE(tetlodi_fail(error, source->size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,

@@ -27,8 +27,8 @@ uint64_t tetlodi_memory_limit(const struct tetlod_file *file);
 /* A caller's options with defaults for what it does not have or leaves 0. */
 struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 
-/* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field f.
- * ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
+/* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field
+ * f. ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
 TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
                                                      uint8_t **out, size_t *out_size, struct tetlod_error *error);
 

@@ -138,7 +138,8 @@ static struct reach reach(const struct tetlodi_star_view *star, int64_t own, uns
 static int64_t next_code(const struct tetlodi_star_view *star, unsigned axis, int64_t code, int negative)
 {
     const int64_t *codes = star->axis_codes[axis];
-    int64_t mirror = negative ? -1 : 0, from = code ^ mirror, best = INT64_MAX; // no code of a finite number, nor its mirror
+    // no code of a finite number, nor its mirror
+    int64_t mirror = negative ? -1 : 0, from = code ^ mirror, best = INT64_MAX;
     for (uint32_t i = 0, count = star->link_count; i < count; i++) {
         int64_t other = codes[i] ^ mirror;
         other = other > from ? other : INT64_MAX;
@@ -223,7 +224,8 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct t
     placement = code_tree(coder, models->placement, 2, placement);
     coder->bad |= placement == 3;
     placement %= 3;
-    struct trail trails[4] = {{.kind = placement == ELSEWHERE ? 3 : placement}, {.kind = placement}, {.kind = placement}, {.kind = placement}};
+    struct trail trails[4] = {{.kind = placement == ELSEWHERE ? 3 : placement}, {.kind = placement},
+                              {.kind = placement}, {.kind = placement}};
     for (unsigned axis = 0; axis < 3; axis++) {
         int64_t *codes = recorder->codes[axis];
         struct reach link = reach(&recorder->star, own[axis], axis);
@@ -279,8 +281,8 @@ static void pair_init(struct pair *pair, const double *a, const double *b)
         pair->steps[i] = steps[i] * length2;
 }
 
-/* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), which makes it larger, and which is nearer, in
- * 8 steps. The steps rise, so that all that are passed can be counted. */
+/* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), which makes it larger, and which is
+ * nearer, in 8 steps. The steps rise, so that all that are passed can be counted. */
 static void geometry_contexts(struct tetlodi_star_view *star, const double *positions, uint32_t child)
 {
     struct pair pair;
@@ -312,7 +314,8 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
 static const uint16_t neighbour_contexts[16] = {0,      4 * 64, 7 * 64, 9 * 64, 1 * 64, 5 * 64, 8 * 64, 9 * 64,
                                                 2 * 64, 6 * 64, 8 * 64, 9 * 64, 3 * 64, 6 * 64, 8 * 64, 9 * 64};
 
-TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi_bit *models, struct tetlodi_star_view *star,
+TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi_bit *models,
+                                       struct tetlodi_star_view *star,
                                       int encoding)
 {
     struct tetlodi_coder coder = *all; // in registers
@@ -378,7 +381,8 @@ static int code_boundary(struct tetlodi_recorder *recorder, uint32_t e, uint32_t
     return code_bit(recorder->coders, &recorder->models->boundary[context], star->made[e] != NOT_MADE);
 }
 
-/* Keeps an edge in the list if a tetrahedron comes back at it. Few do, and which ones cannot be predicted: no branch. */
+/* Keeps an edge in the list if a tetrahedron comes back at it. Few do, and which ones cannot be predicted: no
+ * branch. */
 TETLODI_INLINE uint32_t keep_edge(struct tetlodi_star_view *star, uint32_t kept, uint32_t e, unsigned made)
 {
     star->edge[kept] = star->edge[e];
@@ -511,7 +515,8 @@ static enum tetlod_status place_children(struct tetlodi_recorder *recorder, cons
     if (!tetlodi_replay_room(replay, vertices, replay->tets) ||
         !tetlodi_column_room(replay->columns, replay->memory, vertices, replay->records + (size_t)1))
         return tetlodi_no_room(replay->memory, error);
-    if (!tetlodi_column_place(replay->columns, 1, record->vertex, replay->vertices, record->children, replay->records, recorder->codes))
+    if (!tetlodi_column_place(replay->columns, 1, record->vertex, replay->vertices, record->children, replay->records,
+                              recorder->codes))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds a value that is not finite");
     replay->columns->records = ++replay->records;
     replay->all_records++;
@@ -602,8 +607,8 @@ void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, u
     recorder->most_tets = tets;
 }
 
-/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. Of vertices of
- * the original nothing is asked. */
+/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. Of
+ * vertices of the original nothing is asked. */
 TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, int split, int encoding)
 {
     struct tetlodi_coder coder = *recorder->coders; // in registers

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The coding of records (SPEC 7 and 8), both ways: a record of the encoder is coded and applied, a decoder's is read and
- * applied. Not installed.
+ * The coding of records (SPEC 7 and 8), both ways: a record of the encoder is coded and applied, a decoder's is read
+ * and applied. Not installed.
  */
 #ifndef TETLOD_RECORD_H
 #define TETLOD_RECORD_H
@@ -43,15 +43,19 @@ enum tetlodi_placement { AT_FIRST = 0, IN_MIDDLE = 1, ELSEWHERE = 2 };
 
 /* An edge of the link of the vertex that splits; it and the vertex are a face. */
 struct tetlodi_link_edge {
-    uint32_t first, last; /* of the star that have it: 3 * the place in the star + which of the other corners is not on it */
+    /* of the star that have it: 3 * the place in the star + which of the other corners is not on it */
+    uint32_t first, last;
 };
-enum { LABEL_STAYS = 1, LABEL_GOES = 4, LABELS_DIFFER = 5 }; /* the labels of an edge's tetrahedra; sums of three do not mix */
-enum { NOT_MADE = 0, MADE = 1, MADE_FLIPPED = 2 };           /* a tetrahedron comes back at an edge; not as the edge implies */
+/* the labels of an edge's tetrahedra; sums of three do not mix */
+enum { LABEL_STAYS = 1, LABEL_GOES = 4, LABELS_DIFFER = 5 };
+/* a tetrahedron comes back at an edge; not as the edge implies */
+enum { NOT_MADE = 0, MADE = 1, MADE_FLIPPED = 2 };
 
 /* The star of a vertex laid out to be split. */
 struct tetlodi_star_view {
     uint32_t vertex, size, link_count, edge_count, extra_count;
-    const uint32_t *corners;           /* the star in the replay's pool, until it is split: 4 * tetrahedron + which the vertex is */
+    /* the star in the replay's pool, until it is split: 4 * tetrahedron + which the vertex is */
+    const uint32_t *corners;
     uint32_t (*others)[3], (*edges)[3]; /* others: the corners but the vertex, by number in the link */
     uint8_t *labels, *contexts;         /* label 1: goes with the child */
     uint32_t *link;                     /* vertices */
@@ -102,7 +106,8 @@ struct tetlodi_recorder {
     struct tetlodi_field_models *field_models;
     struct tetlodi_star_view star;
     struct tetlodi_field_log *log;      /* of the records since fields were coded; NULL: nobody wants fields */
-    struct tetlodi_field_log logs[2];   /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
+    /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
+    struct tetlodi_field_log logs[2];
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
@@ -114,7 +119,8 @@ struct tetlodi_recorder {
 };
 
 /* Models as they are before the base mesh. The coders are started by the caller, each level. */
-TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,
+TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder,
+                                                        struct tetlodi_replay *replay,
                                                         struct tetlod_error *error);
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
 
@@ -125,19 +131,20 @@ uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder);
 int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code, const int64_t codes[4],
                        uint32_t children);
 
-/* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. A decoder's columns have
- * the bytes of their frames. */
+/* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. A
+ * decoder's columns have the bytes of their frames. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
 
 /* May a column's frames have so many labels, times a field's components, in so many bytes (SPEC 2.3)? */
 bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes);
 
-/* An encoder says whether the vertex at the walk splits; a decoder goes to the next that does, or to the walk's end. A vertex
- * that does not split is passed. 1 if there is one: it is at the walk. */
+/* An encoder says whether the vertex at the walk splits; a decoder goes to the next that does, or to the walk's end. A
+ * vertex that does not split is passed. 1 if there is one: it is at the walk. */
 int tetlodi_level_says(struct tetlodi_recorder *recorder, int split);
 int tetlodi_level_next(struct tetlodi_recorder *recorder);
 
-/* Codes one record, logs it and applies it. A decoder decodes fields later, from the log. On failure the mesh is as it was. */
+/* Codes one record, logs it and applies it. A decoder decodes fields later, from the log. On failure the mesh is as it
+ * was. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
                                                       struct tetlod_error *error);
 

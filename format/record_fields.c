@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The values of fields in a record (SPEC 8), both ways. What fields need of a record's geometry goes into a log, from which they are
- * decoded some hundred records at a time, each field by itself: in other threads, if there are any. A child is predicted where it lies in the star before the split;
- * the vertex's own value often is its first child's, or the middle of all children's, so that nothing is left to say of one.
+ * The values of fields in a record (SPEC 8), both ways. What fields need of a record's geometry goes into a log, from
+ * which they are decoded some hundred records at a time, each field by itself: in other threads, if there are any. A
+ * child is predicted where it lies in the star before the split; the vertex's own value often is its first child's, or
+ * the middle of all children's, so that nothing is left to say of one.
  */
 #include "format/record_fields.h"
 
@@ -22,7 +23,8 @@ void tetlodi_copies_code(struct tetlodi_coder *coder, struct tetlodi_field_model
 }
 
 /* Bits of the largest distance of a component of the link from the vertex's own. */
-static unsigned extent(const struct tetlodi_column *column, const struct tetlodi_field_record *record, const uint32_t *link,
+static unsigned extent(const struct tetlodi_column *column, const struct tetlodi_field_record *record,
+                       const uint32_t *link,
                        unsigned component)
 {
     const int64_t *codes = column->codes + component;
@@ -42,7 +44,8 @@ TETLODI_INLINE double least_of(double least, double b, double c, double d)
     return d < least ? d : least;
 }
 
-/* The first tetrahedron that holds the point, by its place in the star, or the one whose least barycentric weight is greatest. */
+/* The first tetrahedron that holds the point, by its place in the star, or the one whose least barycentric weight is
+ * greatest. */
 static uint32_t find_tet(const struct tetlodi_recorder *recorder, const double point[3], double weights[3])
 {
     const struct tetlodi_star_view *star = &recorder->star;
@@ -92,14 +95,16 @@ static void locate(const struct tetlodi_recorder *recorder, const struct tetlodi
         out->corners[k] = tet == TETLOD_NONE ? TETLOD_NONE : recorder->star.link[recorder->star.others[tet][k]];
 }
 
-int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_field_log *log, const struct tetlodi_record *record)
+int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_field_log *log,
+                          const struct tetlodi_record *record)
 {
     const struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_replay *replay = recorder->replay;
     struct tetlodi_memory *memory = replay->memory;
     if (!TETLODI_ROOM(memory, log->records, log->records_capacity, log->count + (size_t)1) ||
         !TETLODI_ROOM(memory, log->locations, log->locations_capacity, log->location_count + (size_t)4) ||
-        !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count + 1)) // never NULL
+        // never NULL
+        !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count + 1))
         return 0;
     log->records[log->count++] = (struct tetlodi_field_record){.vertex = record->vertex,
                                                                .first_child = replay->vertices,
@@ -151,7 +156,8 @@ static unsigned most_zeros(const struct tetlodi_scale *scale)
 }
 
 /* A code of a contraction, which mostly ends in zeros: how many, and what is before the one above them. */
-TETLODI_INLINE int64_t code_round(struct tetlodi_coder *coder, const struct context *context, int first, int64_t base, int64_t code)
+TETLODI_INLINE int64_t code_round(struct tetlodi_coder *coder, const struct context *context, int first, int64_t base,
+                                  int64_t code)
 {
     struct tetlodi_field_models *models = context->models;
     unsigned most = most_zeros(context->scale), zeros = 0;
@@ -182,7 +188,8 @@ TETLODI_INLINE int64_t code_value(struct tetlodi_coder *coder, const struct cont
 }
 
 /* The first child, after the others: the vertex's own value, or what makes that the middle of all, or a value. */
-TETLODI_INLINE int64_t code_first(struct tetlodi_coder *coder, const struct context *context, enum tetlodi_placement placement,
+TETLODI_INLINE int64_t code_first(struct tetlodi_coder *coder, const struct context *context,
+                                  enum tetlodi_placement placement,
                                  int leaf, int64_t special, int64_t base, int64_t code)
 {
     struct tetlodi_field_models *models = context->models;
@@ -196,7 +203,8 @@ TETLODI_INLINE int64_t code_first(struct tetlodi_coder *coder, const struct cont
 }
 
 /* The codes of a record's children, component by component. */
-TETLODI_INLINE void code_children(struct tetlodi_coder *coder, struct tetlodi_field_models *models, const struct tetlodi_column *column,
+TETLODI_INLINE void code_children(struct tetlodi_coder *coder, struct tetlodi_field_models *models,
+                                  const struct tetlodi_column *column,
                                  const struct tetlodi_field_record *record, const uint32_t *link,
                                  const struct tetlodi_location *where, int64_t (*codes)[4])
 {
@@ -208,17 +216,20 @@ TETLODI_INLINE void code_children(struct tetlodi_coder *coder, struct tetlodi_fi
         }
         struct context context = {models, &column->scale, &models->last_zeros[c], extent(column, record, link, c)};
         for (uint32_t i = 1; i < record->children; i++)
-            codes[c][i] = code_value(coder, &context, 0, record->leaves >> i & 1, interpolate(column, c, own[c], &where[i]),
+            codes[c][i] = code_value(coder, &context, 0, record->leaves >> i & 1,
+                                     interpolate(column, c, own[c], &where[i]),
                                      codes[c][i]);
         int64_t special = own[c];
         if (record->placement == IN_MIDDLE)
             special = tetlodi_middle(&column->scale, 0, own[c], codes[c], record->children);
-        codes[c][0] = code_first(coder, &context, (enum tetlodi_placement)record->placement, record->leaves & 1, special,
+        codes[c][0] = code_first(coder, &context, (enum tetlodi_placement)record->placement, record->leaves & 1,
+                                 special,
                                  interpolate(column, c, own[c], &where[0]), codes[c][0]);
     }
 }
 
-int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t first_child, uint32_t children,
+int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t first_child,
+                         uint32_t children,
                          uint32_t record, int64_t (*codes)[4])
 {
     size_t n = column->components;
@@ -246,7 +257,8 @@ int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t v
     return 1;
 }
 
-TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field, int64_t (*codes)[4],
+TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field,
+                               int64_t (*codes)[4],
                               int encoding)
 {
     struct tetlodi_column *column = &recorder->replay->columns[field];
@@ -262,7 +274,8 @@ TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct t
         code_children(&coder, &recorder->field_models[field - 1], column, record, link, where, codes);
         if (coder.bad)
             break;
-        if (!tetlodi_column_place(column, 0, record->vertex, record->first_child, record->children, record->number, codes))
+        if (!tetlodi_column_place(column, 0, record->vertex, record->first_child, record->children, record->number,
+                                  codes))
             coder.bad = BAD_VALUE;
         else
             placed = record->number + 1;
@@ -279,7 +292,8 @@ void tetlodi_field_decode(struct tetlodi_recorder *recorder, const struct tetlod
     code_field(recorder, log, field, codes, 0);
 }
 
-void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field, int64_t (*codes)[4])
+void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field,
+                          int64_t (*codes)[4])
 {
     code_field(recorder, log, field, codes, 1);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Splitting deals the star of a vertex out to two vertices and appends tetrahedra to four stars; undoing drops them from the
- * stars' ends and merges the two. Both keep the stars ascending without sorting, because what arrives last has the
- * highest number. A star is a run in a pool; runs come in sizes four to an octave and freed ones are used again.
+ * Splitting deals the star of a vertex out to two vertices and appends tetrahedra to four stars; undoing drops them
+ * from the stars' ends and merges the two. Both keep the stars ascending without sorting, because what arrives last has
+ * the highest number. A star is a run in a pool; runs come in sizes four to an octave and freed ones are used again.
  */
 #include "format/replay.h"
 
@@ -175,7 +175,8 @@ static uint32_t deal_out(struct tetlodi_replay *replay, uint32_t *all, uint32_t 
 {
     uint32_t kept = 0;
     for (uint32_t start = 0; start < size; start += 32) {
-        uint32_t end = size - start < 32 ? size : start + 32, labels = labels_at(replay, replay->label + start, size - start);
+        uint32_t end = size - start < 32 ? size : start + 32, labels = labels_at(replay, replay->label + start,
+                                                                                 size - start);
         for (uint32_t goes = labels; goes; goes &= goes - 1) {
             uint32_t corner = all[start + (uint32_t)__builtin_ctz(goes)];
             replay->corners[corner] = child;

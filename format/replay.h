@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The mesh of a cursor (SPEC 4): vertices and tetrahedra in order of arrival, the star of every vertex in ascending order,
- * and the log of splits. A split is applied and undone from the log alone; what lies beyond the present counts in the
- * arrays is what redoing brings back. The encoder holds the same structure. Not installed.
+ * The mesh of a cursor (SPEC 4): vertices and tetrahedra in order of arrival, the star of every vertex in ascending
+ * order, and the log of splits. A split is applied and undone from the log alone; what lies beyond the present counts
+ * in the arrays is what redoing brings back. The encoder holds the same structure. Not installed.
  */
 #ifndef TETLOD_REPLAY_H
 #define TETLOD_REPLAY_H
@@ -10,21 +10,23 @@
 #include "format/memory.h"
 #include "format/values.h"
 
-/* Positions, or one field. codes and values are [components * vertices]; before[record] holds what the record's vertex has
- * on the other side of the record: before it while the record is applied, after it while it is undone. */
+/* Positions, or one field. codes and values are [components * vertices]; before[record] holds what the record's vertex
+ * has on the other side of the record: before it while the record is applied, after it while it is undone. */
 struct tetlodi_column {
     struct tetlodi_scale scale;
     unsigned components;
     uint32_t records; /* of the log that the column has: fewer than all where fields are still to be decoded */
     int64_t *codes, *before;
     double *values; /* NULL: of a field that is written, of which nobody asks them after the base mesh */
-    double *other_values; /* on the grid where `values` are the tail's exact ones, and the other way round; NULL: there is no tail */
+    /* on the grid where `values` are the tail's exact ones, and the other way round; NULL: there is no tail */
+    double *other_values;
     size_t codes_capacity, before_capacity, values_capacity, other_capacity;
     uint64_t frame_bytes; /* of its frames, up to the level that was begun last */
 };
 
 struct tetlodi_star {
-    uint32_t at, size, room; /* pool[at .. at + size), ascending: 4 * tetrahedron + which of its corners the vertex is */
+    /* pool[at .. at + size), ascending: 4 * tetrahedron + which of its corners the vertex is */
+    uint32_t at, size, room;
     uint32_t leaf;           /* a vertex of the original: it never splits. Right at the log's end only */
 };
 
@@ -57,7 +59,8 @@ struct tetlodi_replay {
 void tetlodi_replay_init(struct tetlodi_replay *replay, struct tetlodi_memory *memory, struct tetlodi_column *columns,
                          uint32_t column_count);
 void tetlodi_replay_fini(struct tetlodi_replay *replay); /* the columns' arrays as well */
-void tetlodi_replay_drop(struct tetlodi_replay *replay); /* all but corners and codes: for who reads these and goes no further */
+/* all but corners and codes: for who reads these and goes no further */
+void tetlodi_replay_drop(struct tetlodi_replay *replay);
 
 /* Room in a column for so many vertices and records. 0 if there is no memory for them. */
 int tetlodi_column_room(struct tetlodi_column *column, struct tetlodi_memory *memory, size_t vertices, size_t records);

@@ -12,7 +12,8 @@
 static const struct known {
     const char *tag;
     bool early, once;
-} known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false},
+} known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true},
+                  {TAG_CELL_VALUES, false, false},
                 {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false},
                 {TAG_CELL_TIME, false, true}, {TAG_CELL_STEPS, false, false},
                 {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true}};
@@ -92,7 +93,8 @@ static const char *contradiction(const struct tetlodi_section *sections, uint32_
     const struct known *known = find_known(section->tag);
     if (!is_tag(section->tag) || section->flags & ~(uint32_t)SECTION_FLAGS)
         return "a section of no known form";
-    if (section->flags & SECTION_PACKED ? !tetlodi_packs(tetlodi_section_packing(section->tag), section->plain, section->frame.size)
+    if (section->flags & SECTION_PACKED ? !tetlodi_packs(tetlodi_section_packing(section->tag), section->plain,
+                                                         section->frame.size)
                                         : section->plain != section->frame.size)
         return "a section of another size than its bytes can hold";
     if (known && known->once && tetlodi_section_find(sections, i, section->tag))
@@ -102,20 +104,23 @@ static const char *contradiction(const struct tetlodi_section *sections, uint32_
     return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MOST_METADATA ? "too much metadata" : NULL;
 }
 
-enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count, struct tetlod_error *error)
+enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count,
+                                          struct tetlod_error *error)
 {
     for (uint32_t i = 0; i < count; i++) {
         const char *tag = sections[i].tag, *wrong = contradiction(sections, i);
         if (wrong)
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
         if (sections[i].flags & SECTION_CRITICAL && !find_known(tag))
-            return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream cannot be read without its section %s, which this program does not know",
+            return tetlodi_fail(error, TETLOD_ERR_VERSION,
+                                "the stream cannot be read without its section %s, which this program does not know",
                                 tag);
     }
     return TETLOD_OK;
 }
 
-const struct tetlodi_section *tetlodi_section_find(const struct tetlodi_section *sections, uint32_t count, const char *tag)
+const struct tetlodi_section *tetlodi_section_find(const struct tetlodi_section *sections, uint32_t count,
+                                                   const char *tag)
 {
     for (uint32_t i = 0; i < count; i++)
         if (strcmp(sections[i].tag, tag) == 0)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The directory of sections at the index's end (SPEC 3.5): parts of a stream that are not frames of its levels. Not installed. */
+/* The directory of sections at the index's end (SPEC 3.5): parts of a stream that are not frames of its levels. Not
+ * installed. */
 #ifndef TETLOD_SECTION_H
 #define TETLOD_SECTION_H
 
@@ -8,7 +9,8 @@
 #include "format/pack.h"
 #include "format/tetlod.h"
 
-enum { TAG_SIZE = 4, SECTION_ENTRY = 48, SECTION_CRITICAL = 1, SECTION_EARLY = 2, SECTION_PACKED = 4, SECTION_FLAGS = 7 };
+enum { TAG_SIZE = 4, SECTION_ENTRY = 48, SECTION_CRITICAL = 1, SECTION_EARLY = 2, SECTION_PACKED = 4,
+      SECTION_FLAGS = 7 };
 enum { MOST_METADATA = 1 << 20 };
 
 #define TAG_METADATA "META"
@@ -23,7 +25,8 @@ struct tetlodi_frame {
 struct tetlodi_section {
     char tag[TAG_SIZE + 1];
     uint32_t flags;
-    struct tetlodi_frame frame; /* as stored; in the index its offset counts from the index's end, or that of the levels */
+    /* as stored; in the index its offset counts from the index's end, or that of the levels */
+    struct tetlodi_frame frame;
     uint64_t plain;             /* bytes unpacked */
 };
 
@@ -39,11 +42,13 @@ void tetlodi_get_section(struct tetlodi_bytes *in, struct tetlodi_section *secti
 /* How many bytes the early sections have, and the others. False: a section does not begin where those before it end. */
 bool tetlodi_sections_measure(const struct tetlodi_section *sections, uint32_t count, uint64_t *early, uint64_t *late);
 
-/* Refuses sections that are none, known ones that are not as they should be, and unknown critical ones. ERR_STREAM, ERR_VERSION. */
+/* Refuses sections that are none, known ones that are not as they should be, and unknown critical ones. ERR_STREAM,
+ * ERR_VERSION. */
 TETLOD_CHECKED enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count,
                                                          struct tetlod_error *error);
 
 /* The first section with a tag, or NULL. */
-const struct tetlodi_section *tetlodi_section_find(const struct tetlodi_section *sections, uint32_t count, const char *tag);
+const struct tetlodi_section *tetlodi_section_find(const struct tetlodi_section *sections, uint32_t count,
+                                                   const char *tag);
 
 #endif

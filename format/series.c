@@ -153,7 +153,8 @@ static enum tetlod_status check_table(struct tetlod_series *series, struct tetlo
     }
     if (row != rows)
         return mismatch(error);
-    return has_bytes_for_steps(time, index) ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "it has more steps than their bytes can hold");
+    return has_bytes_for_steps(time, index) ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                                                       "it has more steps than their bytes can hold");
 }
 
 static enum tetlod_status open_series(struct tetlod_series *series, struct tetlod_error *error)
@@ -189,7 +190,8 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file, struct tetlod_error *error)
+enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file,
+                                     struct tetlod_error *error)
 {
     struct tetlod_series *series = calloc(1, sizeof *series);
     *out = NULL;
@@ -286,7 +288,8 @@ size_t tetlodi_series_parts(const struct tetlod_series *series, struct tetlodi_f
     for (size_t row = 0; row < (size_t)time->field_count * time->band_count; row++)
         for (uint32_t group = 0; group < time->group_count; group++) {
             uint64_t offset, size;
-            tetlodi_time_place(time, (uint32_t)(row / time->band_count), (uint32_t)(row % time->band_count), group, &offset, &size);
+            tetlodi_time_place(time, (uint32_t)(row / time->band_count), (uint32_t)(row % time->band_count), group,
+                               &offset, &size);
             if (!size)
                 continue;
             if (out) {
@@ -305,7 +308,8 @@ static enum tetlod_status no_room(const struct tetlod_series *series, struct tet
     return tetlodi_no_room(&series->memory, error);
 }
 
-static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t *corners, uint32_t band, struct tetlod_error *error)
+static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t *corners, uint32_t band,
+                                    struct tetlod_error *error)
 {
     const struct tetlod_level *level = &series->file->index.info.levels[series->time.bands[band].level];
     drop_band(series);
@@ -315,7 +319,8 @@ static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t
         if (!series->chosen[f])
             continue;
         struct track *track = &series->tracks[f];
-        struct tetlodi_step_scale scale = {series->time.fields[f].type, series->time.quanta[(size_t)band * series->time.field_count + f]};
+        struct tetlodi_step_scale scale = {series->time.fields[f].type,
+                                           series->time.quanta[(size_t)band * series->time.field_count + f]};
         size_t room = 0;
         if (!tetlodi_steps_init(&track->steps, &series->lower, &scale, components_of(series, f), &series->memory) ||
             !TETLODI_ROOM(&series->memory, track->values, room, (size_t)level->vertices * components_of(series, f) + 1))
@@ -325,7 +330,8 @@ static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_group(struct tetlod_series *series, uint32_t field, uint32_t group, struct tetlod_error *error)
+static enum tetlod_status read_group(struct tetlod_series *series, uint32_t field, uint32_t group,
+                                     struct tetlod_error *error)
 {
     struct track *track = &series->tracks[field];
     struct tetlod_span span = group_span(series, field, series->band, group);
@@ -380,7 +386,8 @@ static void set_values(struct tetlod_series *series)
     series->ready = 1;
 }
 
-enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band, uint32_t step,
+enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band,
+                                        uint32_t step,
                                         struct tetlod_error *error)
 {
     uint32_t group = step / STEP_GROUP;
@@ -397,7 +404,8 @@ enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band, uint32_t step,
+enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band,
+                                    uint32_t step,
                                     struct tetlod_error *error)
 {
     struct tetlod_mesh mesh;

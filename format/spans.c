@@ -31,7 +31,8 @@ static int is_wanted(uint32_t part, const uint32_t *fields, uint32_t field_count
     return wanted;
 }
 
-size_t tetlod_spans(const struct tetlod_file *file, uint32_t from, uint32_t to, const uint32_t *fields, uint32_t field_count,
+size_t tetlod_spans(const struct tetlod_file *file, uint32_t from, uint32_t to, const uint32_t *fields,
+                    uint32_t field_count,
                     struct tetlod_span *out, size_t capacity)
 {
     const struct tetlodi_index *index = &file->index;

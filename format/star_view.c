@@ -30,8 +30,9 @@ static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, s
     return 1;
 }
 
-/* The number of a link vertex, in the order in which they are met. Each star has marks of its own, higher than all before,
- * so that none are cleared. Which ones are new cannot be predicted: all are written behind the last, the new ones are counted. */
+/* The number of a link vertex, in the order in which they are met. Each star has marks of its own, higher than all
+ * before, so that none are cleared. Which ones are new cannot be predicted: all are written behind the last, the new
+ * ones are counted. */
 static inline uint32_t number_vertex(uint32_t *mark, uint32_t first, uint32_t *link, uint32_t *count, uint32_t vertex)
 {
     uint32_t known = mark[vertex] - first, end = *count, n = known < end ? known : end;
@@ -164,8 +165,8 @@ void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_
     ends[1] = others[2 - (opposite == 2)];
 }
 
-/* By which corner the vertex is and which other one is not on the edge: where the corners of the tetrahedron between come
- * from. Across the face that both share, the orientation turns: the two corners of the edge change places. */
+/* By which corner the vertex is and which other one is not on the edge: where the corners of the tetrahedron between
+ * come from. Across the face that both share, the orientation turns: the two corners of the edge change places. */
 static const uint8_t between_from[4][3][4] = {{{0, 1, 3, 2}, {0, 3, 2, 1}, {0, 2, 1, 3}},
                                               {{0, 1, 3, 2}, {3, 1, 2, 0}, {2, 1, 0, 3}},
                                               {{0, 3, 2, 1}, {3, 1, 2, 0}, {1, 0, 2, 3}},
@@ -184,10 +185,12 @@ void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tet
     corners[opposite + (opposite >= place)] = goes ? view->vertex : child;
 }
 
-void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex, const double *child,
+void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex,
+                                 const double *child,
                                  const double *points[4])
 {
-    static const uint8_t other[4][4] = {{0, 0, 1, 2}, {0, 0, 1, 2}, {0, 1, 0, 2}, {0, 1, 2, 0}}; // which a corner is but `place`
+    // which a corner is but `place`
+    static const uint8_t other[4][4] = {{0, 0, 1, 2}, {0, 0, 1, 2}, {0, 1, 0, 2}, {0, 1, 2, 0}};
     uint32_t first = view->edge[e].first, tet = first / 3, place = view->corners[tet] & 3, opposite = first % 3;
     const uint8_t *from = between_from[place][opposite];
     for (int c = 0; c < 4; c++)

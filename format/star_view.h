@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The star of a vertex laid out for its split: link vertices, link edges, and which tetrahedra share them. Not installed. */
+/* The star of a vertex laid out for its split: link vertices, link edges, and which tetrahedra share them. Not
+ * installed. */
 #ifndef TETLOD_STAR_VIEW_H
 #define TETLOD_STAR_VIEW_H
 
@@ -17,7 +18,8 @@ void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tet
                           uint32_t child, uint32_t corners[4]);
 
 /* Their positions, with the vertex's and the child's. */
-void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex, const double *child,
+void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex,
+                                 const double *child,
                                  const double *points[4]);
 
 /* Two tetrahedra of a star at a time: each lane does what SPEC says of one. */

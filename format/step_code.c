@@ -42,7 +42,8 @@ int tetlodi_lower_init(struct tetlodi_lower *lower, const uint32_t *corners, siz
 {
     *lower = (struct tetlodi_lower){.vertices = vertices};
     size_t begin_room = 0, vertex_room = 0;
-    if (!TETLODI_ROOM(memory, lower->begin, begin_room, (size_t)vertices + 2) || !TETLODI_ROOM(memory, lower->vertex, vertex_room, 6 * tets + 1))
+    if (!TETLODI_ROOM(memory, lower->begin, begin_room, (size_t)vertices + 2) ||
+        !TETLODI_ROOM(memory, lower->vertex, vertex_room, 6 * tets + 1))
         return 0;
     memset(lower->begin, 0, ((size_t)vertices + 2) * sizeof *lower->begin);
     size_t *next = lower->begin + 1; // becomes begin when all are placed
@@ -127,7 +128,8 @@ static int is_code(const struct tetlodi_steps *steps, int64_t code)
     const struct tetlodi_step_scale *scale = &steps->scale;
     if (!steps->lower)
         return code >= steps->rows.least && code <= steps->rows.most;
-    return (!(scale->quantum > 0) || (code >= -MOST_STEP_CODE && code <= MOST_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
+    return (!(scale->quantum > 0) ||
+            (code >= -MOST_STEP_CODE && code <= MOST_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
 }
 
 /* Of a row without neighbours, whose code is that of the step before, as `above` is of the row above; codes[-1] is that
@@ -140,8 +142,9 @@ static int64_t predict_row(enum step_mode mode, const int64_t *codes, size_t row
                                      : code_difference(codes[0], code_difference(above, codes[-1], width), width);
 }
 
-/* What an encoder tells where `near` is predicted: that, if it will do. Else a third of the way from the edge of those allowed to their
- * middle, or up to that middle what has no more bits: the next steps are then likely to need no change. */
+/* What an encoder tells where `near` is predicted: that, if it will do. Else a third of the way from the edge of those
+ * allowed to their middle, or up to that middle what has no more bits: the next steps are then likely to need no
+ * change. */
 static int64_t choose_code(const struct tetlodi_step_scale *scale, int64_t near, const int64_t allowed[2])
 {
     int64_t edge = near < allowed[0] ? allowed[0] : near > allowed[1] ? allowed[1] : near;
@@ -166,7 +169,8 @@ static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *ste
         int64_t near = steps->lower ? code_near(&steps->scale, predict(steps, mode, (uint32_t)v))
                                     : predict_row(mode, codes + v, v, above, width);
         int64_t wanted = allowed ? choose_code(&steps->scale, near, allowed + 2 * v) : near;
-        int64_t number = code_number(coder, models, context_of(steps, v), allowed ? code_difference(wanted, near, width) : 0);
+        int64_t number = code_number(coder, models, context_of(steps, v),
+                                     allowed ? code_difference(wanted, near, width) : 0);
         before = codes[v];
         codes[v] = code_difference(near, (int64_t)(0 - (uint64_t)number), width);
         if (!is_code(steps, codes[v]))
@@ -178,7 +182,8 @@ static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *ste
     return 1;
 }
 
-static int code_step(struct tetlodi_coder *coder, struct tetlodi_steps *steps, enum step_mode wanted, int64_t *codes, const int64_t *allowed)
+static int code_step(struct tetlodi_coder *coder, struct tetlodi_steps *steps, enum step_mode wanted, int64_t *codes,
+                     const int64_t *allowed)
 {
     size_t n = steps->rows.count;
     enum step_mode mode = (enum step_mode)code_tree(coder, steps->models.mode, 2, wanted);
@@ -200,7 +205,8 @@ static int make_room(struct tetlodi_steps *steps, struct tetlodi_memory *memory)
            TETLODI_ROOM(memory, steps->now, rooms[2], doubles) && TETLODI_ROOM(memory, steps->lengths, rooms[3], n + 1);
 }
 
-int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower, const struct tetlodi_step_scale *scale,
+int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower,
+                       const struct tetlodi_step_scale *scale,
                        uint32_t components, struct tetlodi_memory *memory)
 {
     *steps = (struct tetlodi_steps){.lower = lower, .scale = *scale, .components = components};

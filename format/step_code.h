@@ -23,7 +23,8 @@ int tetlodi_lower_init(struct tetlodi_lower *lower, const uint32_t *corners, siz
                        struct tetlodi_memory *memory);
 void tetlodi_lower_fini(struct tetlodi_lower *lower);
 
-/* How a field's values are coded in a band. quantum 0: bit for bit as the type. Else the value is (type)(quantum * code). */
+/* How a field's values are coded in a band. quantum 0: bit for bit as the type. Else the value is (type)(quantum *
+ * code). */
 struct tetlodi_step_scale {
     enum tetlod_type type;
     double quantum;
@@ -41,7 +42,8 @@ struct tetlodi_step_rows {
 
 double tetlodi_step_value(const struct tetlodi_step_scale *scale, int64_t code);
 
-/* How a frame's values are predicted: from those of lower neighbours; or from the step before, without and with the neighbours' change. */
+/* How a frame's values are predicted: from those of lower neighbours; or from the step before, without and with the
+ * neighbours' change. */
 enum step_mode { STEP_KEY, STEP_SAME, STEP_MOVED, STEP_MODES };
 
 struct tetlodi_step_models {
@@ -63,7 +65,8 @@ struct tetlodi_steps {
 };
 
 /* 0: as tetlodi_lower_init; to be freed even so. */
-int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower, const struct tetlodi_step_scale *scale,
+int tetlodi_steps_init(struct tetlodi_steps *steps, const struct tetlodi_lower *lower,
+                       const struct tetlodi_step_scale *scale,
                        uint32_t components, struct tetlodi_memory *memory);
 int tetlodi_steps_init_rows(struct tetlodi_steps *steps, const struct tetlodi_step_rows *rows, uint32_t components,
                             struct tetlodi_memory *memory);
@@ -72,8 +75,8 @@ void tetlodi_steps_fini(struct tetlodi_steps *steps);
 /* Begins a group. That of rows goes on from the step that `codes` are of. */
 void tetlodi_steps_start(struct tetlodi_steps *steps);
 
-/* Do the frames of all steps have the bytes that go with the rows that decoding them counts: of each frame the level's vertices and
- * tetrahedra, times the components (SPEC 2.3)? */
+/* Do the frames of all steps have the bytes that go with the rows that decoding them counts: of each frame the level's
+ * vertices and tetrahedra, times the components (SPEC 2.3)? */
 bool tetlodi_steps_hold(uint64_t rows, uint64_t bytes);
 
 /* Decodes a step's frame. 0: it holds what no encoder writes. */

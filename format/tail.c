@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A value is coded as its distance, in numbers of a kind, from its value on the grid. The kind is each component's: floats of the
- * type, or decimals, which are few where a program wrote a few digits. Values of which there are few (0, a material's) are
- * remembered by their place on the grid. Where values of one place differ in their last bits, which is noise, the distance is
- * from the remembered one: a component is `near` if that makes it smaller.
+ * A value is coded as its distance, in numbers of a kind, from its value on the grid. The kind is each component's:
+ * floats of the type, or decimals, which are few where a program wrote a few digits. Values of which there are few (0,
+ * a material's) are remembered by their place on the grid. Where values of one place differ in their last bits, which
+ * is noise, the distance is from the remembered one: a component is `near` if that makes it smaller.
  */
 #include "format/tail.h"
 
@@ -41,7 +41,8 @@ enum { MOST_WIDE = 12 };
 struct models {
     struct tetlodi_bit kind[4], digits[32], source[64], repeat[2], odd;
     struct tetlodi_number number[NEAR_MODELS + 1]; /* of floats, of decimals, from what is remembered */
-    struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE]; /* [modelled bits] of distances that reach other exponents */
+    /* [modelled bits] of distances that reach other exponents */
+    struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE];
 };
 
 /* Where an encoder was before a component. */
@@ -58,8 +59,8 @@ struct tail {
     struct start start;
 };
 
-/* Decimals m * 10^e of so many digits in all, e from -22 on, in ascending order from 0: as floats, those of the least e have
- * fewer digits as well. Too large a number becomes the largest. */
+/* Decimals m * 10^e of so many digits in all, e from -22 on, in ascending order from 0: as floats, those of the least e
+ * have fewer digits as well. Too large a number becomes the largest. */
 static int64_t digits_code(unsigned digits, double value)
 {
     double size = fabs(value), m = 0;
@@ -103,7 +104,8 @@ static double number_value(const struct numbers *numbers, int64_t code)
 {
     if (numbers->kind == KIND_FLOAT)
         return float_value(numbers->type, code);
-    double value = numbers->kind == KIND_DIGITS ? digits_value(numbers->digits, code) : (double)code / powers[numbers->digits];
+    double value = numbers->kind == KIND_DIGITS ? digits_value(numbers->digits,
+                                                               code) : (double)code / powers[numbers->digits];
     return tetlodi_round(numbers->type, value);
 }
 
@@ -123,7 +125,8 @@ static unsigned room(const struct numbers *numbers, const struct tetlodi_scale *
 /* ---- choosing */
 
 /* What the numbers of a sample would cost, in bits. */
-static double cost_of(const struct numbers *numbers, const struct tetlodi_column *column, uint32_t vertices, unsigned component,
+static double cost_of(const struct numbers *numbers, const struct tetlodi_column *column, uint32_t vertices,
+                      unsigned component,
                       const double *exact)
 {
     const struct numbers floats = {.type = numbers->type};
@@ -138,7 +141,8 @@ static double cost_of(const struct numbers *numbers, const struct tetlodi_column
 }
 
 /* The cheapest kind of numbers of a component. */
-static struct numbers choose(const struct tetlodi_column *column, uint32_t vertices, unsigned component, const double *exact)
+static struct numbers choose(const struct tetlodi_column *column, uint32_t vertices, unsigned component,
+                             const double *exact)
 {
     struct numbers best = {.type = column->scale.type};
     double least = 0.95 * cost_of(&best, column, vertices, component, exact);
@@ -157,7 +161,8 @@ static struct numbers choose(const struct tetlodi_column *column, uint32_t verti
 }
 
 /* An earlier component with the same values, or the component itself. */
-static unsigned find_source(const struct tetlodi_column *column, uint32_t vertices, unsigned component, const double *exact)
+static unsigned find_source(const struct tetlodi_column *column, uint32_t vertices, unsigned component,
+                            const double *exact)
 {
     size_t n = column->components;
     for (unsigned source = 0; source < component; source++) {
@@ -183,9 +188,10 @@ static uint64_t code_plain_bits(struct tetlodi_coder *coder, unsigned count, uin
     return bits;
 }
 
-/* A distance, under one of the sets of models: as any number, but where it reaches into the exponents, these bits are worth
- * models. */
-static int64_t code_distance_of(struct tetlodi_coder *coder, struct models *models, unsigned set, unsigned width, unsigned context,
+/* A distance, under one of the sets of models: as any number, but where it reaches into the exponents, these bits are
+ * worth models. */
+static int64_t code_distance_of(struct tetlodi_coder *coder, struct models *models, unsigned set, unsigned width,
+                                unsigned context,
                                 int64_t value)
 {
     struct tetlodi_number *number = &models->number[set];
@@ -199,7 +205,8 @@ static int64_t code_distance_of(struct tetlodi_coder *coder, struct models *mode
         size = code_below(coder, number->top[length], length, size);
     } else {
         unsigned wide = length - mantissa < MOST_WIDE ? length - mantissa : MOST_WIDE, left = length - 1 - wide;
-        uint64_t top = UINT64_C(1) << wide | code_tree(coder, models->wide[wide], wide, (unsigned)(size >> left) & ((1u << wide) - 1));
+        uint64_t top = UINT64_C(1) << wide | code_tree(coder, models->wide[wide], wide,
+                                                       (unsigned)(size >> left) & ((1u << wide) - 1));
         size = top << left | code_plain_bits(coder, left, size);
     }
     return (int64_t)(negative ? 0 - size : size);
@@ -233,9 +240,10 @@ static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const s
     return exact;
 }
 
-/* What a component's numbers are, or KIND_COPY and in *source the earlier component that has its values. A component as its own
- * source is a near one. */
-static struct numbers code_head(struct tetlodi_coder *coder, struct models *models, struct numbers numbers, unsigned component,
+/* What a component's numbers are, or KIND_COPY and in *source the earlier component that has its values. A component as
+ * its own source is a near one. */
+static struct numbers code_head(struct tetlodi_coder *coder, struct models *models, struct numbers numbers,
+                                unsigned component,
                                 unsigned *source)
 {
     unsigned kind = code_tree(coder, models->kind, 2, numbers.near ? KIND_COPY : numbers.kind);
@@ -265,7 +273,8 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
     for (size_t v = 0; v < vertices && !coder->bad; v++) {
         double known = coder->encoder ? exact[v * n + component] : 0;
         exact[v * n + component] = numbers.kind == KIND_COPY ? exact[v * n + source]
-                                 : code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component], known);
+                                 : code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component],
+                                              known);
     }
 }
 
@@ -327,7 +336,8 @@ static void start_models(struct models *models)
         tetlodi_number_init(&models->number[set]);
 }
 
-enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct tetlodi_column *column, uint32_t vertices,
+enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct tetlodi_column *column,
+                                     uint32_t vertices,
                                      double *exact, struct tetlod_error *error)
 {
     struct tail *tail = calloc(1, sizeof *tail);

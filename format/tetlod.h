@@ -136,7 +136,8 @@ struct tetlod_field {
     enum tetlod_type type; /* of the original; a lossless stream restores it bit for bit */
     double range[2];       /* least and greatest value over all components of the original */
     int controlled;        /* its error drove the contraction */
-    uint32_t bounds;       /* the field whose error this one bounds at every point of every level (SPEC 3.3); TETLOD_NONE: none */
+    /* the field whose error this one bounds at every point of every level (SPEC 3.3); TETLOD_NONE: none */
+    uint32_t bounds;
     uint64_t reserved[2];
 };
 
@@ -168,18 +169,20 @@ enum tetlod_cell_type {
     TETLOD_CELL_INT64 = 5
 };
 
-/* Values of the original's tetrahedra, such as materials. Each tetrahedron of a level is one of the original's, and has its values. */
+/* Values of the original's tetrahedra, such as materials. Each tetrahedron of a level is one of the original's, and has
+ * its values. */
 struct tetlod_cell_field {
     const char *name; /* UTF-8 */
     uint32_t components;
     enum tetlod_cell_type type;
-    int region;      /* its numbers are those of regions: faces between different ones are the original's at every level */
+    /* its numbers are those of regions: faces between different ones are the original's at every level */
+    int region;
     double range[2]; /* of the finite ones */
     uint64_t reserved[2];
 };
 
-/* A topology group: steps of a series over one mesh, where others are over other ones (SPEC 3.8). It is a stream of its own inside the
- * stream; the first one is the stream itself. */
+/* A topology group: steps of a series over one mesh, where others are over other ones (SPEC 3.8). It is a stream of its
+ * own inside the stream; the first one is the stream itself. */
 struct tetlod_topology {
     uint32_t step_count;
     const double *times;   /* [step_count], not falling, also from one group to the next */
@@ -214,13 +217,16 @@ struct tetlod_info {
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
 struct tetlod_options {
     size_t struct_size;
-    uint64_t max_bytes; /* memory that a file and its cursor may take together; 0: 16 GiB. Never more than 64 MiB and 256 for each byte of the stream */
-    /* Where a cursor's arrays, which grow with the mesh, come from; NULL: realloc and free. Resizes a block (NULL: a new one) to
-     * `size` bytes and returns it, or NULL with the block unchanged; `size` 0 frees it. Called by the cursor's thread. */
+    /* memory that a file and its cursor may take together; 0: 16 GiB. Never more than 64 MiB and 256 for each byte of
+     * the stream */
+    uint64_t max_bytes;
+    /* Where a cursor's arrays, which grow with the mesh, come from; NULL: realloc and free. Resizes a block (NULL: a
+     * new one) to `size` bytes and returns it, or NULL with the block unchanged; `size` 0 frees it. Called by the
+     * cursor's thread. */
     void *(*allocate)(void *opaque, void *block, size_t size);
     void *opaque;
-    /* Threads that tetlod_cursor_seek decodes fields with, the caller's included; 0 and 1: that one alone. They end before it returns.
-     * The source's `read` is called by all of them. Results do not depend on it. */
+    /* Threads that tetlod_cursor_seek decodes fields with, the caller's included; 0 and 1: that one alone. They end
+     * before it returns. The source's `read` is called by all of them. Results do not depend on it. */
     uint32_t threads;
 };
 
@@ -228,13 +234,14 @@ struct tetlod_file;
 struct tetlod_cursor;
 
 /* Opens a stream: reads and checks header and index, nothing of the levels. Costs O(index). The source is copied, what
- * it points at is borrowed. On failure *out is NULL. ERR_NOT_TETLOD, ERR_VERSION, ERR_STREAM, ERR_CHECKSUM, ERR_TRUNCATED,
- * ERR_LIMIT, ERR_NOMEM, or what the source returned. */
+ * it points at is borrowed. On failure *out is NULL. ERR_NOT_TETLOD, ERR_VERSION, ERR_STREAM, ERR_CHECKSUM,
+ * ERR_TRUNCATED, ERR_LIMIT, ERR_NOMEM, or what the source returned. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_source *source,
                                                          const struct tetlod_options *options, struct tetlod_error *error);
 
 /* The same over bytes that the caller keeps. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *bytes, size_t size,
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *bytes,
+                                                                size_t size,
                                                                 const struct tetlod_options *options,
                                                                 struct tetlod_error *error);
 
@@ -243,13 +250,14 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_fd(struct tetlod_file *
                                                             const struct tetlod_options *options,
                                                             struct tetlod_error *error);
 
-/* Opens a topology group as a stream of its own, over the same source, which both borrow; `file` may be closed before it. Number 0 has the
- * levels and steps of `file` itself. ERR_ARGUMENT if there is none such, or as tetlod_open. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology,
+/* Opens a topology group as a stream of its own, over the same source, which both borrow; `file` may be closed before
+ * it. Number 0 has the levels and steps of `file` itself. ERR_ARGUMENT if there is none such, or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_topology(struct tetlod_file **out,
+                                                                  const struct tetlod_file *file, uint32_t topology,
                                                                   struct tetlod_error *error);
 
-/* The topology group of a step, counted through all of them, and in *out_step (may be NULL) its number there. TETLOD_NONE: there are none, or
- * not so many steps. */
+/* The topology group of a step, counted through all of them, and in *out_step (may be NULL) its number there.
+ * TETLOD_NONE: there are none, or not so many steps. */
 TETLOD_API uint32_t tetlod_topology_of_step(const struct tetlod_info *info, uint32_t step, uint32_t *out_step);
 
 /* The topology group with the step whose time is nearest, or TETLOD_NONE if there are none. */
@@ -259,23 +267,26 @@ TETLOD_API void tetlod_close(struct tetlod_file *file);
 
 TETLOD_API const struct tetlod_info *tetlod_info(const struct tetlod_file *file);
 
-/* The original's own numbering: vertices[i] and tets[i] are the numbers there of vertex and tetrahedron i of the finest level,
- * and corner c of the original tetrahedron is corner corners[4 * i + c] of this one. The caller's arrays have
- * info->vertices, info->tets and 4 * info->tets elements. ERR_ARGUMENT if the stream does not keep it, or as the cursor. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets,
+/* The original's own numbering: vertices[i] and tets[i] are the numbers there of vertex and tetrahedron i of the finest
+ * level, and corner c of the original tetrahedron is corner corners[4 * i + c] of this one. The caller's arrays have
+ * info->vertices, info->tets and 4 * info->tets elements. ERR_ARGUMENT if the stream does not keep it, or as the
+ * cursor. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices,
+                                                          uint32_t *tets,
                                                           uint8_t *corners, struct tetlod_error *error);
 
-/* Reads section number `section` of the index, whatever its tag, checked and unpacked, into `out` of info->sections[section].size
- * bytes. ERR_ARGUMENT if there is none, or as tetlod_open. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out,
+/* Reads section number `section` of the index, whatever its tag, checked and unpacked, into `out` of
+ * info->sections[section].size bytes. ERR_ARGUMENT if there is none, or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section,
+                                                                 void *out,
                                                                  struct tetlod_error *error);
 
 /* Number of the first section with a tag, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag);
 
-/* All values of a cell field, [components * info->tets] in the order in which tetrahedra arrive: those of a level's tetrahedra are the
- * first. They lie behind the last level: ERR_TRUNCATED in a prefix without them, whose levels can be read all the same. ERR_ARGUMENT if
- * there is no such field, ERR_STREAM, or as tetlod_section_read. */
+/* All values of a cell field, [components * info->tets] in the order in which tetrahedra arrive: those of a level's
+ * tetrahedra are the first. They lie behind the last level: ERR_TRUNCATED in a prefix without them, whose levels can be
+ * read all the same. ERR_ARGUMENT if there is no such field, ERR_STREAM, or as tetlod_section_read. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out,
                                                           struct tetlod_error *error);
 
@@ -299,17 +310,19 @@ TETLOD_API uint32_t tetlod_level_for_abs_error(const struct tetlod_info *info, d
 TETLOD_API uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets);
 TETLOD_API uint32_t tetlod_level_for_bytes(const struct tetlod_info *info, uint64_t bytes);
 
-/* The bytes to fetch for a move. `from` is the level that is there, TETLOD_NONE if not even the index is; `to` is finer. With the
- * geometry come the fields with these numbers (`fields` NULL: all of them). Spans are in order, neighbours joined. Returns how many
- * there are, and writes as many as `capacity` allows. Order and other late sections are not among them: info->sections. */
+/* The bytes to fetch for a move. `from` is the level that is there, TETLOD_NONE if not even the index is; `to` is
+ * finer. With the geometry come the fields with these numbers (`fields` NULL: all of them). Spans are in order,
+ * neighbours joined. Returns how many there are, and writes as many as `capacity` allows. Order and other late sections
+ * are not among them: info->sections. */
 struct tetlod_span {
     uint64_t offset, size;
 };
 TETLOD_API size_t tetlod_spans(const struct tetlod_file *file, uint32_t from, uint32_t to, const uint32_t *fields,
                                uint32_t field_count, struct tetlod_span *out, size_t capacity);
 
-/* The mesh that a cursor holds, as flat arrays that stay valid until the cursor moves or is freed. Vertices and tetrahedra
- * are numbered in order of arrival: refining changes corners of present tetrahedra and appends, it never renumbers. */
+/* The mesh that a cursor holds, as flat arrays that stay valid until the cursor moves or is freed. Vertices and
+ * tetrahedra are numbered in order of arrival: refining changes corners of present tetrahedra and appends, it never
+ * renumbers. */
 struct tetlod_mesh {
     uint32_t vertices, tets, level;
     const double *positions;     /* [3 * vertices] */
@@ -330,56 +343,64 @@ TETLOD_API void tetlod_cursor_free(struct tetlod_cursor *cursor);
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level,
                                                                 struct tetlod_error *error);
 
-/* Moves towards a level by at most `records` records, so that no call takes long: a level's exact tail counts as one, and reading and
- * checking a level's frames comes with its first record. TETLOD_MORE if the level is not reached yet; otherwise as
- * tetlod_cursor_seek. Between two calls the cursor holds a mesh like any other, and may go elsewhere. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level, uint32_t records,
+/* Moves towards a level by at most `records` records, so that no call takes long: a level's exact tail counts as one,
+ * and reading and checking a level's frames comes with its first record. TETLOD_MORE if the level is not reached yet;
+ * otherwise as tetlod_cursor_seek. Between two calls the cursor holds a mesh like any other, and may go elsewhere. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level,
+                                                                uint32_t records,
                                                                 struct tetlod_error *error);
 
-/* Decodes one more field, for the mesh at hand and from then on. The cursor stays where it is. Costs what a new cursor costs, and
- * its memory meanwhile. On failure the cursor is as it was. ERR_ARGUMENT if there is no such field, or as the cursor. */
+/* Decodes one more field, for the mesh at hand and from then on. The cursor stays where it is. Costs what a new cursor
+ * costs, and its memory meanwhile. On failure the cursor is as it was. ERR_ARGUMENT if there is no such field, or as
+ * the cursor. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_t field,
                                                                      struct tetlod_error *error);
 
 /* One record up or down. TETLOD_END at the finest level or at the base mesh. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error);
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct tetlod_error *error);
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor,
+                                                                  struct tetlod_error *error);
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor,
+                                                                   struct tetlod_error *error);
 
 /* The current mesh; between two levels `level` is the coarser one. */
 TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out);
 
-/* What the current mesh has otherwise than a coarser `level`, beside what it has more: vertices of that level with another position or
- * value, tetrahedra of that level with another corner, in ascending order. For buffers that hold one of the two and shall hold the other: ask
- * after going up, or before going down. `vertices` and `tets` have room for those of the level. Costs O(mesh + records between).
- * ERR_ARGUMENT for a level above the current one, ERR_NOMEM. */
+/* What the current mesh has otherwise than a coarser `level`, beside what it has more: vertices of that level with
+ * another position or value, tetrahedra of that level with another corner, in ascending order. For buffers that hold
+ * one of the two and shall hold the other: ask after going up, or before going down. `vertices` and `tets` have room
+ * for those of the level. Costs O(mesh + records between). ERR_ARGUMENT for a level above the current one,
+ * ERR_NOMEM. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uint32_t level,
                                                                    uint32_t *vertices, uint32_t *vertex_count, uint32_t *tets,
                                                                    uint32_t *tet_count, struct tetlod_error *error);
 
-/* The numbers of `count` vertices from `first` on as float32, rounded to nearest: of a field, or the positions if `field` is
- * TETLOD_NONE. ERR_FIELD if it is not selected, ERR_ARGUMENT if there are not so many vertices. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field, uint32_t first,
+/* The numbers of `count` vertices from `first` on as float32, rounded to nearest: of a field, or the positions if
+ * `field` is TETLOD_NONE. ERR_FIELD if it is not selected, ERR_ARGUMENT if there are not so many vertices. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field,
+                                                                  uint32_t first,
                                                                   uint32_t count, float *out, struct tetlod_error *error);
 
-/* For geomorphs: where every vertex of the current mesh comes from at a coarser `level`: the position there of the vertex that it
- * was split from, or was itself, and that one's values. `positions` [3 * vertices] and `fields` [field_count], each
- * [components * vertices] or NULL, are the caller's; either may be NULL. Costs O(vertices + records between). ERR_ARGUMENT
- * for a level above the current one. */
+/* For geomorphs: where every vertex of the current mesh comes from at a coarser `level`: the position there of the
+ * vertex that it was split from, or was itself, and that one's values. `positions` [3 * vertices] and `fields`
+ * [field_count], each [components * vertices] or NULL, are the caller's; either may be NULL. Costs O(vertices + records
+ * between). ERR_ARGUMENT for a level above the current one. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uint32_t level,
                                                                    double *positions, double *const *fields,
                                                                    struct tetlod_error *error);
 
-/* Push decoding, for bytes that arrive in order: add what has come, open cursors on the file as soon as it is there, seek
- * to levels up to tetlod_feed_level; a level beyond it is ERR_TRUNCATED and can be tried again later. */
+/* Push decoding, for bytes that arrive in order: add what has come, open cursors on the file as soon as it is there,
+ * seek to levels up to tetlod_feed_level; a level beyond it is ERR_TRUNCATED and can be tried again later. */
 struct tetlod_feed;
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod_options *options,
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_new(struct tetlod_feed **out,
+                                                             const struct tetlod_options *options,
                                                              struct tetlod_error *error);
 /* Frees the file too; its cursors must be freed before. */
 TETLOD_API void tetlod_feed_free(struct tetlod_feed *feed);
 
-/* Before the first bytes: what will be added is header and index, and of every level the frames of its geometry and of the
- * fields with these names, nothing of others (SPEC 3; a server's `prefix` and `records` with `fields`). The names are copied.
- * Cursors can open with these fields only. ERR_NOMEM; if there is no such field, tetlod_feed_add says ERR_FIELD. */
+/* Before the first bytes: what will be added is header and index, and of every level the frames of its geometry and of
+ * the fields with these names, nothing of others (SPEC 3; a server's `prefix` and `records` with `fields`). The names
+ * are copied. Cursors can open with these fields only. ERR_NOMEM; if there is no such field, tetlod_feed_add says
+ * ERR_FIELD. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *const *names,
                                                                 uint32_t count, struct tetlod_error *error);
 
@@ -393,22 +414,25 @@ TETLOD_API struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed);
 /* The finest level that is there whole, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
 
-/* Gives back the memory of the bytes of levels 0 to `level`, which are there. For when the cursors that are wanted have them:
- * a cursor that needs them from now on, a new one too, says ERR_TRUNCATED. */
+/* Gives back the memory of the bytes of levels 0 to `level`, which are there. For when the cursors that are wanted have
+ * them: a cursor that needs them from now on, a new one too, says ERR_TRUNCATED. */
 TETLOD_API void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level);
 
-/* Copies bytes of the stream that lie elsewhere, once the index is there: a section, a group of steps. They are found by whoever reads
- * exactly these, or some of them, until they are forgotten. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size,
+/* Copies bytes of the stream that lie elsewhere, once the index is there: a section, a group of steps. They are found
+ * by whoever reads exactly these, or some of them, until they are forgotten. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset,
+                                                             const void *bytes, size_t size,
                                                              struct tetlod_error *error);
 TETLOD_API void tetlod_feed_forget(struct tetlod_feed *feed);
 
-/* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not selected. */
+/* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not
+ * selected. */
 TETLOD_API uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level);
 
 /* ---- series in time (SPEC 3.7): values of some fields at steps, over levels of the one mesh */
 
-/* Values that are within `error` of the original's at every step: a fraction of the field's range over the series. 0: exact. */
+/* Values that are within `error` of the original's at every step: a fraction of the field's range over the series. 0:
+ * exact. */
 struct tetlod_band {
     double error;
     uint32_t level; /* whose vertices have values */
@@ -420,7 +444,8 @@ enum { TETLOD_STEP_GROUP = 8 };
 
 struct tetlod_series_info {
     uint32_t step_count, band_count, field_count;
-    uint32_t displacement;           /* the number, of these fields, of the one that moves the points; TETLOD_NONE: they keep their places */
+    /* the number, of these fields, of the one that moves the points; TETLOD_NONE: they keep their places */
+    uint32_t displacement;
     const double *times;             /* [step_count], not falling */
     const struct tetlod_band *bands; /* coarse to fine */
     const uint32_t *fields;          /* [field_count] of the stream */
@@ -433,8 +458,10 @@ struct tetlod_series_info {
 
 struct tetlod_series;
 
-/* Reads the table of steps. The file is borrowed. ERR_ARGUMENT if the stream has no steps; ERR_STREAM, or as tetlod_section_read. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file,
+/* Reads the table of steps. The file is borrowed. ERR_ARGUMENT if the stream has no steps; ERR_STREAM, or as
+ * tetlod_section_read. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_new(struct tetlod_series **out,
+                                                               const struct tetlod_file *file,
                                                                struct tetlod_error *error);
 TETLOD_API void tetlod_series_free(struct tetlod_series *series);
 
@@ -450,31 +477,38 @@ TETLOD_API uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *i
 /* The step whose time is nearest: the first of several. */
 TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
 
-/* A bound of the error of the series' field number `field` at one step in one band, a fraction of its range; NaN if there is none such. */
+/* A bound of the error of the series' field number `field` at one step in one band, a fraction of its range; NaN if
+ * there is none such. */
 TETLOD_API double tetlod_step_error(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step);
 
-/* The bytes of the stream that a step needs in a band, of one field: those of its group of steps. Size 0 if there is none such. */
-TETLOD_API struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step);
+/* The bytes of the stream that a step needs in a band, of one field: those of its group of steps. Size 0 if there is
+ * none such. */
+TETLOD_API struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t field, uint32_t band,
+                                               uint32_t step);
 
-/* Moves the cursor, which is on the series' file, to the band's level, and decodes the values of a step there. The step after the last one
- * costs one frame, others those of their group up to it. Keep one series for each cursor. ERR_ARGUMENT, or as tetlod_cursor_seek. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band,
+/* Moves the cursor, which is on the series' file, to the band's level, and decodes the values of a step there. The step
+ * after the last one costs one frame, others those of their group up to it. Keep one series for each cursor.
+ * ERR_ARGUMENT, or as tetlod_cursor_seek. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_seek_step(struct tetlod_series *series,
+                                                              struct tetlod_cursor *cursor, uint32_t band,
                                                               uint32_t step, struct tetlod_error *error);
 
 /* The same without a cursor: `corners` are those of the band's level, from wherever the caller has them. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band,
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_decode(struct tetlod_series *series,
+                                                                  const uint32_t *corners, uint32_t band,
                                                                   uint32_t step, struct tetlod_error *error);
 
 /* From now on only `count` of the series' fields are read and decoded, and the one that moves the points; NULL: all. */
 TETLOD_API void tetlod_series_select(struct tetlod_series *series, const uint32_t *fields, uint32_t count);
 
-/* The values that the last tetlod_seek_step gave, of the series' field number `field`: [components * vertices of the band's level]; NULL
- * if there are none. Valid until the next one. */
+/* The values that the last tetlod_seek_step gave, of the series' field number `field`: [components * vertices of the
+ * band's level]; NULL if there are none. Valid until the next one. */
 TETLOD_API const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field);
 
-/* Moves points to where they are at that step: `positions` [3 * vertices] are those of the band's level. Does nothing where points keep their
- * places. ERR_STREAM if one would not be finite. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions, struct tetlod_error *error);
+/* Moves points to where they are at that step: `positions` [3 * vertices] are those of the band's level. Does nothing
+ * where points keep their places. ERR_STREAM if one would not be finite. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions,
+                                                              struct tetlod_error *error);
 
 /* Are there values of a cell field at a step? Those that have no steps are known at the first one only. */
 TETLOD_API int tetlod_has_step_cells(const struct tetlod_series *series, uint32_t field, uint32_t step);

@@ -64,7 +64,8 @@ struct tetlodi_helpers *tetlodi_helpers_new(uint32_t count)
     pthread_mutex_init(&helpers->mutex, NULL);
     pthread_cond_init(&helpers->begun, NULL);
     pthread_cond_init(&helpers->ended, NULL);
-    while (helpers->thread_count < count && pthread_create(&helpers->threads[helpers->thread_count], NULL, help, helpers) == 0)
+    while (helpers->thread_count < count &&
+           pthread_create(&helpers->threads[helpers->thread_count], NULL, help, helpers) == 0)
         helpers->thread_count++;
     if (helpers->thread_count)
         return helpers;

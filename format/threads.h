@@ -14,8 +14,8 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers);
 /* What threads do: 0 if it failed. Then no further task is begun; all of lower numbers have been. */
 typedef int tetlodi_task(void *context, uint32_t number);
 
-/* Begins task(context, 0 ... count - 1), one after the other. The tasks before have ended: the caller has waited. Without
- * helpers everything is done at once. */
+/* Begins task(context, 0 ... count - 1), one after the other. The tasks before have ended: the caller has waited.
+ * Without helpers everything is done at once. */
 void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count);
 
 /* Until all tasks have ended. The caller takes part. */

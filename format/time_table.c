@@ -36,7 +36,8 @@ void tetlodi_time_fini(struct tetlodi_time *time)
     *time = (struct tetlodi_time){0};
 }
 
-void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group, uint64_t *offset, uint64_t *size)
+void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group,
+                        uint64_t *offset, uint64_t *size)
 {
     const uint64_t *ends = time->ends + time_row(time, field, band) * time->group_count;
     *offset = group ? ends[group - 1] : 0;
@@ -105,7 +106,8 @@ static uint64_t table_size(uint64_t fields, uint64_t bands, uint64_t steps)
     if (!fields || fields > 256 || !bands || bands > MOST_BANDS || !steps || steps > MOST_STEPS)
         return UINT64_MAX;
     uint64_t groups = (steps + STEP_GROUP - 1) / STEP_GROUP, rows = fields * bands;
-    return TIME_HEAD + fields * FIELD_ROW + bands * BAND_ROW + NUMBER * (rows + steps + rows * steps) + DIGEST_SIZE * rows * groups;
+    return TIME_HEAD + fields * FIELD_ROW + bands * BAND_ROW + NUMBER * (rows + steps + rows *
+                                                                         steps) + DIGEST_SIZE * rows * groups;
 }
 
 static int decode_field(struct tetlodi_time_field *field, struct tetlodi_bytes *in)
@@ -153,10 +155,12 @@ static int decode_rows(struct tetlodi_time *time, struct tetlodi_bytes *in)
     return good && digests;
 }
 
-enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time, const uint8_t *bytes, size_t size,
+                                       struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {bytes, size, false};
-    uint32_t fields = (uint32_t)tetlodi_get(&in, 4), bands = (uint32_t)tetlodi_get(&in, 4), steps = (uint32_t)tetlodi_get(&in, 4);
+    uint32_t fields = (uint32_t)tetlodi_get(&in, 4), bands = (uint32_t)tetlodi_get(&in,
+                                                                                   4), steps = (uint32_t)tetlodi_get(&in, 4);
     uint32_t displacement = (uint32_t)tetlodi_get(&in, 4);
     int good = !in.failed && displacement <= fields && table_size(fields, bands, steps) == size;
     *time = (struct tetlodi_time){0};

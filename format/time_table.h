@@ -27,14 +27,16 @@ struct tetlodi_time_entry {
 
 struct tetlodi_time {
     uint32_t field_count, band_count, step_count, group_count;
-    uint32_t displacement;             /* 1 + the number of the field that moves the points; 0: they keep their places */
+    /* 1 + the number of the field that moves the points; 0: they keep their places */
+    uint32_t displacement;
     struct tetlodi_time_field *fields; /* [field] owned, as all here */
     struct tetlod_band *bands;         /* [band] */
     double *quanta;                    /* [band][field] */
     double *times;                     /* [step] */
     struct tetlodi_time_entry *entries;        /* [field][band][step] */
     uint8_t (*digests)[DIGEST_SIZE];           /* [field][band][group] */
-    uint64_t *ends;                            /* [field][band][group] of the group's frames among the row's; of a table that was decoded */
+    /* [field][band][group] of the group's frames among the row's; of a table that was decoded */
+    uint64_t *ends;
 };
 
 /* Room for all of it, zero. 0: out of memory. */
@@ -57,6 +59,7 @@ TETLOD_CHECKED enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time,
                                                       struct tetlod_error *error);
 
 /* The frames of a group of a row of a decoded table: their first byte among the row's, and their bytes together. */
-void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group, uint64_t *offset, uint64_t *size);
+void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group,
+                        uint64_t *offset, uint64_t *size);
 
 #endif

@@ -11,7 +11,8 @@
 
 enum { TOPOLOGY_ENTRY = 32 }; /* bytes of the table for one, without its times */
 
-void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_t count, const uint8_t (*cids)[DIGEST_SIZE],
+void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_t count,
+                               const uint8_t (*cids)[DIGEST_SIZE],
                                struct tetlodi_buffer *out)
 {
     static const uint8_t none[DIGEST_SIZE] = {0};
@@ -19,7 +20,8 @@ void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_
     for (uint32_t t = 0; t < count; t++) {
         tetlodi_put(out, topologies[t].step_count, 4);
         tetlodi_put(out, 0, 4);
-        tetlodi_put(out, t ? topologies[t].size : 0, 8); // the first one's is that of the stream, which nobody knows yet
+        // the first one's is that of the stream, which nobody knows yet
+        tetlodi_put(out, t ? topologies[t].size : 0, 8);
         tetlodi_put_block(out, t ? cids[t] : none, DIGEST_SIZE);
     }
     for (uint32_t t = 0; t < count; t++)
@@ -28,7 +30,8 @@ void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_
 }
 
 /* One row; *at is where its stream begins. */
-static bool decode_topology(struct tetlod_topology *topology, bool first, const char *own_cid, struct tetlodi_bytes *in, uint64_t *at)
+static bool decode_topology(struct tetlod_topology *topology, bool first, const char *own_cid,
+                            struct tetlodi_bytes *in, uint64_t *at)
 {
     topology->step_count = (uint32_t)tetlodi_get(in, 4);
     uint64_t reserved = tetlodi_get(in, 4);
@@ -53,13 +56,15 @@ static bool decode_topology(struct tetlod_topology *topology, bool first, const 
 }
 
 /* The rows; *out_steps is how many steps they have. False: they are damaged. */
-static bool decode_rows(struct tetlodi_index *index, uint32_t count, const struct tetlodi_section *next, struct tetlodi_bytes *in,
+static bool decode_rows(struct tetlodi_index *index, uint32_t count, const struct tetlodi_section *next,
+                        struct tetlodi_bytes *in,
                         uint64_t *out_steps)
 {
     uint64_t at = next->frame.offset;
     *out_steps = 0;
     for (uint32_t t = 0; t < count; t++) {
-        if (!decode_topology(&index->topologies[t], t == 0, index->info.cid, in, &at) || at - next->frame.offset > next->frame.size)
+        if (!decode_topology(&index->topologies[t], t == 0, index->info.cid, in, &at) ||
+            at - next->frame.offset > next->frame.size)
             return false;
         *out_steps += index->topologies[t].step_count;
     }
@@ -79,14 +84,16 @@ static bool decode_times(struct tetlodi_index *index, uint32_t count, uint64_t s
     return true;
 }
 
-enum tetlod_status tetlodi_topologies_decode(struct tetlodi_index *index, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+enum tetlod_status tetlodi_topologies_decode(struct tetlodi_index *index, const uint8_t *bytes, size_t size,
+                                             struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {bytes, size, false};
     struct tetlod_info *info = &index->info;
     const struct tetlodi_section *next = tetlodi_section_find(index->sections, info->section_count, TAG_NEXT);
     uint32_t count = (uint32_t)tetlodi_get(&in, 4);
     uint64_t steps = 0;
-    bool good = next && !(next->flags & SECTION_PACKED) && tetlodi_section_find(index->sections, info->section_count, TAG_TIME) && count > 1 &&
+    bool good = next && !(next->flags & SECTION_PACKED) && tetlodi_section_find(index->sections, info->section_count,
+                                                                                TAG_TIME) && count > 1 &&
                 (size - 4) / TOPOLOGY_ENTRY >= count;
     if (good && !(index->topologies = calloc(count, sizeof *index->topologies)))
         return tetlodi_fail_nomem(error, "the topology groups", count * sizeof *index->topologies);
@@ -109,7 +116,8 @@ static enum tetlod_status read_part_of(void *opaque, uint64_t offset, void *buff
     return part->whole.read(part->whole.opaque, part->offset + offset, buffer, size);
 }
 
-enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology, struct tetlod_error *error)
+enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology,
+                                        struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
     *out = NULL;

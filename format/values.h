@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Numbers of a mesh as integers (SPEC 5): a float's code keeps its order and its every bit (-0.0 is just below 0.0);
- * a quantised number's code is its step. Predictions are made in double and become codes by plain rounding. Not installed.
+ * a quantised number's code is its step. Predictions are made in double and become codes by plain rounding. Not
+ * installed.
  */
 #ifndef TETLOD_VALUES_H
 #define TETLOD_VALUES_H
@@ -16,7 +17,8 @@
 
 enum { MOST_COMPONENTS = 64 };
 
-/* How one column is coded. bits = 0: bit for bit as `type`. Else value = (type)(origin + step * code), 0 <= code < 2^bits. */
+/* How one column is coded. bits = 0: bit for bit as `type`. Else value = (type)(origin + step * code), 0 <= code <
+ * 2^bits. */
 struct tetlodi_scale {
     enum tetlod_type type;     /* float32 also for an original of float64 all of whose values are float32 values */
     enum tetlod_type original;

@@ -75,7 +75,8 @@ static void mark_split(const struct tetlod_cursor *cursor, uint32_t records, uin
     }
 }
 
-enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uint32_t level, uint32_t *vertices, uint32_t *vertex_count,
+enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uint32_t level, uint32_t *vertices,
+                                         uint32_t *vertex_count,
                                          uint32_t *tets, uint32_t *tet_count, struct tetlod_error *error)
 {
     const struct tetlod_level *levels = cursor->file->index.info.levels;
@@ -102,7 +103,8 @@ enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uin
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field, uint32_t first, uint32_t count, float *out,
+enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field, uint32_t first,
+                                        uint32_t count, float *out,
                                         struct tetlod_error *error)
 {
     uint32_t part = field == TETLOD_NONE ? 0 : field + 1, column = 0;
@@ -111,7 +113,8 @@ enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint
     if (column == cursor->replay.column_count)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "the cursor has no field number %u", field);
     if (first > cursor->replay.vertices || count > cursor->replay.vertices - first)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there are %u vertices, not %u from number %u on", cursor->replay.vertices, count, first);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there are %u vertices, not %u from number %u on",
+                            cursor->replay.vertices, count, first);
     size_t n = cursor->columns[column].components;
     const double *values = cursor->columns[column].values + first * n;
     for (size_t i = 0; i < count * n; i++)

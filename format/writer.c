@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The writer holds the same mesh as a cursor and walks it from the base mesh up, telling the recorder what the contraction
- * forest says. A tetrahedron comes back with the split of the last of the nodes in which its corners meet.
+ * The writer holds the same mesh as a cursor and walks it from the base mesh up, telling the recorder what the
+ * contraction forest says. A tetrahedron comes back with the split of the last of the nodes in which its corners meet.
  */
 #include "format/writer.h"
 
@@ -81,7 +81,8 @@ static bool is_rounded(const struct writer *w, uint32_t column, uint32_t node)
 
 static int64_t code_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
 {
-    int64_t code = scale_code(&w->columns[column].scale, axis_of(column, component), value_of(w, column, node, component));
+    int64_t code = scale_code(&w->columns[column].scale, axis_of(column, component),
+                              value_of(w, column, node, component));
     return is_rounded(w, column, node) && code > w->in->fields[column - 1].most ? w->in->fields[column - 1].most : code;
 }
 
@@ -94,7 +95,8 @@ static enum tetlod_status check_column(const struct writer *w, uint32_t c)
             double value = value_of(w, c, node, k);
             double back = scale_value(&w->columns[c].scale, axis_of(c, k), code_of(w, c, node, k));
             if (!isfinite(value) || (!is_rounded(w, c, node) && memcmp(&back, &value, sizeof value) != 0))
-                return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
+                return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name,
+                                    value);
         }
     return TETLOD_OK;
 }
@@ -151,7 +153,8 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
             base->corners[4 * (size_t)tets + (size_t)c] = slot_of(w, t, c);
         base->tets[tets++] = t;
     }
-    base->guide = (struct tetlodi_base_guide){vertices, tets, base->corners, base->vertex_order, base->tet_order, base->arrival};
+    base->guide = (struct tetlodi_base_guide){vertices, tets, base->corners, base->vertex_order, base->tet_order,
+                                              base->arrival};
     return TETLOD_OK;
 }
 
@@ -184,7 +187,8 @@ static bool make_room(struct writer *w, size_t base_vertices)
     for (uint32_t c = 0; c < w->replay.column_count && room; c++) {
         struct tetlodi_column *column = &w->columns[c];
         room = tetlodi_column_room(column, &w->memory, c ? base_vertices : w->in->vertices, 1) &&
-               TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity, (size_t)w->in->vertices * column->components);
+               TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity,
+                            (size_t)w->in->vertices * column->components);
     }
     return room;
 }
@@ -208,7 +212,8 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
         struct tetlodi_field_models *models = &recorder->field_models[c - 1];
         find_copies(w, c, models->copied);
         tetlodi_copies_code(&recorder->coders[c], models, w->columns[c].components);
-        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner, models->copied,
+        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner,
+                                       models->copied,
                                        w->error));
         TETLODI_FREE(&w->memory, w->columns[c].values, w->columns[c].values_capacity);
     }
@@ -269,8 +274,8 @@ static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
            code_of(w, 0, a, 2) == code_of(w, 0, b, 2);
 }
 
-/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y, z, so
- * that the sign of where the second lies can be learned. */
+/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y,
+ * z, so that the sign of where the second lies can be learned. */
 static uint32_t order_children(struct writer *w, uint32_t node)
 {
     uint32_t count = lineage_child_count(&w->lineage, node), first = 0;
@@ -314,7 +319,8 @@ static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
     return swaps % 2 == 0;
 }
 
-/* Corners of a waiting tetrahedron, if they are four by now and among them vertex and child. The other two go to x, y. */
+/* Corners of a waiting tetrahedron, if they are four by now and among them vertex and child. The other two go to x,
+ * y. */
 static bool is_there(const struct writer *w, uint32_t tet, uint32_t vertex, uint32_t child, uint32_t corners[4],
                      uint32_t others[2])
 {
@@ -501,7 +507,8 @@ static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4
 
 static enum tetlod_status write_order(struct writer *w)
 {
-    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of, malloc(4 * (size_t)w->in->tets)};
+    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of,
+                                  malloc(4 * (size_t)w->in->tets)};
     struct tetlodi_coder coder;
     struct tetlodi_encoder encoder = {0};
     if (!order.corners)
@@ -549,7 +556,8 @@ static void fill_info(struct writer *w)
                                                    .type = original_type(&in->fields[f]),
                                                    .range = {in->fields[f].range[0], in->fields[f].range[1]},
                                                    .controlled = in->fields[f].controlled,
-                                                   .bounds = in->fields[f].local_bound ? f : TETLOD_NONE}; // a flag in the index
+                                                   // a flag in the index
+                                                   .bounds = in->fields[f].local_bound ? f : TETLOD_NONE};
     for (uint32_t f = 0; f < in->field_count; f++)
         info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }
@@ -566,9 +574,11 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
-        sections[count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = in->metadata, .size = strlen(in->metadata)};
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = in->metadata,
+                                                           .size = strlen(in->metadata)};
     if (in->keep_order)
-        sections[count++] = (struct tetlodi_write_section){.tag = TAG_ORDER, .bytes = w->order.bytes, .size = w->order.size};
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_ORDER, .bytes = w->order.bytes,
+                                                           .size = w->order.size};
     count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];
@@ -618,7 +628,8 @@ static enum tetlod_status check_input(const struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
     const char *wrong = NULL;
-    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MOST_FIELDS || in->level_count > MOST_LEVELS ||
+    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MOST_FIELDS ||
+        in->level_count > MOST_LEVELS ||
         in->vertices == UINT32_MAX || in->tets > MOST_TETS)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
@@ -661,7 +672,8 @@ static void set_columns(struct writer *w)
     for (uint32_t f = 0; f < in->field_count; f++) {
         const struct tetlodi_write_field *field = &in->fields[f];
         w->columns[1 + f].components = w->index.fields[f].components = field->components;
-        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits, {field->origin}, {field->step}};
+        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits,
+                                                         {field->origin}, {field->step}};
         w->index.exact_later[f] = field->exact != NULL;
     }
     for (uint32_t c = 0; c <= in->field_count; c++)
@@ -730,14 +742,16 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
 }
 
 /* The rate of learning that makes the smallest frames: all are tried. */
-static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input, unsigned *out, struct tetlod_error *error)
+static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input, unsigned *out,
+                                         struct tetlod_error *error)
 {
     uint64_t least = UINT64_MAX;
     for (unsigned slowest = LEAST_SLOWEST; slowest <= MOST_SLOWEST; slowest++) {
         double share = 1.0 / (MOST_SLOWEST - LEAST_SLOWEST + 2);
         struct writer w = {.in = input, .error = error, .begun = (slowest - LEAST_SLOWEST) * share, .share = share};
         enum tetlod_status status = encode(&w, slowest);
-        uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE); // digests pack to some bytes more or less
+        // digests pack to some bytes more or less
+        uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE);
         for (size_t i = 0; i < (input->field_count + (size_t)1) * input->level_count && status == TETLOD_OK; i++)
             size += w.stored[i].size;
         release(&w);

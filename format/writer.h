@@ -2,10 +2,10 @@
 /*
  * From a contraction sequence to a stream (SPEC.md). Not installed: only the builder writes streams.
  *
- * The sequence is a forest. Nodes 0 .. vertices-1 are the original vertices; contraction c makes node vertices + c out of
- * two to four nodes that were alive. A level is the moment after its first `contractions` contractions. Which tetrahedra a
- * contraction removes follows from the forest: a tetrahedron is there while its four corners have four different living
- * ancestors. Any sequence over any list of tetrahedra round-trips, manifold or not.
+ * The sequence is a forest. Nodes 0 .. vertices-1 are the original vertices; contraction c makes node vertices + c out
+ * of two to four nodes that were alive. A level is the moment after its first `contractions` contractions. Which
+ * tetrahedra a contraction removes follows from the forest: a tetrahedron is there while its four corners have four
+ * different living ancestors. Any sequence over any list of tetrahedra round-trips, manifold or not.
  */
 #ifndef TETLOD_WRITER_H
 #define TETLOD_WRITER_H
@@ -21,12 +21,15 @@ struct tetlodi_write_field {
     int local_bound; /* it bounds, at every point of every level, the error of the field that has its name without
                         TETLOD_BOUND_SUFFIX */
     double range[2];
-    const double *values;      /* [components * vertices], the original's in all levels; NULL: `exact` at the nearest k up to `most` */
+    /* [components * vertices], the original's in all levels; NULL: `exact` at the nearest k up to `most` */
+    const double *values;
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
-    unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
+    /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
+    unsigned bits;
     double origin, step;
     int64_t most;
-    const double *exact;       /* with bits: the original's values are rounded, and are these in the last level. NULL: they are not */
+    /* with bits: the original's values are rounded, and are these in the last level. NULL: they are not */
+    const double *exact;
 };
 
 struct tetlodi_write_level {
@@ -45,7 +48,8 @@ struct tetlodi_write_section {
     const char *tag; /* 4 of A-Z, 0-9 */
     int critical;    /* who does not know it must not read the stream */
     int early;       /* before level 0, so that every prefix has it */
-    uint32_t row;    /* bytes of a row of its table; 0: it is no table; ROW_CODED: its bytes are neither packed nor copied */
+    /* bytes of a row of its table; 0: it is no table; ROW_CODED: its bytes are neither packed nor copied */
+    uint32_t row;
     const void *bytes;
     size_t size;
     const struct tetlod_source *source; /* in place of bytes, with ROW_CODED: read twice, in pieces */
@@ -92,7 +96,8 @@ struct tetlodi_write_input {
     void *progress_opaque;
 };
 
-/* What is wrong with metadata, the number of fields, or a field's name and components, or NULL: a caller can ask before work that takes long. */
+/* What is wrong with metadata, the number of fields, or a field's name and components, or NULL: a caller can ask before
+ * work that takes long. */
 const char *tetlodi_metadata_wrong(const char *metadata);
 const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields);
 const char *tetlodi_field_wrong(const char *name, uint32_t components);
@@ -105,7 +110,8 @@ struct tetlodi_sink {
 
 /* Encodes the whole stream into the sink. The same input gives the same bytes. ERR_ARGUMENT names a sequence that is
  * not one; ERR_NOMEM; ERR_LIMIT; ERR_CANCELLED; or what the sink returned. */
-TETLOD_CHECKED enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
+TETLOD_CHECKED enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input,
+                                                const struct tetlodi_sink *sink,
                                                 struct tetlod_error *error);
 
 #endif

@@ -33,7 +33,8 @@ def forms(path):
     """As it is, gzip, zstd, Brotli (enum coding); None where it is no smaller, or not there."""
     data = content(path)
     yield data
-    for coded in (gzip.compress(data, 9, mtime=0), zstd(data), content(path + '.br') if os.path.exists(path + '.br') else data):
+    for coded in (gzip.compress(data, 9, mtime=0), zstd(data),
+                  content(path + '.br') if os.path.exists(path + '.br') else data):
         yield coded if len(coded) < len(data) else None
 
 
@@ -54,7 +55,8 @@ def main(out, *folders):
     for i, (path, folder) in enumerate(files):
         extension = os.path.splitext(path)[1]
         if extension not in MEDIA_TYPES:
-            sys.exit('%s: no media type is known for %s; add it to embed.py' % (path, extension or 'a name without extension'))
+            sys.exit('%s: no media type is known for %s; add it to embed.py' % (path, extension or
+                                                                                'a name without extension'))
         name = '/' + os.path.relpath(path, folder)
         name = name[:-len('index.html')] if name.endswith('/index.html') else name
         coded = []

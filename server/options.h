@@ -25,7 +25,8 @@ struct server_options {
     size_t stream_origin_count;
     unsigned threads;            /* [one per core] */
     uint64_t cache_bytes;        /* of answers that were made [256 MiB] */
-    uint64_t memory_bytes;       /* of decoded streams, and of answers too large for the cache [half of the machine's] */
+    /* of decoded streams, and of answers too large for the cache [half of the machine's] */
+    uint64_t memory_bytes;
     size_t connections;          /* at a time [4096] */
     size_t connections_per_address; /* [no limit] */
     size_t jobs_per_client;      /* answers that are being made at a time [64] */

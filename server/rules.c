@@ -16,7 +16,8 @@ static bool good_origin(const char *origin)
 {
     size_t scheme = strncmp(origin, "https://", 8) == 0 ? 8 : strncmp(origin, "http://", 7) == 0 ? 7 : 0;
     const char *host = origin + scheme;
-    return scheme && *host && !host[strspn(host, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-.:[]*")];
+    return scheme && *host && !host[strspn(host,
+                                           "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-.:[]*")];
 }
 
 enum tetlod_status rules_stream_origins(const struct server_options *options, char **out, struct tetlod_error *error)
@@ -31,7 +32,8 @@ enum tetlod_status rules_stream_origins(const struct server_options *options, ch
             return tetlodi_fail_nomem(error, "the server", 0);
         }
         buffer_fini(&text);
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not an origin such as https://example.org (%d bytes at most for all)",
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "'%.120s' is not an origin such as https://example.org (%d bytes at most for all)",
                             origin, MAX_ORIGIN_BYTES);
     }
     *out = (char *)text.bytes;
@@ -65,8 +67,10 @@ static enum tetlod_status read_token(const char *path, char **out, struct tetlod
     free(bytes);
     if (!token)
         return tetlodi_fail_nomem(error, "the token", size);
-    if (!size || size > MAX_TOKEN || token[strspn(token, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=")])
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%.120s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MAX_TOKEN);
+    if (!size || size > MAX_TOKEN ||
+        token[strspn(token, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=")])
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "%.120s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MAX_TOKEN);
     return TETLOD_OK;
 }
 
@@ -77,11 +81,13 @@ enum tetlod_status rules_set(struct access *access, const struct server_options 
     for (size_t i = 0; i < options->cors_count; i++) {
         const char *origin = options->cors[i];
         if (strcmp(origin, "*") != 0 && strcmp(origin, "none") != 0 && (!good_origin(origin) || strchr(origin, '*')))
-            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is neither an origin such as https://example.org nor '*' nor 'none'", origin);
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                "'%.120s' is neither an origin such as https://example.org nor '*' nor 'none'", origin);
     }
     if (options->token_file)
         status = read_token(options->token_file, &token, error);
-    const struct access_policy policy = {options->cors, options->cors_count, options->hosts, options->host_count, token};
+    const struct access_policy policy = {options->cors, options->cors_count, options->hosts, options->host_count,
+                                         token};
     if (status == TETLOD_OK && !access_set(access, &policy))
         status = tetlodi_fail_nomem(error, "the server", 0);
     free(token);

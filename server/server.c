@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes longer
- * than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at late connections;
- * a scanner, which looks at the files.
+ * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes
+ * longer than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at
+ * late connections; a scanner, which looks at the files.
  */
 #define _GNU_SOURCE
 #include "server/server.h"
@@ -34,9 +34,11 @@
 #include "src/util/memory_limit.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, LEAST_FILES = 8,
+      UNSENT = 64 << 10 };
 
-/* Between looks at connections, and no wait is longer: a time beyond it would not fit into what the system counts with. */
+/* Between looks at connections, and no wait is longer: a time beyond it would not fit into what the system counts
+ * with. */
 static const double KEEPER_SECONDS = 0.25, MAX_SECONDS = 1e9;
 
 /* Threads that have not ended so long after the drain are left alone. */
@@ -73,7 +75,8 @@ static void refuse(struct server *server, int fd)
 {
     static const char body[] = "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"too many connections; try later\"}";
     char answer[400];
-    int size = snprintf(answer, sizeof answer, "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nCache-Control: no-store\r\n"
+    int size = snprintf(answer, sizeof answer,
+                        "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nCache-Control: no-store\r\n"
                                                "Content-Type: application/problem+json\r\nContent-Length: %zu\r\n\r\n%s", sizeof body - 1, body);
     ssize_t ignored = send(fd, answer, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
     (void)ignored; // the client may be gone already
@@ -81,8 +84,9 @@ static void refuse(struct server *server, int fd)
     metrics_count(server->site.metrics, METRIC_CONNECTIONS_REFUSED);
 }
 
-/* Accepts one connection; false if there is none, or none can be had now. Of an answer the kernel gets little more than what is on its
- * way to the reader. By default it takes a whole large answer; a thousand of those fill its memory, and some readers wait for seconds. */
+/* Accepts one connection; false if there is none, or none can be had now. Of an answer the kernel gets little more than
+ * what is on its way to the reader. By default it takes a whole large answer; a thousand of those fill its memory, and
+ * some readers wait for seconds. */
 static bool accept_one(struct server *server, struct listener *listener, struct http *http)
 {
     union {
@@ -225,8 +229,8 @@ static void set_defaults(struct server_options *options)
     options->keep_replaced = seconds_or(options->keep_replaced, 60);
 }
 
-/* Divides the descriptors that the process may have: a quarter for streams, which are opened again when they are needed, some for
- * the process itself, the rest for connections. */
+/* Divides the descriptors that the process may have: a quarter for streams, which are opened again when they are
+ * needed, some for the process itself, the rest for connections. */
 static void divide_descriptors(struct server *server, size_t *out_all, size_t *out_files)
 {
     struct server_options *options = &server->options;
@@ -238,7 +242,8 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
     if (options->connections <= left)
         return;
     char message[160];
-    snprintf(message, sizeof message, "at most %zu connections: the process may have %zu descriptors (ulimit -n, LimitNOFILE)", left, *out_all);
+    snprintf(message, sizeof message,
+             "at most %zu connections: the process may have %zu descriptors (ulimit -n, LimitNOFILE)", left, *out_all);
     say(server, "warning", message);
     options->connections = left;
 }
@@ -246,7 +251,8 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
 static void say_memory(struct server *server)
 {
     char message[160];
-    snprintf(message, sizeof message, "at most %llu MB for streams (--memory) and %llu MB for answers (--cache), of %llu MB",
+    snprintf(message, sizeof message,
+             "at most %llu MB for streams (--memory) and %llu MB for answers (--cache), of %llu MB",
              (unsigned long long)(server->options.memory_bytes >> 20), (unsigned long long)(server->options.cache_bytes >> 20),
              (unsigned long long)(memory_limit("") >> 20));
     say(server, "info", message);
@@ -343,7 +349,8 @@ static enum tetlod_status open_listeners(struct server *server, struct tetlod_er
         server->listener_count++;
     }
     if (options->metrics) {
-        TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, options->socket_mode, error));
+        TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, options->socket_mode,
+                                 error));
         server->listener_count++;
     }
     for (size_t i = 0; i < server->listener_count; i++)
@@ -452,7 +459,8 @@ void server_rescan(struct server *server)
     pthread_mutex_unlock(&server->lock);
 }
 
-enum tetlod_status server_reload(struct server *server, const struct server_options *options, struct tetlod_error *error)
+enum tetlod_status server_reload(struct server *server, const struct server_options *options,
+                                 struct tetlod_error *error)
 {
     return rules_set(server->site.access, options, error);
 }
@@ -514,8 +522,8 @@ static void wake_seekers(struct server *server)
         cache_wake_seekers(server->site.memory);
 }
 
-/* Drops what is queued; what is being made ends at its next step. These wake all who wait: a suspended connection could not be ended. False
- * if a file hangs, or a step takes too long: then nothing that the threads use is ours to free. */
+/* Drops what is queued; what is being made ends at its next step. These wake all who wait: a suspended connection could
+ * not be ended. False if a file hangs, or a step takes too long: then nothing that the threads use is ours to free. */
 static bool stop_workers(struct server *server, double until)
 {
     struct pool *pools[] = {server->site.readers, server->site.decoders, server->site.pool};
@@ -528,11 +536,13 @@ static bool stop_workers(struct server *server, double until)
     wake_seekers(server); // some began to seek meanwhile: they hear that there are no threads any more
     bool hanging = !ended && server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
     if (!ended)
-        say(server, "warning", hanging ? "stopping while a file does not answer" : "stopping while an answer is being made");
+        say(server, "warning", hanging ? "stopping while a file does not answer"
+            : "stopping while an answer is being made");
     return ended;
 }
 
-/* False if a path hangs and the thread with it; then the catalogue and the caches, which it reads, are not ours to free. */
+/* False if a path hangs and the thread with it; then the catalogue and the caches, which it reads, are not ours to
+ * free. */
 static bool stop_scanner(struct server *server, double until)
 {
     if (!server->scanning)

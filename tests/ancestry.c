@@ -19,7 +19,8 @@ enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct contrac
                                   .neighbours = array_new(original->tet_count, 4 * sizeof(uint32_t))};
     enum tetlod_status status = TETLOD_OK;
     if (!ancestry->parent || !ancestry->ancestor || !ancestry->neighbours)
-        status = tetlodi_fail_nomem(error, "the ancestry", 4 * ((uint64_t)nodes + n + 4 * (uint64_t)original->tet_count));
+        status = tetlodi_fail_nomem(error, "the ancestry",
+                                    4 * ((uint64_t)nodes + n + 4 * (uint64_t)original->tet_count));
     if (status == TETLOD_OK)
         status = adjacency_build(original->corners, original->tet_count, n, ancestry->neighbours, NULL, error);
     if (status != TETLOD_OK) {
@@ -108,8 +109,8 @@ static void fill_tets(const struct ancestry *ancestry, struct ancestry_level *le
     }
 }
 
-/* Through a tetrahedron that is gone: by the face `slot` one comes in and, as that face has three different corners, exactly one of
- * them is the corner across it as well. The faces across these two corners have become one. */
+/* Through a tetrahedron that is gone: by the face `slot` one comes in and, as that face has three different corners,
+ * exactly one of them is the corner across it as well. The faces across these two corners have become one. */
 static uint32_t pass_through(const struct ancestry *ancestry, uint32_t slot)
 {
     const uint32_t *corners = ancestry->original->corners + (slot & ~(size_t)3);
@@ -157,7 +158,8 @@ enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractio
     out->mesh.position_type = original->position_type;
     out->mesh.corners = array_new(tets, 4 * sizeof(uint32_t));
     enum tetlod_status status = TETLOD_OK;
-    if (!out->nodes || !out->origin || !out->image || !out->standing || !out->neighbours || !out->mesh.corners || !number)
+    if (!out->nodes || !out->origin || !out->image || !out->standing || !out->neighbours || !out->mesh.corners ||
+        !number)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 10 * (uint64_t)tets + nodes)));
     memset(number, 0xff, nodes * sizeof *number);
     fill_tets(ancestry, out, number);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The mesh at any moment of the contraction sequence, by filter and map: a tetrahedron's corners are the living ancestors
- * of its original vertices, and it is there while they are four. */
+/* The mesh at any moment of the contraction sequence, by filter and map: a tetrahedron's corners are the living
+ * ancestors of its original vertices, and it is there while they are four. */
 #ifndef TETLOD_ANCESTRY_H
 #define TETLOD_ANCESTRY_H
 
@@ -30,7 +30,8 @@ TETLOD_CHECKED enum tetlod_status ancestry_init(struct ancestry *ancestry, const
 void ancestry_fini(struct ancestry *ancestry);
 
 /* The mesh after `contractions` contractions, which is no less than in the last call. O(n). */
-TETLOD_CHECKED enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractions, struct ancestry_level *out,
+TETLOD_CHECKED enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractions,
+                                                 struct ancestry_level *out,
                                                struct tetlod_error *error);
 void ancestry_level_fini(struct ancestry_level *level);
 

@@ -96,7 +96,9 @@ static void set_numbers(struct maker *m)
             m->positions[3 * (size_t)v + (size_t)d] = number(m, at[d] + (below(m, 2) ? 1e-3 * below(m, 400) : 0) - 1);
         m->ids[v] = v;
         m->values[2 * (size_t)v] = number(m, sin(0.7 * at[0]) * at[1]);
-        m->values[2 * (size_t)v + 1] = number(m, below(m, 9) ? -0.0 : ldexp(below(m, 1000) - 500.0, (int)below(m, 200) - 100));
+        m->values[2 * (size_t)v + 1] = number(m,
+                                              below(m, 9) ? -0.0 : ldexp(below(m, 1000) - 500.0,
+                                                                         (int)below(m, 200) - 100));
     }
     if (m->options->type == TETLOD_FLOAT64)
         m->values[1] = 1.7e308;
@@ -241,7 +243,8 @@ static int add_field(struct recode *out, const char *name, uint32_t components, 
 {
     struct tetlodi_write_field *field = &out->fields[out->input.field_count];
     size_t n = out->input.vertices;
-    double *values = malloc(n * components * sizeof *values), *made = malloc((nodes * (size_t)components + 1) * sizeof *made);
+    double *values = malloc(n * components * sizeof *values), *made = malloc((nodes * (size_t)components + 1) *
+                                                                             sizeof *made);
     double range[2] = {INFINITY, -INFINITY};
     *field = (struct tetlodi_write_field){.name = name, .components = components, .type = type, .values = values,
                                           .node_values = made, .was_float64 = type == TETLOD_FLOAT32};
@@ -249,7 +252,8 @@ static int add_field(struct recode *out, const char *name, uint32_t components, 
     if (!values || !made)
         return 0;
     for (size_t i = 0; i < n * components; i++) {
-        values[i] = components > 1 ? kind_of_number((uint32_t)(i / components), (uint32_t)(i % components)) : (float)cos(0.1 * (double)i);
+        values[i] = components > 1 ? kind_of_number((uint32_t)(i / components),
+                                                    (uint32_t)(i % components)) : (float)cos(0.1 * (double)i);
         range[0] = fmin(range[0], values[i]);
         range[1] = fmax(range[1], values[i]);
     }

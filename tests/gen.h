@@ -21,7 +21,8 @@ struct gen_options {
     unsigned arity;     /* most vertices that one contraction takes: 2 to 4 */
     enum tetlod_type type;
     unsigned position_bits; /* 0: lossless */
-    unsigned tail_bits;     /* 0: fields are exact at once; else on grids of so many bits, and exact in the last level */
+    /* 0: fields are exact at once; else on grids of so many bits, and exact in the last level */
+    unsigned tail_bits;
     int noise;              /* "kinds" has two components more, of a few values with noise in their last digits */
 };
 
@@ -34,9 +35,9 @@ static inline double gen_unit(uint64_t *state)
     return (double)(gen_random(state) >> 11) * 0x1p-53;
 }
 
-/* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. With tail_bits also "kinds",
- * float64, of a few values, the same again, two decimals and six digits; and "narrow", float64 of float32 values. False: out of
- * memory. */
+/* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. With tail_bits
+ * also "kinds", float64, of a few values, the same again, two decimals and six digits; and "narrow", float64 of float32
+ * values. False: out of memory. */
 int gen_make(struct recode *out, const struct gen_options *options);
 
 /* The sequence as a stream, in a file. */

@@ -41,12 +41,14 @@ static void check_finest(struct tetlod_file *file, const struct tetlod_info *inf
     struct tetmesh mesh;
     if (tetlod_cursor_new(&cursor, file, NULL, 0, NULL) != TETLOD_OK)
         return;
-    if (tetlod_cursor_seek(cursor, info->level_count - 1, NULL) == TETLOD_OK && level_mesh_take(info, &cursor, &mesh, NULL) == TETLOD_OK)
+    if (tetlod_cursor_seek(cursor, info->level_count - 1, NULL) == TETLOD_OK &&
+        level_mesh_take(info, &cursor, &mesh, NULL) == TETLOD_OK)
         finish(file, &mesh);
     tetlod_cursor_free(cursor);
 }
 
-static void check_step(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band, uint32_t step)
+static void check_step(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor,
+                       uint32_t band, uint32_t step)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetmesh mesh;
@@ -65,7 +67,8 @@ static void check_steps(struct tetlod_file *file)
     static const uint32_t none[1] = {0};
     struct tetlod_series *series = NULL;
     struct tetlod_cursor *cursor = NULL;
-    if (tetlod_series_new(&series, file, NULL) == TETLOD_OK && tetlod_cursor_new(&cursor, file, none, 0, NULL) == TETLOD_OK) {
+    if (tetlod_series_new(&series, file, NULL) == TETLOD_OK &&
+        tetlod_cursor_new(&cursor, file, none, 0, NULL) == TETLOD_OK) {
         const struct tetlod_series_info *info = tetlod_series_info(series);
         for (uint32_t b = 0; b < info->band_count && b < 4; b++)
             for (uint32_t s = 0; s < info->step_count && s < MAX_STEPS; s++)
@@ -124,7 +127,8 @@ static void check_prefix(const struct tetlod_file *file, uint32_t level)
     struct memory_sink memory = {0};
     struct tetlodi_sink sink = memory_sink(&memory);
     struct tetlod_file *again;
-    if (tetlodi_write_prefix(file, level, &sink, NULL) == TETLOD_OK && tetlod_open_memory(&again, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK) {
+    if (tetlodi_write_prefix(file, level, &sink, NULL) == TETLOD_OK &&
+        tetlod_open_memory(&again, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK) {
         demand(tetlod_info(again)->level_count == level + 1);
         tetlod_close(again);
     }

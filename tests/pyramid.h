@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A square of corners 1 to 4 with a raised middle, vertex 0, over a point below: contracting the middle to a corner leaves the flat square. */
+/* A square of corners 1 to 4 with a raised middle, vertex 0, over a point below: contracting the middle to a corner
+ * leaves the flat square. */
 #ifndef TETLOD_PYRAMID_H
 #define TETLOD_PYRAMID_H
 
@@ -19,7 +20,8 @@ static inline void pyramid_init(struct pyramid *out)
     static const uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
     memcpy(out->positions, positions, sizeof positions);
     memcpy(out->corners, corners, sizeof corners);
-    out->mesh = (struct tetmesh){.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = out->positions,
+    out->mesh = (struct tetmesh){.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64,
+                                 .positions = out->positions,
                                  .corners = out->corners};
 }
 

@@ -64,12 +64,14 @@ void reader_fuzz(const char *path, const struct io_input *input)
     enum tetlod_status status = io_read_input(&mesh, path, input, &report, &error);
     if (status == TETLOD_OK) {
         require(tetmesh_validate(&mesh, &error) == TETLOD_OK, "accepted, but not valid", &error);
-        require(mesh_check(mesh.positions, mesh.corners, mesh.vertex_count, mesh.tet_count, &about, &error) == TETLOD_OK,
+        require(mesh_check(mesh.positions, mesh.corners, mesh.vertex_count, mesh.tet_count, &about,
+                           &error) == TETLOD_OK,
                 "check", &error);
         check_round_trip(&mesh, "again.vtu", io_write_vtu);
         check_round_trip(&mesh, "again.vtk", io_write_vtk);
     } else
-        require(error.status == status && error.message[0] && !strchr(error.message, '\n'), "a failure without a message",
+        require(error.status == status && error.message[0] && !strchr(error.message, '\n'),
+                "a failure without a message",
                 &error);
     tetmesh_fini(&mesh);
 }
@@ -99,7 +101,8 @@ static void each_folder(const char *folder, const char *name, bool makes)
         mkdir(path, 0700);
     }
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    for (char *slash = strrchr(path, '/'); slash && !makes && strlen(path) > strlen(folder); slash = strrchr(path, '/')) {
+    for (char *slash = strrchr(path, '/'); slash && !makes && strlen(path) > strlen(folder);
+         slash = strrchr(path, '/')) {
         *slash = 0;
         rmdir(path);
     }

@@ -32,7 +32,8 @@ static int take_exact(struct reader *r)
     tetlod_cursor_mesh(r->cursor, &mesh);
     r->exact = calloc(r->info->field_count + (size_t)1, sizeof *r->exact);
     for (uint32_t f = 0; f < r->info->field_count && r->exact; f++)
-        if (r->index->exact_later[f] && !(r->exact[f] = copy(mesh.fields[f], mesh.vertices, r->info->fields[f].components * sizeof(double))))
+        if (r->index->exact_later[f] &&
+            !(r->exact[f] = copy(mesh.fields[f], mesh.vertices, r->info->fields[f].components * sizeof(double))))
             return 0;
     return r->exact != NULL;
 }
@@ -199,7 +200,8 @@ void recode_free(struct recode *recode)
     *recode = (struct recode){0};
 }
 
-static void round_all(const double *values, size_t count, size_t step, double origin, double size, double most, int narrow)
+static void round_all(const double *values, size_t count, size_t step, double origin, double size, double most,
+                      int narrow)
 {
     union {
         const double *in;
@@ -272,7 +274,8 @@ void recode_quantise(struct recode *recode, unsigned position_bits, unsigned fie
         input->position_step[axis] = size;
         round_all(input->positions + axis, 3 * n - axis, 3, low, size, most, input->position_type == TETLOD_FLOAT32);
         if (m)
-            round_all(input->node_positions + axis, 3 * m - axis, 3, low, size, most, input->position_type == TETLOD_FLOAT32);
+            round_all(input->node_positions + axis, 3 * m - axis, 3, low, size, most,
+                      input->position_type == TETLOD_FLOAT32);
     }
     for (uint32_t f = 0; f < input->field_count && field_bits; f++) {
         struct tetlodi_write_field *field = &recode->fields[f];
@@ -280,7 +283,8 @@ void recode_quantise(struct recode *recode, unsigned position_bits, unsigned fie
         field->bits = field_bits;
         field->origin = field->range[0];
         field->step = span > 0 ? span / most : 1;
-        round_all(field->values, n * field->components, 1, field->origin, field->step, most, field->type == TETLOD_FLOAT32);
+        round_all(field->values, n * field->components, 1, field->origin, field->step, most,
+                  field->type == TETLOD_FLOAT32);
         round_all(field->node_values, m * field->components, 1, field->origin, field->step, most,
                   field->type == TETLOD_FLOAT32);
     }
@@ -299,7 +303,8 @@ void recode_exact_later(struct recode *recode, unsigned field_bits)
         field->values = copy(field->values, (size_t)input->vertices * field->components, sizeof(double));
         round_all(field->values, (size_t)input->vertices * field->components, 1, field->origin, field->step, most,
                   field->type == TETLOD_FLOAT32);
-        round_all(field->node_values, (size_t)input->contractions * field->components, 1, field->origin, field->step, most,
+        round_all(field->node_values, (size_t)input->contractions * field->components, 1, field->origin, field->step,
+                  most,
                   field->type == TETLOD_FLOAT32);
     }
     recode->levels[input->level_count] = recode->levels[input->level_count - 1];

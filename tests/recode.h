@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A stream's contraction sequence, read back through a cursor, so that it can be written again: the same, or quantised. */
+/* A stream's contraction sequence, read back through a cursor, so that it can be written again: the same, or
+ * quantised. */
 #ifndef TETLOD_RECODE_H
 #define TETLOD_RECODE_H
 
@@ -21,8 +22,8 @@ void recode_quantise(struct recode *recode, unsigned position_bits, unsigned fie
 /* All values of a field, which has a grid, times a power of two. */
 void recode_scale(struct recode *recode, uint32_t field, double by);
 
-/* Rounds the nodes' values of all fields but the first to grids of so many bits; the original's become exact in a level more, for
- * which there is room. */
+/* Rounds the nodes' values of all fields but the first to grids of so many bits; the original's become exact in a level
+ * more, for which there is room. */
 void recode_exact_later(struct recode *recode, unsigned field_bits);
 
 #endif

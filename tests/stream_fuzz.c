@@ -125,7 +125,8 @@ static void feed_fuzz(const uint8_t *bytes, size_t size, const struct tetlod_opt
             continue;
         demand(tetlod_feed_bytes(feed, level) <= at + piece);
         count = field ? 1 : tetlod_info(tetlod_feed_file(feed))->field_count;
-        if (!cursor && tetlod_cursor_new(&cursor, tetlod_feed_file(feed), field ? &none : NULL, count, NULL) != TETLOD_OK)
+        if (!cursor && tetlod_cursor_new(&cursor, tetlod_feed_file(feed), field ? &none : NULL, count,
+                                         NULL) != TETLOD_OK)
             break;
         if (tetlod_cursor_seek(cursor, level < 16 ? level : 16, NULL) != TETLOD_OK)
             break;
@@ -179,7 +180,8 @@ static void seal_steps(const struct tetlodi_index *index, uint8_t *bytes, size_t
 {
     const struct tetlodi_section *table = section_of(index, TAG_TIME, 0), *values;
     struct tetlodi_time time = {0};
-    if (!table || table->flags & SECTION_PACKED || table->frame.offset > size || table->frame.size > size - table->frame.offset)
+    if (!table || table->flags & SECTION_PACKED || table->frame.offset > size ||
+        table->frame.size > size - table->frame.offset)
         return;
     uint8_t *end = bytes + table->frame.offset + table->frame.size;
     if (tetlodi_time_decode(&time, bytes + table->frame.offset, (size_t)table->frame.size, NULL) == TETLOD_OK)
@@ -207,13 +209,15 @@ static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
         for (size_t part = 0; part <= fields; part++) {
             const struct tetlodi_frame *frame = &index.frames[k * (fields + 1) + part];
             if (frame->offset <= size && frame->size <= size - frame->offset)
-                tetlodi_digest(bytes + frame->offset, (size_t)frame->size, levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
+                tetlodi_digest(bytes + frame->offset, (size_t)frame->size,
+                               levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
         }
     seal_steps(&index, bytes, size);
     for (size_t i = 0; i < sections; i++) {
         const struct tetlodi_frame *frame = &index.sections[i].frame;
         if (frame->offset <= size && frame->size <= size - frame->offset)
-            tetlodi_digest(bytes + frame->offset, (size_t)frame->size, directory + (i + 1) * SECTION_ENTRY - DIGEST_SIZE);
+            tetlodi_digest(bytes + frame->offset, (size_t)frame->size,
+                           directory + (i + 1) * SECTION_ENTRY - DIGEST_SIZE);
     }
     tetlodi_index_fini(&index);
 }
@@ -239,7 +243,8 @@ uint8_t *stream_fuzz_plain(const uint8_t *bytes, size_t size, size_t *out_size)
 {
     struct tetlodi_header header;
     uint8_t *index;
-    if (size < HEADER_SIZE || tetlodi_header_decode(&header, bytes, NULL) != TETLOD_OK || header.index_size > size - HEADER_SIZE ||
+    if (size < HEADER_SIZE || tetlodi_header_decode(&header, bytes, NULL) != TETLOD_OK ||
+        header.index_size > size - HEADER_SIZE ||
         tetlodi_index_unpack(&header, bytes + HEADER_SIZE, &index, NULL) != TETLOD_OK)
         return NULL;
     size_t rest = size - HEADER_SIZE - header.index_size;

@@ -24,7 +24,8 @@ def plain(data):
         return data
     index = tetlod.unpack(data[64:64 + size], unpacked)
     total = int.from_bytes(data[32:40], 'little') + unpacked - size
-    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8, 'little') + data[40:64] + index + data[64 + size:])
+    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8,
+                                                                         'little') + data[40:64] + index + data[64 + size:])
 
 
 def with_section(data, tag, content, further=0):
@@ -39,7 +40,8 @@ def with_section(data, tag, content, further=0):
         if i == number:
             flags = int.from_bytes(directory[48 * i + 4:48 * i + 8], 'little') & ~4
             place = directory[48 * i + 8:48 * i + 16]
-            directory[48 * i + 4:48 * i + 48] = struct.pack('<I8sQQ16s', flags, bytes(place), len(content), len(content), tetlod.digest(content))
+            directory[48 * i + 4:48 * i + 48] = struct.pack('<I8sQQ16s', flags, bytes(place), len(content),
+                                                            len(content), tetlod.digest(content))
             grown = len(content) - old['stored']
         elif grown and section['offset'] > old['offset'] and directory[48 * i + 4] & 2 == early:
             at = int.from_bytes(directory[48 * i + 8:48 * i + 16], 'little') + grown
@@ -79,12 +81,14 @@ def crafted(levels, components=1, sections=()):
         at[flags & 2] += len(content)
         bodies[flags & 2] += content
     body = bodies[2] + b''.join(b''.join(parts) for parts in frames) + bodies[0]
-    header = tetlod.MAGIC + struct.pack('<HHIIIIIQ', 2, 0, 0, 0, len(index), len(index), at[2], 64 + len(index) + len(body))
+    header = tetlod.MAGIC + struct.pack('<HHIIIIIQ', 2, 0, 0, 0, len(index), len(index), at[2],
+                                        64 + len(index) + len(body))
     return sealed(header + bytes(24) + index + body)
 
 
 def still_steps(steps, fields=1):
     """A table of steps in one band, whose frames have no bytes."""
-    table = struct.pack('<IIII', fields, 1, steps, 0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 0.0) for field in range(fields))
+    table = struct.pack('<IIII', fields, 1, steps,
+                        0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 0.0) for field in range(fields))
     table += struct.pack('<dQ', 0.5, 0) + struct.pack('<%dd' % fields, *[1.0] * fields) + struct.pack('<%dd' % steps, *range(steps))
     return table + bytes(8 * fields * steps) + tetlod.digest(b'') * (fields * ((steps + 7) // 8))

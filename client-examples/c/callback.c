@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * callback URL ERROR: reads a stream on any web host through a callback that fetches bytes by Range, as a program with a
- * storage of its own would. Only the bytes of the level are fetched.
+ * callback URL ERROR: reads a stream on any web host through a callback that fetches bytes by Range, as a program with
+ * a storage of its own would. Only the bytes of the level are fetched.
  *
  * cc callback.c $(pkg-config --cflags --libs tetlod libcurl) -lm -o callback
  * ./callback https://example.org/data/fin.tetlod 0.01
@@ -71,15 +71,18 @@ int main(int argc, char **argv)
     curl_easy_setopt(remote.curl, CURLOPT_WRITEFUNCTION, take);
     curl_easy_setopt(remote.curl, CURLOPT_WRITEDATA, &remote);
     int good = size_of(&remote, &source.size) == TETLOD_OK && tetlod_open(&file, &source, NULL, &error) == TETLOD_OK;
-    uint32_t level = good ? tetlod_level_for_error(tetlod_info(file), strtod(argv[2], NULL), TETLOD_NONE, TETLOD_MAX) : TETLOD_NONE;
+    uint32_t level = good ? tetlod_level_for_error(tetlod_info(file), strtod(argv[2], NULL), TETLOD_NONE,
+                                                   TETLOD_MAX) : TETLOD_NONE;
     good = level != TETLOD_NONE && tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK &&
            tetlod_cursor_seek(cursor, level, &error) == TETLOD_OK;
     if (good) {
         tetlod_cursor_mesh(cursor, &mesh);
-        printf("level %u: %u vertices, %u tetrahedra, %zu bytes in %zu requests\n", mesh.level, mesh.vertices, mesh.tets, remote.bytes,
+        printf("level %u: %u vertices, %u tetrahedra, %zu bytes in %zu requests\n", mesh.level, mesh.vertices,
+               mesh.tets, remote.bytes,
                remote.requests);
     } else {
-        fprintf(stderr, "callback: %s\n", error.message[0] ? error.message : "no answer, or no level within that error");
+        fprintf(stderr, "callback: %s\n",
+                error.message[0] ? error.message : "no answer, or no level within that error");
     }
     tetlod_cursor_free(cursor);
     tetlod_close(file);

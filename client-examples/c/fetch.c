@@ -70,9 +70,11 @@ int main(int argc, char **argv)
                tetlod_cursor_seek(cursor, tetlod_level_for_bytes(tetlod_info(file), bytes.size), &error) == TETLOD_OK;
     if (good) {
         tetlod_cursor_mesh(cursor, &mesh);
-        printf("level %u: %u vertices, %u tetrahedra, from %zu bytes\n", mesh.level, mesh.vertices, mesh.tets, bytes.size);
+        printf("level %u: %u vertices, %u tetrahedra, from %zu bytes\n", mesh.level, mesh.vertices, mesh.tets,
+               bytes.size);
         if (tetlod_info(file)->field_count)
-            printf("%s is at most %g\n", tetlod_info(file)->fields[0].name, largest(&mesh, &tetlod_info(file)->fields[0]));
+            printf("%s is at most %g\n", tetlod_info(file)->fields[0].name,
+                   largest(&mesh, &tetlod_info(file)->fields[0]));
     } else {
         fprintf(stderr, "fetch: %s\n", error.message);
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * insitu FOLDER: a solver that writes a stream of its mesh and its field now and then. The solver is a stand-in: a warm spot
- * that moves through a box of N x N x N cubes, six tetrahedra each.
+ * insitu FOLDER: a solver that writes a stream of its mesh and its field now and then. The solver is a stand-in: a warm
+ * spot that moves through a box of N x N x N cubes, six tetrahedra each.
  *
  * cc insitu.c $(pkg-config --cflags --libs tetlod-build) -lm -o insitu
  */
@@ -18,7 +18,8 @@ static uint32_t corners[TETS][4];
 
 static void make_mesh(void)
 {
-    static const int steps[3] = {1, M, M * M}, ways[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
+    static const int steps[3] = {1, M, M * M}, ways[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2},
+                                                             {2, 1, 0}};
     for (int p = 0; p < POINTS; p++)
         for (int k = 0; k < 3; k++)
             positions[p][k] = p / steps[k] % M / (double)N;
@@ -32,7 +33,8 @@ static void make_mesh(void)
 static void solve(double time)
 {
     for (int p = 0; p < POINTS; p++)
-        temperature[p] = exp(-9 * (pow(positions[p][0] - time, 2) + pow(positions[p][1] - 0.5, 2) + pow(positions[p][2] - 0.5, 2)));
+        temperature[p] = exp(-9 * (pow(positions[p][0] - time, 2) + pow(positions[p][1] - 0.5,
+                                                                        2) + pow(positions[p][2] - 0.5, 2)));
 }
 
 static int show(void *path, const char *phase, double done)
@@ -48,7 +50,8 @@ static enum tetlod_status write_bytes(void *file, const void *bytes, size_t size
 static int save(char *path)
 {
     struct tetlod_build_array field = {"temperature", 1, TETLOD_CELL_FLOAT64, temperature};
-    struct tetlod_build_mesh mesh = {sizeof mesh, POINTS, TETS, TETLOD_FLOAT64, positions, corners[0], 1, 0, &field, NULL};
+    struct tetlod_build_mesh mesh = {sizeof mesh, POINTS, TETS, TETLOD_FLOAT64, positions, corners[0], 1, 0, &field,
+                                     NULL};
     struct tetlod_build_options options;
     struct tetlod_error error = {0};
     FILE *file = fopen(path, "wb");

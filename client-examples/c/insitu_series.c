@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * insitu_series FILE: a solver that writes one stream of its mesh and of many steps in time. A step is added whenever the
- * solver says so; the stream is written when it is done. The solver is a stand-in: heat that spreads through a box of N
- * x N x N cubes, six tetrahedra each.
+ * insitu_series FILE: a solver that writes one stream of its mesh and of many steps in time. A step is added whenever
+ * the solver says so; the stream is written when it is done. The solver is a stand-in: heat that spreads through a box
+ * of N x N x N cubes, six tetrahedra each.
  *
  * cc insitu_series.c $(pkg-config --cflags --libs tetlod-build) -lm -o insitu_series
  */

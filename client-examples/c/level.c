@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * level FILE.tetlod ERROR: the coarsest level whose certified error is at most ERROR, and the volume of its mesh. Then the same
- * stream as a network client sees it: fed in pieces, with the finest level that each piece completes.
+ * level FILE.tetlod ERROR: the coarsest level whose certified error is at most ERROR, and the volume of its mesh. Then
+ * the same stream as a network client sees it: fed in pieces, with the finest level that each piece completes.
  *
  * cc level.c $(pkg-config --cflags --libs tetlod) -o level
  */
@@ -29,7 +29,8 @@ static double volume(const struct tetlod_mesh *mesh)
         for (int k = 0; k < 3; k++)
             for (int i = 0; i < 3; i++)
                 e[k][i] = p[k + 1][i] - o[i];
-        sum += fabs(e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) + e[0][1] * (e[1][2] * e[2][0] - e[1][0] * e[2][2]) +
+        sum += fabs(e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) + e[0][1] *
+                    (e[1][2] * e[2][0] - e[1][0] * e[2][2]) +
                     e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) / 6;
     }
     return sum;
@@ -49,7 +50,8 @@ static int print_level(struct tetlod_file *file, double most, struct tetlod_erro
     int result = 0;
     if (tetlod_cursor_seek(cursor, level, error) == TETLOD_OK) {
         tetlod_cursor_mesh(cursor, &mesh);
-        printf("level %u: %u vertices, %u tetrahedra, volume %.6g\n", mesh.level, mesh.vertices, mesh.tets, volume(&mesh));
+        printf("level %u: %u vertices, %u tetrahedra, volume %.6g\n", mesh.level, mesh.vertices, mesh.tets,
+               volume(&mesh));
     } else {
         result = fail(error);
     }

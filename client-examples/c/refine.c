@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * refine URL ERROR: refines a mesh while its bytes arrive, in steps that never take long, and says how far vertices move from
- * level to level: what a viewer needs to let them slide to their places instead of jumping.
+ * refine URL ERROR: refines a mesh while its bytes arrive, in steps that never take long, and says how far vertices
+ * move from level to level: what a viewer needs to let them slide to their places instead of jumping.
  *
  * cc refine.c $(pkg-config --cflags --libs tetlod libcurl) -lm -o refine
  */

@@ -58,7 +58,8 @@ PARAMETERS = {
     'topology': parameter('query',
                           'Describes this topology group of a series whose mesh changes: its levels, times and '
                           'bands. Without it, and for 0, the whole stream', COUNT, example=0),
-    'q': parameter('query', "The question, as `tetlod help ask` says", {'type': 'string', 'maxLength': 511}, required=True,
+    'q': parameter('query', "The question, as `tetlod help ask` says", {'type': 'string', 'maxLength': 511},
+                   required=True,
                    example='mean(Pressure)'),
     'within': parameter('query', "How wide the interval may be, in the answer's units; or a percentage of the field's "
                         'range (of the volume; of the volume times the range)', {'type': 'string', 'default': '1%'}),

@@ -21,7 +21,8 @@ static bool is_local_name(const char *name, size_t size)
     size_t known = sizeof localhost - 1;
     if (size >= known && strncasecmp(name + size - known, localhost, known) == 0)
         return size == known || name[size - known - 1] == '.';
-    return (size == 5 && memcmp(name, "[::1]", 5) == 0) || (size > 4 && strncmp(name, "127.", 4) == 0 && strspn(name, "0123456789.") >= size);
+    return (size == 5 && memcmp(name, "[::1]", 5) == 0) || (size > 4 && strncmp(name, "127.", 4) == 0 &&
+                                                            strspn(name, "0123456789.") >= size);
 }
 
 static bool host_allowed(const struct access_policy *policy, const char *host)
@@ -30,7 +31,8 @@ static bool host_allowed(const struct access_policy *policy, const char *host)
     if (size > strlen(host))
         return false;
     for (size_t i = 0; i < policy->host_count; i++)
-        if (strcmp(policy->hosts[i], "*") == 0 || (strlen(policy->hosts[i]) == size && strncasecmp(policy->hosts[i], host, size) == 0))
+        if (strcmp(policy->hosts[i], "*") == 0 ||
+            (strlen(policy->hosts[i]) == size && strncasecmp(policy->hosts[i], host, size) == 0))
             return true;
     return is_local_name(host, size);
 }
@@ -63,8 +65,9 @@ static enum token bearer_token(const struct request *request, const char *token)
     return compare_token(token, value, strcspn(value, " \t"));
 }
 
-/* Browsers keep cookies by host, whatever the port and, within its path, the site: the name tells servers apart by what the browser
- * calls them and by the base path. (By neither port nor token: servers behind one proxy take each other's.) */
+/* Browsers keep cookies by host, whatever the port and, within its path, the site: the name tells servers apart by what
+ * the browser calls them and by the base path. (By neither port nor token: servers behind one proxy take each
+ * other's.) */
 static void print_cookie_name(const struct exchange *exchange, char out[static COOKIE_NAME])
 {
     const char *parts[] = {request_header(exchange->request, "Host"), exchange->site->base_path};
@@ -106,8 +109,8 @@ static enum token query_token(const char *query, const char *token)
     }
 }
 
-/* Where a browser finds the site: below the base path where there is one, from where the request went otherwise, for a proxy may have
- * taken off the front of its path. */
+/* Where a browser finds the site: below the base path where there is one, from where the request went otherwise, for a
+ * proxy may have taken off the front of its path. */
 static size_t print_place(const struct site *site, const char *path, size_t size, char *out, size_t capacity)
 {
     size_t start = size, base = site->base_path ? strlen(site->base_path) - 1 : 0;
@@ -139,9 +142,11 @@ static void answer_with_cookie(struct exchange *exchange, const char *target)
     if (used >= sizeof to)
         snprintf(to, sizeof to, "./");
     print_cookie_name(exchange, name);
-    response_static(exchange->response, 303, "text/plain; charset=utf-8", "Go on at the address of the Location header.\n");
+    response_static(exchange->response, 303, "text/plain; charset=utf-8",
+                    "Go on at the address of the Location header.\n");
     response_header_text(exchange->response, "Location", to);
-    response_header(exchange->response, "Set-Cookie", "%s%s; Path=%s; HttpOnly; SameSite=Lax%s", name, exchange->policy->token,
+    response_header(exchange->response, "Set-Cookie", "%s%s; Path=%s; HttpOnly; SameSite=Lax%s", name,
+                    exchange->policy->token,
                     site->base_path ? site->base_path : "/", site->secure_cookie ? "; Secure" : "");
     response_header_text(exchange->response, "Cache-Control", "no-store");
 }
@@ -174,7 +179,8 @@ static bool is_held_up(struct exchange *exchange)
     struct guesses *guesses = exchange->site->guesses;
     if (!guesses || !exchange->request->client || guesses_admit(guesses, exchange->request->client))
         return false;
-    response_problem(exchange->response, 429, exchange->request->target, "too many wrong tokens came from this address; try later");
+    response_problem(exchange->response, 429, exchange->request->target,
+                     "too many wrong tokens came from this address; try later");
     return true;
 }
 

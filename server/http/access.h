@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Who may read. Browsers let a page of any site ask any server that its reader reaches. What keeps it from reading the answer:
+ * Who may read. Browsers let a page of any site ask any server that its reader reaches. What keeps it from reading the
+ * answer:
  * - CORS: pages of other origins may read only where --cors names them; by default any origin, on loopback none;
- * - Host: on loopback it must be a name of this machine, or a name that an attacker owns could be made to lead here (rebinding);
+ * - Host: on loopback it must be a name of this machine, or a name that an attacker owns could be made to lead here
+ * (rebinding);
  * - the token: without it nothing but /healthz and /readyz is answered, and wrong ones cost time (guesses.h).
  */
 #ifndef TETLOD_SERVER_ACCESS_H

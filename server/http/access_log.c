@@ -37,13 +37,15 @@ static void log_access(const struct site *site, const struct finished *call)
     clock_gettime(CLOCK_REALTIME, &now);
     gmtime_r(&now.tv_sec, &utc);
     strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
-    bool made = buffer_printf(&line, "{\"time\": \"%s.%03ldZ\", \"id\": \"%s\", \"remote\": \"%s\", \"method\": \"", when,
+    bool made = buffer_printf(&line, "{\"time\": \"%s.%03ldZ\", \"id\": \"%s\", \"remote\": \"%s\", \"method\": \"",
+                              when,
                               now.tv_nsec / 1000000, call->id, call->remote) == TETLOD_OK;
     put_json_text(&line, call->method);
     made &= buffer_printf(&line, "\", \"target\": \"") == TETLOD_OK;
     hide_token(call->target);
     put_json_text(&line, call->target);
-    made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}", call->status,
+    made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}",
+                          call->status,
                           (unsigned long long)call->bytes, call->seconds * 1e3, call->complete ? "true" : "false") == TETLOD_OK;
     if (made)
         site->access_log(site->access_log_of, (const char *)line.bytes);

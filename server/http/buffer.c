@@ -110,7 +110,8 @@ static bool zstd(const struct buffer *in, struct buffer *out)
     unsigned char *place = buffer_extend(out, ZSTD_compressBound(in->size));
     if (!place)
         return false;
-    size_t size = ZSTD_compress(place, out->size, in->bytes, in->size, ZSTD_LEVEL); // windows of at most 2 MiB: RFC 9659 allows 8
+    // windows of at most 2 MiB: RFC 9659 allows 8
+    size_t size = ZSTD_compress(place, out->size, in->bytes, in->size, ZSTD_LEVEL);
     out->size = ZSTD_isError(size) ? 0 : size;
     return !ZSTD_isError(size);
 }

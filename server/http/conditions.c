@@ -140,7 +140,8 @@ enum coding coding_choose(const char *accept_encoding, unsigned have)
     return best;
 }
 
-enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first, uint64_t *length)
+enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first,
+                                uint64_t *length)
 {
     const char *if_range = request_header(request, "If-Range");
     if (request->method != METHOD_GET || (if_range && !etag_same(if_range, etag)))
@@ -164,7 +165,8 @@ void apply_conditions(const struct request *request, struct response *response)
         return;
     case RANGE_UNSATISFIABLE:
         response_release(response);
-        response_problem(response, 416, request->target, "the range lies outside the %llu bytes", (unsigned long long)size);
+        response_problem(response, 416, request->target, "the range lies outside the %llu bytes",
+                         (unsigned long long)size);
         response_header(response, "Content-Range", "bytes */%llu", (unsigned long long)size);
         return;
     case RANGE_OK:

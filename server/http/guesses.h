@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A wrong token costs time. Its answer waits for GUESS_SECONDS, without a thread but with its connection, and a client has
- * MAX_GUESSES such answers waiting: further tokens of that client are not looked at meanwhile, right or wrong. So a client tries at most
- * MAX_GUESSES tokens a GUESS_SECONDS, however many connections it has. Any thread may call.
+ * A wrong token costs time. Its answer waits for GUESS_SECONDS, without a thread but with its connection, and a client
+ * has MAX_GUESSES such answers waiting: further tokens of that client are not looked at meanwhile, right or wrong. So a
+ * client tries at most MAX_GUESSES tokens a GUESS_SECONDS, however many connections it has. Any thread may call.
  */
 #ifndef TETLOD_SERVER_GUESSES_H
 #define TETLOD_SERVER_GUESSES_H

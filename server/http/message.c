@@ -106,7 +106,8 @@ void response_static(struct response *response, unsigned status, const char *med
 }
 
 void response_pieces(struct response *response, const char *media_type, uint64_t size,
-                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner)
+                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size,
+                                       unsigned char *out), void (*release)(void *owner), void *owner)
 {
     response_release(response);
     response->status = 200;

@@ -27,8 +27,8 @@ struct request {
     struct cache *awaited_in;
     bool guessed; /* it brought a wrong token, and waits for its answer or has waited */
     struct guess guess;
-    /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
-     * lies in one stays. */
+    /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body
+     * that lies in one stays. */
     struct {
         struct cache *cache;
         struct cache_entry *entry;
@@ -40,7 +40,8 @@ enum body_kind { BODY_NONE, BODY_BYTES, BODY_PIECES, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
 
-/* HEADER_TEXT: of all values together. A Location has up to 4,000 bytes (the names of many cell fields), the others never fill the rest. */
+/* HEADER_TEXT: of all values together. A Location has up to 4,000 bytes (the names of many cell fields), the others
+ * never fill the rest. */
 enum { RESPONSE_HEADERS = 24, HEADER_TEXT = 8192, ETAG_CAPACITY = 1000 };
 
 struct response {
@@ -50,9 +51,9 @@ struct response {
     enum body_kind kind;
     const void *bytes; /* BODY_BYTES: from byte `held` of the whole body on */
     uint64_t held;
-    /* BODY_PIECES: writes up to `size` bytes of the whole body from `begin` on, by one thread at a time, and returns how many. 0: there
-     * are none yet, and the request's waiter will be woken. -1: they are not to be had, and the connection ends before its time, by
-     * which the client knows. */
+    /* BODY_PIECES: writes up to `size` bytes of the whole body from `begin` on, by one thread at a time, and returns
+     * how many. 0: there are none yet, and the request's waiter will be woken. -1: they are not to be had, and the
+     * connection ends before its time, by which the client knows. */
     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
     uint64_t offset; /* in the whole body, where what is sent begins */
     uint64_t size;     /* of the body that is sent; SIZE_UNKNOWN at most where it is absent */
@@ -91,7 +92,8 @@ void response_static(struct response *response, unsigned status, const char *med
 
 /* A body made while it is sent; takes over `owner`. */
 void response_pieces(struct response *response, const char *media_type, uint64_t size,
-                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner);
+                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size,
+                                       unsigned char *out), void (*release)(void *owner), void *owner);
 
 /* Takes over malloc'ed bytes. */
 void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);

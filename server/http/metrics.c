@@ -15,7 +15,8 @@ static const double bounds[] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
 
 enum { BUCKETS = sizeof bounds / sizeof *bounds };
 
-static const unsigned statuses[] = {200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 413, 414, 416, 421, 422, 429, 431, 500, 503, 505};
+static const unsigned statuses[] = {200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 413, 414, 416, 421, 422, 429,
+                                    431, 500, 503, 505};
 
 enum { STATUSES = sizeof statuses / sizeof *statuses };
 
@@ -27,7 +28,8 @@ static const struct {
     [METRIC_CONNECTIONS] = {"tetlod_connections_total", "Connections accepted"},
     [METRIC_CONNECTIONS_REFUSED] = {"tetlod_connections_refused_total", "Connections refused by a limit"},
     [METRIC_CONNECTIONS_EXPIRED] = {"tetlod_connections_expired_total", "Connections closed because no request came"},
-    [METRIC_CONNECTIONS_LEFT] = {"tetlod_connections_left_total", "Connections closed by clients that waited for an answer"},
+    [METRIC_CONNECTIONS_LEFT] = {"tetlod_connections_left_total",
+                                 "Connections closed by clients that waited for an answer"},
     [METRIC_WRONG_TOKENS] = {"tetlod_wrong_tokens_total", "Requests with a wrong token"},
 };
 
@@ -100,15 +102,18 @@ void metrics_count(struct metrics *metrics, enum metrics_counter counter)
 
 static enum tetlod_status print_requests(const struct metrics *metrics, struct buffer *out)
 {
-    TETLOD_TRY(buffer_printf(out, "# HELP tetlod_requests_total Requests answered\n# TYPE tetlod_requests_total counter\n"));
+    TETLOD_TRY(buffer_printf(out,
+                             "# HELP tetlod_requests_total Requests answered\n# TYPE tetlod_requests_total counter\n"));
     for (size_t r = 0; r <= metrics->route_count; r++)
         for (size_t s = 0; s <= STATUSES; s++) {
             unsigned long long count = get(&metrics->by_route[r].requests[s]);
             const char *route = r < metrics->route_count ? metrics->routes[r] : "other";
             if (count && s < STATUSES)
-                TETLOD_TRY(buffer_printf(out, "tetlod_requests_total{route=\"%s\",status=\"%u\"} %llu\n", route, statuses[s], count));
+                TETLOD_TRY(buffer_printf(out, "tetlod_requests_total{route=\"%s\",status=\"%u\"} %llu\n", route,
+                                         statuses[s], count));
             else if (count)
-                TETLOD_TRY(buffer_printf(out, "tetlod_requests_total{route=\"%s\",status=\"other\"} %llu\n", route, count));
+                TETLOD_TRY(buffer_printf(out, "tetlod_requests_total{route=\"%s\",status=\"other\"} %llu\n", route,
+                                         count));
         }
     return TETLOD_OK;
 }
@@ -118,13 +123,15 @@ static enum tetlod_status print_latency(const char *route, const struct route_me
     unsigned long long below = 0;
     for (size_t b = 0; b < BUCKETS; b++) {
         below += get(&m->latency[b]);
-        TETLOD_TRY(buffer_printf(out, "tetlod_request_seconds_bucket{route=\"%s\",le=\"%g\"} %llu\n", route, bounds[b], below));
+        TETLOD_TRY(buffer_printf(out, "tetlod_request_seconds_bucket{route=\"%s\",le=\"%g\"} %llu\n", route, bounds[b],
+                                 below));
     }
     below += get(&m->latency[BUCKETS]);
     if (!below)
         return TETLOD_OK;
     TETLOD_TRY(buffer_printf(out, "tetlod_request_seconds_bucket{route=\"%s\",le=\"+Inf\"} %llu\n", route, below));
-    TETLOD_TRY(buffer_printf(out, "tetlod_request_seconds_sum{route=\"%s\"} %.6f\n", route, (double)get(&m->microseconds) / 1e6));
+    TETLOD_TRY(buffer_printf(out, "tetlod_request_seconds_sum{route=\"%s\"} %.6f\n", route,
+                             (double)get(&m->microseconds) / 1e6));
     return buffer_printf(out, "tetlod_request_seconds_count{route=\"%s\"} %llu\n", route, below);
 }
 
@@ -144,7 +151,8 @@ enum tetlod_status metrics_print(const struct metrics *metrics, const struct met
                                   "# TYPE tetlod_request_seconds histogram\n"));
     for (size_t r = 0; r <= metrics->route_count; r++)
         if (asked(&metrics->by_route[r]))
-            TETLOD_TRY(print_latency(r < metrics->route_count ? metrics->routes[r] : "other", &metrics->by_route[r], out));
+            TETLOD_TRY(print_latency(r < metrics->route_count ? metrics->routes[r] : "other", &metrics->by_route[r],
+                                     out));
     TETLOD_TRY(buffer_printf(out, "# HELP tetlod_sent_bytes_total Bytes of bodies sent\n"
                                   "# TYPE tetlod_sent_bytes_total counter\n"));
     for (size_t r = 0; r <= metrics->route_count; r++)
@@ -157,7 +165,8 @@ enum tetlod_status metrics_print(const struct metrics *metrics, const struct met
                                  counters[c].name, counters[c].name, get(&metrics->counters[c])));
     for (size_t g = 0; g < gauge_count; g++) {
         int bare = (int)strcspn(gauges[g].name, "{");
-        TETLOD_TRY(buffer_printf(out, "# HELP %.*s %s\n# TYPE %.*s %s\n%s %.15g\n", bare, gauges[g].name, gauges[g].help, bare,
+        TETLOD_TRY(buffer_printf(out, "# HELP %.*s %s\n# TYPE %.*s %s\n%s %.15g\n", bare, gauges[g].name,
+                                 gauges[g].help, bare,
                                  gauges[g].name, gauges[g].type, gauges[g].name, gauges[g].value));
     }
     return TETLOD_OK;

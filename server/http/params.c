@@ -119,7 +119,8 @@ bool query_begins_with(const char *text, const char *name)
 {
     struct pair pair;
     char decoded[NAME_CAPACITY];
-    return next_pair(&text, &pair) && percent_decode(pair.name, pair.name_size, decoded, sizeof decoded) && strcmp(decoded, name) == 0;
+    return next_pair(&text, &pair) && percent_decode(pair.name, pair.name_size, decoded,
+                                                     sizeof decoded) && strcmp(decoded, name) == 0;
 }
 
 size_t list_begins_with(const char *list, const char *name)
@@ -141,7 +142,8 @@ size_t list_find(const char *list, const char *const *names, size_t stride, uint
     return longest;
 }
 
-size_t list_find_either(char *list, const char *form, const char *const *names, size_t stride, uint32_t count, uint32_t *out)
+size_t list_find_either(char *list, const char *form, const char *const *names, size_t stride, uint32_t count,
+                        uint32_t *out)
 {
     size_t size = list_find(list, names, stride, count, out);
     if (!size && (size = list_find(form, names, stride, count, out)))

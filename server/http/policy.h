@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Who may read, as the operator said it. It may be replaced while requests are answered: each holds the one it began with. */
+/* Who may read, as the operator said it. It may be replaced while requests are answered: each holds the one it began
+ * with. */
 #ifndef TETLOD_SERVER_POLICY_H
 #define TETLOD_SERVER_POLICY_H
 

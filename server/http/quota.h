@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* How many of something each client holds. Any thread may call. Clients share a place in the table now and then, and then their limit. */
+/* How many of something each client holds. Any thread may call. Clients share a place in the table now and then, and
+ * then their limit. */
 #ifndef TETLOD_SERVER_QUOTA_H
 #define TETLOD_SERVER_QUOTA_H
 

@@ -88,7 +88,8 @@ void respond_representation(struct response *response, const struct representati
         response_vary(response, "Accept-Encoding");
 }
 
-void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation)
+void respond_body(struct exchange *exchange, const struct cache_value *value,
+                  const struct representation *representation)
 {
     struct response *response = exchange->response;
     const struct body *body = value->data; // pinned by the request
@@ -96,7 +97,8 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
     response->kind = BODY_BYTES;
     response->bytes = body->bytes;
     response->size = body->size;
-    response_header(response, "Server-Timing", "cache;desc=%s, %s", exchange->request->waited ? "miss" : "hit", body->timing);
+    response_header(response, "Server-Timing", "cache;desc=%s, %s", exchange->request->waited ? "miss" : "hit",
+                    body->timing);
 }
 
 bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size)
@@ -153,7 +155,8 @@ enum outcome respond_no_memory(struct exchange *exchange)
 
 enum outcome respond_hanging(struct exchange *exchange, const struct dataset *dataset)
 {
-    response_problem(exchange->response, 503, exchange->request->target, "the file of '%s' does not answer", dataset_id(dataset));
+    response_problem(exchange->response, 503, exchange->request->target, "the file of '%s' does not answer",
+                     dataset_id(dataset));
     return ANSWERED;
 }
 
@@ -232,7 +235,8 @@ void name_download(struct response *response, const struct dataset *dataset, con
         if (*c < 0x20 || *c > 0x7e || strchr("\"\\/%", *c))
             *c = '_';
     if (encodes)
-        response_header(response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain, encoded);
+        response_header(response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain,
+                        encoded);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)
@@ -261,7 +265,8 @@ bool take_number(struct exchange *exchange, const char *text, const char *name, 
         *out = (uint32_t)number;
         return true;
     }
-    response_problem(exchange->response, 400, exchange->request->target, "%ss go from 0 to %" PRIu32 ", not '%s'", name, count - 1, text);
+    response_problem(exchange->response, 400, exchange->request->target, "%ss go from 0 to %" PRIu32 ", not '%s'",
+                     name, count - 1, text);
     return false;
 }
 

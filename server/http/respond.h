@@ -22,8 +22,10 @@ struct body {
     struct region_note note; /* of a region */
 };
 
-/* Turns a buffer, which it empties, into a cache value that was made from `started` until now, its level until `extracted`. */
-TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, double extracted, struct cache_value *out,
+/* Turns a buffer, which it empties, into a cache value that was made from `started` until now, its level until
+ * `extracted`. */
+TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, double extracted,
+                                            struct cache_value *out,
                                             struct tetlod_error *error);
 
 /* What headers say of a body. */
@@ -38,7 +40,8 @@ struct representation {
 void respond_representation(struct response *response, const struct representation *representation);
 
 /* Answers with a cached value that is pinned, and says where it came from. */
-void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation);
+void respond_body(struct exchange *exchange, const struct cache_value *value,
+                  const struct representation *representation);
 
 /* Prepares the answer 304 if the client has this representation already, so that it need not be made or read. */
 bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size);
@@ -75,7 +78,8 @@ json_t *json_texts(const char *const *list, size_t count);
 json_t *field_names(const struct tetlod_info *info);
 
 /* The name under which a browser saves what is answered: the stream's id and what follows. */
-void name_download(struct response *response, const struct dataset *dataset, const char *format, ...) __attribute__((format(printf, 3, 4)));
+void name_download(struct response *response, const struct dataset *dataset, const char *format,
+                   ...) __attribute__((format(printf, 3, 4)));
 
 /* Tetlod-Level, -Vertices, -Tets, -Error. */
 void level_headers(struct response *response, const struct dataset *dataset, uint32_t level);

@@ -29,7 +29,8 @@ static size_t choose(const struct tetlod_info *info, struct cell_step at, char *
     uint32_t field = TETLOD_NONE;
     size_t all = list_begins_with(list, "all"), size = 0;
     if (info->cell_field_count)
-        size = list_find_either(list, form, &info->cell_fields[0].name, sizeof *info->cell_fields, info->cell_field_count, &field);
+        size = list_find_either(list, form, &info->cell_fields[0].name, sizeof *info->cell_fields,
+                                info->cell_field_count, &field);
     for (uint32_t f = 0; f < info->cell_field_count; f++)
         if (is_known(at, f) && (f == field || (all && !size)))
             out->chosen[f] = out->any = true;
@@ -47,7 +48,8 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
     if (result == QUERY_ABSENT)
         return true;
     if (result == QUERY_BAD) {
-        response_problem(exchange->response, 400, exchange->request->target, "cells is one list of names of at most %zu bytes in all, or all",
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "cells is one list of names of at most %zu bytes in all, or all",
                          sizeof list - 1);
         return false;
     }
@@ -83,7 +85,8 @@ uint64_t cell_choice_decoding(const struct cell_choice *choice, const struct tet
     return cell_choice_bytes(choice, info, (uint64_t)info->levels[level].tets + info->tets);
 }
 
-enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,
+enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file,
+                                   const uint32_t *tets,
                                    struct tetmesh *mesh, struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < tetlod_info(file)->cell_field_count; f++)

@@ -28,7 +28,8 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
 /* Tells choices apart: hexadecimal digits of four fields each. */
 void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1]);
 
-/* Bytes of the chosen values of that many tetrahedra; and of a level's while they are decoded, with all that the stream holds. */
+/* Bytes of the chosen values of that many tetrahedra; and of a level's while they are decoded, with all that the stream
+ * holds. */
 uint64_t cell_choice_bytes(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets);
 uint64_t cell_choice_decoding(const struct cell_choice *choice, const struct tetlod_info *info, uint32_t level);
 
@@ -37,7 +38,8 @@ TETLOD_CHECKED enum tetlod_status cell_choice_add_step(const struct cell_choice 
                                                        uint32_t step, struct tetmesh *mesh, struct tetlod_error *error);
 
 /* Adds them to a mesh of the tetrahedra that have these numbers (NULL: a level's). ERR_NOMEM, or as tetlod_cells. */
-TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,
+TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file,
+                                                  const uint32_t *tets,
                                                   struct tetmesh *mesh, struct tetlod_error *error);
 
 #endif

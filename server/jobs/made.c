@@ -49,7 +49,8 @@ static enum tetlod_status reserve_file(const struct making *making, const struct
     return buffer_reserve(out, size, error);
 }
 
-/* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any more. */
+/* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any
+ * more. */
 static enum tetlod_status write_answer(const struct making *making, struct job *job, struct buffer *out,
                                        struct region_note *note, double *extracted, struct tetlod_error *error)
 {
@@ -112,7 +113,8 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
 {
     struct cache_entry *forest;
     *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
+    enum outcome outcome = obtain_forest(exchange, dataset,
+                                         answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
     if (!forest)
         return outcome;
     struct making *making = malloc(sizeof *making + answer->choice_size);
@@ -138,7 +140,8 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
         .coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE),
         .etag = name,
     };
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level,
+             answer->name);
     snprintf(key, sizeof key, "%s/%" PRIx64 "/%s", name, dataset_file_number(dataset),
              coding_name(representation.coding));
     struct cache *cache = cache_for(exchange->site, making_bytes(dataset_info(dataset), answer));

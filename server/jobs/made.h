@@ -15,7 +15,8 @@ struct level_answer {
     const char *name; /* tells it from all others that are made from the level; visible ASCII without '"' and '/' */
     const char *media_type;
     uint64_t file_bytes; /* an upper bound of what `write` writes */
-    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
+    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out,
+                                struct tetlod_error *error);
     const void *choice; /* copied */
     size_t choice_size;
     bool finest; /* making it needs the stream up to its finest level, not only up to `level` */
@@ -26,7 +27,9 @@ struct level_answer {
      * nothing is reserved before; NULL: all of it is. */
     enum tetlod_status (*measure)(const void *choice, const struct tetmesh *mesh, uint64_t *out,
                                   struct tetlod_error *error);
-    void (*headers)(struct response *response, struct dataset *dataset, const void *choice, const struct region_note *note); /* note: may be NULL */
+    /* note: may be NULL */
+    void (*headers)(struct response *response, struct dataset *dataset, const void *choice,
+                    const struct region_note *note);
     uint64_t mesh_bytes;
 };
 

@@ -33,13 +33,15 @@ enum { KEY_CAPACITY = 80 };
 static enum tetlod_status fail_room(struct job *job, enum tetlod_status status, struct tetlod_error *failure)
 {
     if (status == TETLOD_ERR_ARGUMENT)
-        return tetlodi_fail(failure, status, "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
+        return tetlodi_fail(failure, status,
+                            "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
                                              "(format=tetlod, records, stream) are served at any size",
                             (unsigned long long)((job->recipe.bytes + job->recipe.beside) >> 20));
     return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
 
-static void end_job(struct job *job, enum tetlod_status status, const struct cache_value *value, struct tetlod_error *failure)
+static void end_job(struct job *job, enum tetlod_status status, const struct cache_value *value,
+                    struct tetlod_error *failure)
 {
     if (status != TETLOD_OK && !failure->status)
         failure->status = status;
@@ -102,8 +104,8 @@ static bool make_value(struct job *job)
     return true;
 }
 
-/* Makes room for a value and makes it. What nobody waits for any more is not made. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
- * outside the threads, until readers have let go of enough. */
+/* Makes room for a value and makes it. What nobody waits for any more is not made. Only what is being made takes room,
+ * so that waiting work keeps out nobody; and it waits outside the threads, until readers have let go of enough. */
 static void run_job(void *context)
 {
     struct job *job = context;
@@ -138,7 +140,8 @@ static void go_on(struct waiter *seeker)
         cache_seek_room(job->cache, seeker); // its queue is full: the next time
 }
 
-static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe, enum tetlod_status status,
+static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe,
+                    enum tetlod_status status,
                     const char *message)
 {
     struct tetlod_error failure = {.status = status};
@@ -150,10 +153,12 @@ static void give_up(struct cache *cache, struct cache_entry *entry, const struct
 /* Reading stored bytes is no job of the client's: it takes no time that others wait for. */
 static bool is_counted(const struct site *site, const struct request *request, const struct recipe *recipe)
 {
-    return request->client && request->waiter && site->jobs_per_client && (!recipe->pool || recipe->pool != site->readers);
+    return request->client && request->waiter && site->jobs_per_client && (!recipe->pool ||
+                                                                           recipe->pool != site->readers);
 }
 
-static void start(struct site *site, const struct request *request, struct cache *cache, struct cache_entry *entry, const struct recipe *recipe)
+static void start(struct site *site, const struct request *request, struct cache *cache, struct cache_entry *entry,
+                  const struct recipe *recipe)
 {
     bool here = !request->waiter || !site->pool;
     struct job *job = array_new(1, sizeof *job);
@@ -162,7 +167,8 @@ static void start(struct site *site, const struct request *request, struct cache
         return;
     }
     struct pool *pool = recipe->pool ? recipe->pool : site->pool;
-    *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL},
+    *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience,
+                        {go_on, NULL},
                         is_counted(site, request, recipe), 0, {NULL, 0, 0}, TETLOD_OK};
     cache_hold(cache, entry);
     if (job->counted) {
@@ -203,14 +209,18 @@ static void add_pin(struct request *request, struct cache *cache, struct cache_e
     request->pins[i].entry = entry;
 }
 
-/* The entry of a key, pinned; NULL: answered. Nothing is begun that this request could not hold, or that is one job too many. */
-static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe, bool *mine)
+/* The entry of a key, pinned; NULL: answered. Nothing is begun that this request could not hold, or that is one job too
+ * many. */
+static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *cache, const char *key,
+                                     const struct recipe *recipe, bool *mine)
 {
     struct request *request = exchange->request;
     const struct site *site = exchange->site;
     struct cache_entry *entry = has_free_pin(request) ? cache_find(cache, key) : NULL;
-    if (!entry && is_counted(site, request, recipe) && !quota_has_room(&site->jobs, request->client, (unsigned)site->jobs_per_client)) {
-        response_problem(exchange->response, 429, request->target, "%zu answers for this address are being made; ask again when there are fewer",
+    if (!entry && is_counted(site, request, recipe) &&
+        !quota_has_room(&site->jobs, request->client, (unsigned)site->jobs_per_client)) {
+        response_problem(exchange->response, 429, request->target,
+                         "%zu answers for this address are being made; ask again when there are fewer",
                          site->jobs_per_client);
         return NULL;
     }

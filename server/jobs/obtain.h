@@ -30,8 +30,8 @@ enum tetlod_status fail_unwanted(struct tetlod_error *error);
  * there is as much. So no two jobs wait for each other's memory. */
 struct room *job_room(struct job *job);
 
-/* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
- * context is taken over. */
+/* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The
+ * recipe's context is taken over. */
 enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
                     const struct cache_value **out);
 
@@ -40,8 +40,10 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
 
 struct forest;
 
-/* The stream in memory, decoded up to a level if it is not yet: an entry of site->memory that the caller releases, or NULL. */
-enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, struct cache_entry **out);
+/* The stream in memory, decoded up to a level if it is not yet: an entry of site->memory that the caller releases, or
+ * NULL. */
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level,
+                           struct cache_entry **out);
 
 const struct forest *forest_of(const struct cache_entry *entry);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The size of such a file is known before, and any range of it can be made by itself; what is kept for it are two numbers a vertex, and the
- * values of cells that were chosen, which are decoded all at once. */
+/* The size of such a file is known before, and any range of it can be made by itself; what is kept for it are two
+ * numbers a vertex, and the values of cells that were chosen, which are decoded all at once. */
 #include "server/jobs/streamed.h"
 
 #include <inttypes.h>
@@ -90,7 +90,9 @@ static enum tetlod_status make_cells(void *opaque, struct job *job, struct cache
     cells->tet_count = info->levels[celling->level].tets;
     enum tetlod_status status = cell_choice_add(&celling->choice, dataset_file(celling->dataset), NULL, cells, error);
     if (status == TETLOD_OK)
-        *out = (struct cache_value){cells, sizeof *cells + (size_t)cell_choice_bytes(&celling->choice, info, cells->tet_count), free_cells};
+        *out = (struct cache_value){cells,
+                                    sizeof *cells + (size_t)cell_choice_bytes(&celling->choice, info,
+                                                                              cells->tet_count), free_cells};
     else
         free_cells(cells);
     return status;
@@ -118,9 +120,10 @@ static ptrdiff_t read_file(void *opaque, uint64_t begin, size_t size, unsigned c
     return (ptrdiff_t)size;
 }
 
-/* The view of a level as an entry that the caller releases. A view that is kept does not keep its forest: its key names the one
- * forest that it reads. */
-static enum outcome obtain_view(struct exchange *exchange, const struct streamed_answer *answer, const struct tetlod_info *info,
+/* The view of a level as an entry that the caller releases. A view that is kept does not keep its forest: its key names
+ * the one forest that it reads. */
+static enum outcome obtain_view(struct exchange *exchange, const struct streamed_answer *answer,
+                                const struct tetlod_info *info,
                                 struct cache_entry *forest, struct cache_entry **out)
 {
     struct site *site = exchange->site;
@@ -143,7 +146,8 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
 }
 
 /* The chosen values of cells as an entry that the caller releases. */
-static enum outcome obtain_cells(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct cache_entry **out)
+static enum outcome obtain_cells(struct exchange *exchange, struct dataset *dataset,
+                                 const struct streamed_answer *answer, struct cache_entry **out)
 {
     const struct tetlod_info *info = dataset_info(dataset);
     struct celling *celling = array_new(1, sizeof *celling);
@@ -156,7 +160,8 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     cell_choice_name(answer->cells, name);
     snprintf(key, sizeof key, "%s/cells/%" PRIx64 "/%" PRIu32 "/%s", info->cid, dataset_file_number(dataset),
              answer->level, name);
-    const struct recipe recipe = {make_cells, free_celling, celling, cell_choice_decoding(answer->cells, info, answer->level) + 65536,
+    const struct recipe recipe = {make_cells, free_celling, celling,
+                                  cell_choice_decoding(answer->cells, info, answer->level) + 65536,
                                   PATIENCE, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
     if (value)
@@ -165,7 +170,8 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
 }
 
 /* All that the file is written from. False: *outcome says what came of it, and nothing is held. */
-static bool obtain_all(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct held *out, enum outcome *outcome)
+static bool obtain_all(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer,
+                       struct held *out, enum outcome *outcome)
 {
     *out = (struct held){NULL, NULL, NULL};
     *outcome = obtain_forest(exchange, dataset, answer->level, &out->forest);
@@ -209,7 +215,8 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
         respond_no_memory(exchange);
         return false;
     }
-    *file = (struct file){memory, *held, NULL, {cache_value(held->view, &error)->data, forest_view_values, forest_view_corners}};
+    *file = (struct file){memory, *held, NULL,
+                          {cache_value(held->view, &error)->data, forest_view_values, forest_view_corners}};
     if (lay_out(file, answer, &error) != TETLOD_OK) {
         free_file(file);
         respond_failure(exchange, &error);
@@ -222,7 +229,8 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
 enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer)
 {
     char name[MOST_CELL_FIELDS / 4 + 96];
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level,
+             answer->name);
     const struct representation representation = {.media_type = answer->media_type, .etag = name};
     if (!respond_unchanged(exchange, &representation, SIZE_UNKNOWN)) {
         struct held held;

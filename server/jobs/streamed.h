@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Levels that are written while they are sent, straight from the stream in memory: for files that the cache has no room for. */
+/* Levels that are written while they are sent, straight from the stream in memory: for files that the cache has no room
+ * for. */
 #ifndef TETLOD_SERVER_STREAMED_H
 #define TETLOD_SERVER_STREAMED_H
 

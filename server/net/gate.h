@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Who may connect and how long they may take to ask. libmicrohttpd divides its limit among its threads and knows only idle
- * time, which a client resets with a byte now and then; so connections are counted here, and one that has not completed
- * a request or taken an answer in time is shut down.
+ * Who may connect and how long they may take to ask. libmicrohttpd divides its limit among its threads and knows only
+ * idle time, which a client resets with a byte now and then; so connections are counted here, and one that has not
+ * completed a request or taken an answer in time is shut down.
  */
 #ifndef TETLOD_SERVER_GATE_H
 #define TETLOD_SERVER_GATE_H
@@ -40,14 +40,14 @@ struct peer *gate_peer(struct gate *gate, int fd);
 /* To be called before the descriptor is closed. */
 void gate_leave(struct gate *gate, struct peer *peer);
 
-/* A request has arrived; its answer of so many bytes is being sent; it is sent and the next one may come. Answers have a deadline,
- * for what they hold (room in the cache, a decoded stream) others wait for. */
+/* A request has arrived; its answer of so many bytes is being sent; it is sent and the next one may come. Answers have
+ * a deadline, for what they hold (room in the cache, a decoded stream) others wait for. */
 void peer_busy(struct peer *peer);
 void peer_sending(struct peer *peer, uint64_t bytes, double now);
 void peer_idle(struct peer *peer, double now);
 
-/* What waits on a connection: `leave` is called when its client has gone, and returns the waiter to be woken for it, or NULL if it is
- * being woken anyway. */
+/* What waits on a connection: `leave` is called when its client has gone, and returns the waiter to be woken for it, or
+ * NULL if it is being woken anyway. */
 struct waiting {
     struct waiter *(*leave)(struct waiting *waiting);
 };
@@ -55,8 +55,8 @@ struct waiting {
 /* From now until it is given NULL, the connection is looked at by gate_part. */
 void peer_wait(struct peer *peer, struct waiting *waiting);
 
-/* Wakes what waits on connections whose clients have gone. (A client that has closed its sending side only is taken for one of them: TCP
- * does not tell.) Returns how many. */
+/* Wakes what waits on connections whose clients have gone. (A client that has closed its sending side only is taken for
+ * one of them: TCP does not tell.) Returns how many. */
 size_t gate_part(struct gate *gate);
 
 /* The address as text ("unix" for Unix sockets); valid as long as the connection. */
@@ -68,7 +68,8 @@ bool peer_is_proxy(const struct peer *peer);
 
 enum reach peer_reach(const struct peer *peer);
 
-/* Shuts down connections whose request is late or whose answer is not taken, or with `idle` all that are between requests. Returns how many. */
+/* Shuts down connections whose request is late or whose answer is not taken, or with `idle` all that are between
+ * requests. Returns how many. */
 size_t gate_reap(struct gate *gate, double now, bool idle);
 
 size_t gate_count(struct gate *gate);

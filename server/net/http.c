@@ -6,9 +6,11 @@
  *   used up (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets four times
  *   what a request may take, and not more, for the library clears all of it after each answer; what is too long is
  *   refused here;
- * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
+ * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body
+ * and
  *   any broken framing is refused here and ends the connection;
- * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
+ * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is
+ * not
  *   sent; where the length is not known the connection ends, for without a body the length would be 0;
  * - it has no deadline for a request, only idle time, and divides connections unevenly: see gate.h and server.c;
  * - its threads must not block: a request that waits is suspended, and resumed by whoever finishes what it waits for.
@@ -64,12 +66,13 @@ struct call {
     uint64_t bytes;
     const char *route;
     char method[16], id[40];
-    char remote[INET6_ADDRSTRLEN], network[INET6_ADDRSTRLEN]; /* the client, maybe behind a proxy, and what is counted of it */
+    /* the client, maybe behind a proxy, and what is counted of it */
+    char remote[INET6_ADDRSTRLEN], network[INET6_ADDRSTRLEN];
     char target[];
 };
 
-/* A connection: its peer, and the request on it. The library forgets a request of which two things are wrong (the first header does not
- * fit into the connection's memory): it closes the connection without a call of on_completed. */
+/* A connection: its peer, and the request on it. The library forgets a request of which two things are wrong (the first
+ * header does not fit into the connection's memory): it closes the connection without a call of on_completed. */
 struct client {
     struct peer *peer;
     struct call *call;
@@ -117,8 +120,8 @@ static struct waiter *leave(struct waiting *waiting)
     return &call->waiter;
 }
 
-/* The library goes on to parse the query, for which each parameter takes some of the connection's memory; where that is full
- * the client hears nothing until the time-out. In its copy of the target it is to find no parameters. */
+/* The library goes on to parse the query, for which each parameter takes some of the connection's memory; where that is
+ * full the client hears nothing until the time-out. In its copy of the target it is to find no parameters. */
 static void hide_parameters(const char *target)
 {
     for (char *separator = strchr(target, '?'); separator; separator = strchr(separator, '&'))
@@ -142,7 +145,8 @@ static void *on_target(void *opaque, const char *target, struct MHD_Connection *
     call->started = monotonic_seconds();
     call->waiter.wake = wake;
     call->waiting.leave = leave;
-    call->request = (struct request){.target = call->target, .header = find_header, .opaque = call, .waiter = &call->waiter};
+    call->request = (struct request){.target = call->target, .header = find_header, .opaque = call,
+                                     .waiter = &call->waiter};
     return call;
 }
 
@@ -159,7 +163,8 @@ struct framing {
     bool content, bad_name, bad_value;
 };
 
-static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value,
+static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, size_t name_size,
+                                    const char *value,
                                     size_t value_size)
 {
     struct framing *framing = opaque;
@@ -188,7 +193,8 @@ static unsigned refuse_framing(const struct call *call, const char *method, cons
 {
     struct framing framing = {0};
     MHD_get_connection_values_n(call->connection, MHD_HEADER_KIND, count_header, &framing);
-    const union MHD_ConnectionInfo *size = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    const union MHD_ConnectionInfo *size = MHD_get_connection_info(call->connection,
+                                                                   MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
     if (size && size->header_size > call->http->options.header_bytes) {
         bool target = strlen(call->target) > call->http->options.header_bytes / 2;
         *why = target ? "the request's target is too long" : "the request's headers are too long";
@@ -354,8 +360,10 @@ static struct MHD_Response *make_pieces_body(struct call *call, struct response 
     struct pieces *pieces = array_new(1, sizeof *pieces);
     if (!pieces)
         return NULL;
-    *pieces = (struct pieces){call, response->read, response->release, response->owner, response->offset, response->size};
-    struct MHD_Response *made = MHD_create_response_from_callback(response->size, PIECE, read_pieces, pieces, release_pieces);
+    *pieces = (struct pieces){call, response->read, response->release, response->owner, response->offset,
+                              response->size};
+    struct MHD_Response *made = MHD_create_response_from_callback(response->size, PIECE, read_pieces, pieces,
+                                                                  release_pieces);
     if (made)
         response->release = NULL;
     else
@@ -369,8 +377,8 @@ static ssize_t read_nothing(void *opaque, uint64_t position, char *out, size_t m
     return MHD_CONTENT_READER_END_OF_STREAM;
 }
 
-/* For a 304, which has no body but may have the length of one. Where that is not known either, the library announces chunks
- * and sends the last of them unless it knows that the connection ends. */
+/* For a 304, which has no body but may have the length of one. Where that is not known either, the library announces
+ * chunks and sends the last of them unless it knows that the connection ends. */
 static struct MHD_Response *make_absent_body(uint64_t size)
 {
     struct MHD_Response *made =
@@ -390,7 +398,8 @@ static struct MHD_Response *make_body(struct call *call, struct response *respon
         return make_absent_body(response->size);
     const char *bytes = response->kind == BODY_NONE ? nothing : (const char *)response->bytes + (response->offset - response->held);
     if (response->kind == BODY_NONE || !response->release)
-        return MHD_create_response_from_buffer((size_t)response->size, (void *)(uintptr_t)bytes, MHD_RESPMEM_PERSISTENT);
+        return MHD_create_response_from_buffer((size_t)response->size, (void *)(uintptr_t)bytes,
+                                               MHD_RESPMEM_PERSISTENT);
     struct borrowed *borrowed = array_new(1, sizeof *borrowed);
     if (!borrowed)
         return NULL;
@@ -419,7 +428,8 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
 {
     bool added = MHD_add_response_header(made, "Server", "tetlod") == MHD_YES;
     for (size_t i = 0; i < response->header_count; i++)
-        added &= MHD_add_response_header(made, response->headers[i].name, response_header_value(response, i)) == MHD_YES;
+        added &= MHD_add_response_header(made, response->headers[i].name,
+                                         response_header_value(response, i)) == MHD_YES;
     if (response->media_type)
         added &= MHD_add_response_header(made, "Content-Type", response->media_type) == MHD_YES;
     if (response->etag[0])
@@ -428,7 +438,8 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
     if (response->close)
         added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
     struct client *client = client_of(call->connection);
-    if (client) // after Connection: adding that makes the library forget that there is a date, and it sends a second one
+    // after Connection: adding that makes the library forget that there is a date, and it sends a second one
+    if (client)
         added &= MHD_add_response_header(made, "Date", print_date(client)) == MHD_YES;
     return added;
 }
@@ -559,7 +570,8 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);
     if (!http->daemon) {
         free(http);
-        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start the HTTP threads (limits on threads or descriptors?)");
+        return tetlodi_fail(error, TETLOD_ERR_NOMEM,
+                            "cannot start the HTTP threads (limits on threads or descriptors?)");
     }
     *out = http;
     return TETLOD_OK;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* libmicrohttpd on one side, requests and responses on the other. Connections are given to it, spread over its threads. */
+/* libmicrohttpd on one side, requests and responses on the other. Connections are given to it, spread over its
+ * threads. */
 #ifndef TETLOD_SERVER_HTTP_H
 #define TETLOD_SERVER_HTTP_H
 
@@ -11,7 +12,8 @@
 struct http;
 
 struct http_options {
-    /* Answers a request; the response is released here. WAITING: it is asked again when the request's waiter was woken. */
+    /* Answers a request; the response is released here. WAITING: it is asked again when the request's waiter was
+     * woken. */
     enum outcome (*answer)(void *opaque, struct request *request, struct response *response);
     void (*finished)(void *opaque, const struct finished *finished); /* once for each answer */
     void *opaque;
@@ -29,7 +31,8 @@ TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct htt
 /* Takes over an accepted connection. */
 void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size);
 
-/* Ends all connections; the pool that answers must have come to its end before, so that no request is waiting for it. */
+/* Ends all connections; the pool that answers must have come to its end before, so that no request is waiting for
+ * it. */
 void http_stop(struct http *http);
 
 #endif

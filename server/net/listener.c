@@ -29,7 +29,8 @@ static bool is_loopback(const struct sockaddr_storage *bound)
     const struct in6_addr *six = &((const struct sockaddr_in6 *)(const void *)bound)->sin6_addr;
     if (bound->ss_family == AF_INET)
         return ntohl(((const struct sockaddr_in *)(const void *)bound)->sin_addr.s_addr) >> 24 == 127;
-    return bound->ss_family == AF_INET6 && (IN6_IS_ADDR_LOOPBACK(six) || (IN6_IS_ADDR_V4MAPPED(six) && six->s6_addr[12] == 127));
+    return bound->ss_family == AF_INET6 && (IN6_IS_ADDR_LOOPBACK(six) ||
+                                            (IN6_IS_ADDR_V4MAPPED(six) && six->s6_addr[12] == 127));
 }
 
 /* What the socket is bound to: who reaches it, and its URL. */
@@ -42,7 +43,8 @@ static void describe(struct listener *listener)
         return;
     if (bound.ss_family == AF_UNIX) {
         listener->reach = REACH_UNIX;
-        snprintf(listener->url, sizeof listener->url, "unix:%s", ((const struct sockaddr_un *)(void *)&bound)->sun_path);
+        snprintf(listener->url, sizeof listener->url, "unix:%s",
+                 ((const struct sockaddr_un *)(void *)&bound)->sun_path);
         return;
     }
     listener->reach = is_loopback(&bound) ? REACH_LOOPBACK : REACH_NETWORK;
@@ -71,7 +73,8 @@ static enum tetlod_status open_tcp(struct listener *listener, const char *addres
     size_t size = colon ? (size_t)(colon - address) : 0;
     uint64_t port;
     if (!colon || size >= sizeof host || !text_count(colon + 1, false, &port) || port > 65535)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not an address: give ADDR:PORT, [ADDR]:PORT or unix:PATH", address);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "'%.120s' is not an address: give ADDR:PORT, [ADDR]:PORT or unix:PATH", address);
     bool brackets = size > 2 && address[0] == '[' && address[size - 1] == ']';
     snprintf(host, sizeof host, "%.*s", (int)(brackets ? size - 2 : size), address + brackets);
     struct addrinfo hints = {.ai_flags = AI_PASSIVE | AI_NUMERICSERV, .ai_socktype = SOCK_STREAM}, *list = NULL;
@@ -97,8 +100,8 @@ static enum tetlod_status open_tcp(struct listener *listener, const char *addres
     return listener->fd < 0 ? fail_address(address, strerror(why), error) : start_listening(listener, address, error);
 }
 
-/* Removes a socket that a server left behind when it died. Only a refused connection tells that nobody listens there: a server that is
- * stopped or busy does not answer, and it shall keep its socket. */
+/* Removes a socket that a server left behind when it died. Only a refused connection tells that nobody listens there: a
+ * server that is stopped or busy does not answer, and it shall keep its socket. */
 static enum tetlod_status clear_path(const struct sockaddr_un *name, const char *path, struct tetlod_error *error)
 {
     struct stat about;
@@ -114,7 +117,8 @@ static enum tetlod_status clear_path(const struct sockaddr_un *name, const char 
     return fail_address(path, why && why != EAGAIN ? strerror(why) : "another server listens there", error);
 }
 
-static enum tetlod_status open_unix(struct listener *listener, const char *path, unsigned mode, struct tetlod_error *error)
+static enum tetlod_status open_unix(struct listener *listener, const char *path, unsigned mode,
+                                    struct tetlod_error *error)
 {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
     if (!*path || strlen(path) >= sizeof name.sun_path)
@@ -122,7 +126,8 @@ static enum tetlod_status open_unix(struct listener *listener, const char *path,
     memcpy(name.sun_path, path, strlen(path));
     TETLOD_TRY(clear_path(&name, path, error));
     listener->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    bool narrowed = listener->fd >= 0 && (!mode || fchmod(listener->fd, mode) == 0); // the file never has more than its mode
+    // the file never has more than its mode
+    bool narrowed = listener->fd >= 0 && (!mode || fchmod(listener->fd, mode) == 0);
     if (!narrowed || bind(listener->fd, (struct sockaddr *)&name, sizeof name) != 0) {
         enum tetlod_status status = fail_address(path, strerror(errno), error);
         listener_close(listener);
@@ -137,7 +142,8 @@ static enum tetlod_status open_unix(struct listener *listener, const char *path,
     return start_listening(listener, path, error);
 }
 
-enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode, struct tetlod_error *error)
+enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode,
+                                 struct tetlod_error *error)
 {
     *out = (struct listener){.fd = -1};
     if (strncmp(address, "unix:", 5) == 0)

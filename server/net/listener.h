@@ -14,7 +14,8 @@ struct listener {
 };
 
 /* `socket_mode` is that of a Unix socket's file; 0: what the umask leaves. */
-TETLOD_CHECKED enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode,
+                                                struct tetlod_error *error);
 void listener_close(struct listener *listener);
 
 #endif

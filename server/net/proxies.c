@@ -76,7 +76,8 @@ enum tetlod_status proxies_new(struct proxies **out, const char *const *list, si
         if (strcmp(list[i], "unix") == 0)
             proxies->unix_sockets = true;
         else if (!read_network(list[i], &proxies->networks[proxies->count++]))
-            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is no proxy: give an address, ADDRESS/BITS, or unix", list[i]);
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                "'%.120s' is no proxy: give an address, ADDRESS/BITS, or unix", list[i]);
     }
     return TETLOD_OK;
 }

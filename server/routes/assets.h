@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Files that are part of the program: the page and what it loads. Generated, with their codings, from folders by embed.py. */
+/* Files that are part of the program: the page and what it loads. Generated, with their codings, from folders by
+ * embed.py. */
 #ifndef TETLOD_SERVER_ASSETS_H
 #define TETLOD_SERVER_ASSETS_H
 

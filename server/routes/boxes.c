@@ -54,7 +54,8 @@ bool parse_boxes(struct exchange *exchange, struct region_box out[static MAX_BOX
     return good;
 }
 
-bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size_t count, char out[static BOXES_CAPACITY])
+bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size_t count,
+                 char out[static BOXES_CAPACITY])
 {
     size_t used = 0;
     for (size_t i = 0; i < 6 * count; i++) {
@@ -62,7 +63,8 @@ bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size
         const struct region_box *box = &boxes[i / 6];
         size_t axis = i % 3, size = print_number(number, sizeof number, i % 6 < 3 ? box->low[axis] : box->high[axis]);
         if (used + size + 2 > BOXES_CAPACITY) {
-            response_problem(exchange->response, 400, exchange->request->target, "these are too many boxes: write fewer, or fewer digits");
+            response_problem(exchange->response, 400, exchange->request->target,
+                             "these are too many boxes: write fewer, or fewer digits");
             return false;
         }
         memcpy(out + used, number, size);
@@ -124,7 +126,8 @@ static enum tetlod_status make_mesh(const void *opaque, const struct forest *for
     return status;
 }
 
-static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out,
+                                     struct tetlod_error *error)
 {
     const struct region_choice *choice = opaque;
     return mesh_format_write(choice->format, mesh, out, error);
@@ -137,7 +140,8 @@ static enum tetlod_status measure_file(const void *opaque, const struct tetmesh 
     return mesh_format_measure(choice->format, mesh, out, error);
 }
 
-static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
+static void put_headers(struct response *response, struct dataset *dataset, const void *opaque,
+                        const struct region_note *note)
 {
     const struct region_choice *choice = opaque;
     const char *coarse = dataset_level_texts(dataset, choice->coarse)->errors;
@@ -156,7 +160,8 @@ static void put_headers(struct response *response, struct dataset *dataset, cons
     response_header(response, "Tetlod-Transition-Error", "measured=%.9g", note->transition_error);
 }
 
-static enum outcome answer_region(struct exchange *exchange, struct dataset *dataset, const struct region_choice *choice)
+static enum outcome answer_region(struct exchange *exchange, struct dataset *dataset,
+                                  const struct region_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
     const struct region region = region_of(choice);
@@ -164,7 +169,8 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
     if (!print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return ANSWERED;
     cell_choice_name(&choice->cells, cells);
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", choice->format->name, choice->coarse, boxes, choice->cells.any ? "-" : "",
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", choice->format->name, choice->coarse, boxes,
+             choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
     uint64_t values = cell_choice_bytes(&choice->cells, info, info->levels[choice->fine].tets);
     const struct level_answer answer = {
@@ -193,7 +199,8 @@ static bool take_cells(struct exchange *exchange, const struct tetlod_info *info
     uint32_t clash = tetlod_cell_field_index(info, REGION_FIELD);
     if (clash == TETLOD_NONE || !out->chosen[clash])
         return true;
-    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: the field that tells the parts has that name", REGION_FIELD);
+    response_problem(exchange->response, 400, exchange->request->target,
+                     "cells cannot have '%s' here: the field that tells the parts has that name", REGION_FIELD);
     return false;
 }
 
@@ -201,7 +208,8 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
 {
     char text[24];
     choice->format = take_mesh_format(exchange, exchange->captures[3], true);
-    if (!choice->format || !check_parameters(exchange) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
+    if (!choice->format || !check_parameters(exchange) ||
+        !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
         !parse_boxes(exchange, choice->boxes, &choice->box_count) || !take_cells(exchange, info, &choice->cells))
         return false;
     if (choice->box_count && query_value(exchange->query, "box_level", text, sizeof text) == QUERY_FOUND) {
@@ -210,7 +218,8 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
         if (choice->fine > choice->coarse)
             return true;
     }
-    response_problem(exchange->response, 400, exchange->request->target, "box and box_level are needed, and the box's level is finer than the level");
+    response_problem(exchange->response, 400, exchange->request->target,
+                     "box and box_level are needed, and the box's level is finer than the level");
     return false;
 }
 

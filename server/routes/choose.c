@@ -62,17 +62,20 @@ static bool parse_budget(struct exchange *exchange, struct choice *choice)
     }
     if (given == 1)
         return true;
-    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters", json_texts(kind_names + TAKE_ERROR, TAKE_BYTES),
+    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters",
+                             json_texts(kind_names + TAKE_ERROR, TAKE_BYTES),
                              given ? "give one of error, abs_error, level, tets and bytes, once"
                                    : "say which mesh: error=0.01 or another of error, abs_error, level, tets and bytes");
     return false;
 }
 
-static bool parse_error(struct exchange *exchange, enum selection_kind kind, const char *name, const char *text, double *out)
+static bool parse_error(struct exchange *exchange, enum selection_kind kind, const char *name, const char *text,
+                        double *out)
 {
     if (text_number(text, kind == TAKE_ERROR, out) && *out >= 0)
         return true;
-    response_problem(exchange->response, 400, target_of(exchange), "%s is a finite number of at least 0, such as %s, not '%s'",
+    response_problem(exchange->response, 400, target_of(exchange),
+                     "%s is a finite number of at least 0, such as %s, not '%s'",
                      name, kind == TAKE_ERROR ? "0.01 or 1%25" : "0.5", text);
     return false;
 }
@@ -86,13 +89,15 @@ static bool parse_amount(struct exchange *exchange, const struct tetlod_info *in
     if (selection->kind == TAKE_LEVEL) {
         if (text_count(choice->text, false, &selection->count) && selection->count < info->level_count)
             return true;
-        response_problem(exchange->response, 400, target_of(exchange), "level is a whole number from 0 to %" PRIu32 ", not '%s'",
+        response_problem(exchange->response, 400, target_of(exchange),
+                         "level is a whole number from 0 to %" PRIu32 ", not '%s'",
                          info->level_count - 1, choice->text);
         return false;
     }
     if (text_count(choice->text, true, &selection->count))
         return true;
-    response_problem(exchange->response, 400, target_of(exchange), "%s is a whole number such as 50000 or 4M, not '%s'", name,
+    response_problem(exchange->response, 400, target_of(exchange),
+                     "%s is a whole number such as 50000 or 4M, not '%s'", name,
                      choice->text);
     return false;
 }
@@ -143,17 +148,20 @@ static bool parse_format(struct exchange *exchange, struct choice *choice, bool 
     return take_mesh_format(exchange, choice->format, from_mesh) != NULL;
 }
 
-static void redirect(struct exchange *exchange, const struct dataset *dataset, const struct choice *choice, uint32_t level)
+static void redirect(struct exchange *exchange, const struct dataset *dataset, const struct choice *choice,
+                     uint32_t level)
 {
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
     char boxes[BOXES_CAPACITY];
     const char *cells = choice->cells.any ? choice->cells.text : "";
-    if (choice->selection.box_count && !print_boxes(exchange, choice->selection.boxes, choice->selection.box_count, boxes))
+    if (choice->selection.box_count &&
+        !print_boxes(exchange, choice->selection.boxes, choice->selection.box_count, boxes))
         return;
     response_static(response, 303, "text/plain; charset=utf-8", redirected);
     if (choice->selection.box_count) // from .../mesh
-        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s",
+                        info->cid, level,
                         choice->format, choice->box_level, boxes, choice->cells.any ? "&cells=" : "", cells);
     else
         response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
@@ -173,7 +181,8 @@ static void respond_no_level(struct exchange *exchange, const struct dataset *da
 static bool ask_level(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t *out)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) || !parse_field(exchange, info, choice) ||
+    if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) ||
+        !parse_field(exchange, info, choice) ||
         !parse_measure(exchange, info, choice, choice->selection.kind <= TAKE_ABS_ERROR))
         return false;
     *out = selection_level(info, &choice->selection);
@@ -222,7 +231,8 @@ static enum outcome redirect_to_step(struct exchange *exchange, const struct ste
         !query_cells(exchange, info, (struct cell_step){dataset_series(step->dataset), step->step}, &choice.cells))
         return ANSWERED;
     response_static(exchange->response, 303, "text/plain; charset=utf-8", redirected);
-    response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid, step->band, step->step,
+    response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid,
+                    step->band, step->step,
                     choice.format, choice.cells.any ? "?cells=" : "", choice.cells.any ? choice.cells.text : "");
     step_headers(exchange->response, step);
     cache_revalidate(exchange->response);

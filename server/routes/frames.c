@@ -22,13 +22,15 @@ enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dat
 }
 
 /* Which fields a list of names selects, as text of 0 and 1 for the entity tag. */
-static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, char *list, const char *form, char *selected)
+static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, char *list, const char *form,
+                          char *selected)
 {
     memset(selected, '0', info->field_count);
     selected[info->field_count] = 0;
     for (char *at = list; *at;) {
         uint32_t field;
-        size_t size = info->field_count ? list_find_either(at, form + (at - list), &info->fields[0].name, sizeof *info->fields, info->field_count, &field) : 0;
+        size_t size = info->field_count ? list_find_either(at, form + (at - list), &info->fields[0].name,
+                                                           sizeof *info->fields, info->field_count, &field) : 0;
         if (!size) {
             response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
                                      "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","), at);
@@ -40,8 +42,8 @@ static bool select_fields(struct exchange *exchange, const struct tetlod_info *i
     return true;
 }
 
-/* Header and index if they are asked for, then the frames of levels first .. last: geometry and the selected fields, in the
- * order of the stream. */
+/* Header and index if they are asked for, then the frames of levels first .. last: geometry and the selected fields, in
+ * the order of the stream. */
 static enum outcome answer_frames(struct exchange *exchange, struct dataset *dataset, bool index_too, uint32_t first,
                                   uint32_t last, const char *selected)
 {
@@ -57,7 +59,8 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
         return respond_no_memory(exchange);
     tetlod_spans(file, from, last, fields, count, spans, most);
     char etag[80 + MOST_FIELDS];
-    snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last, selected);
+    snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last,
+             selected);
     enum outcome outcome = respond_stored(exchange, dataset, spans, most, etag);
     free(spans);
     return outcome;
@@ -69,7 +72,8 @@ enum query_result query_fields(struct exchange *exchange, const struct tetlod_in
     enum query_result result = query_value(exchange->query, "fields", list, sizeof list);
     query_form_value(exchange->query, "fields", form, sizeof form);
     if (result == QUERY_BAD)
-        response_problem(exchange->response, 400, exchange->request->target, "fields is one list of names of at most %zu bytes in all", sizeof list - 1);
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "fields is one list of names of at most %zu bytes in all", sizeof list - 1);
     else if (result == QUERY_FOUND && !select_fields(exchange, info, list, form, selected))
         result = QUERY_BAD;
     return result;
@@ -99,7 +103,9 @@ static enum outcome answer_records(struct exchange *exchange, struct dataset *da
         return ANSWERED;
     uint64_t offset = info->levels[from + 1].offset;
     snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
-    return answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){offset, info->levels[to].end - offset}, 1, etag));
+    return answer_immutable(exchange,
+                            respond_stored(exchange, dataset,
+                                           &(struct tetlod_span){offset, info->levels[to].end - offset}, 1, etag));
 }
 
 enum outcome handle_records(struct exchange *exchange)
@@ -130,7 +136,9 @@ enum outcome handle_stream(struct exchange *exchange)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
     if (check_parameters(exchange))
-        outcome = answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1, info->cid));
+        outcome = answer_immutable(exchange,
+                                   respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1,
+                                                  info->cid));
     if (outcome == ANSWERED && exchange->response->status == 200)
         name_download(exchange->response, dataset, ".tetlod");
     dataset_release(dataset);

@@ -14,7 +14,8 @@
 #include "server/routes/handlers.h"
 #include "src/util/array.h"
 
-/* Which of the stream's fields have steps and are asked for, as query_fields says it: without a list, all of them. False: answered. */
+/* Which of the stream's fields have steps and are asked for, as query_fields says it: without a list, all of them.
+ * False: answered. */
 static bool take_fields(struct exchange *exchange, const struct dataset *dataset, char selected[static MOST_FIELDS + 1])
 {
     const struct tetlod_info *info = dataset_info(dataset);
@@ -36,7 +37,8 @@ static bool take_fields(struct exchange *exchange, const struct dataset *dataset
 }
 
 /* Of the selected fields the groups that a step is in, behind the spans that are there. */
-static size_t add_groups(const struct step_choice *choice, const char *selected, struct tetlod_span *spans, size_t count)
+static size_t add_groups(const struct step_choice *choice, const char *selected, struct tetlod_span *spans,
+                         size_t count)
 {
     const struct tetlod_series *series = dataset_series(choice->dataset);
     const struct tetlod_series_info *info = tetlod_series_info(series);
@@ -54,13 +56,15 @@ static enum outcome answer_group(struct exchange *exchange, const struct step_ch
     if (!take_fields(exchange, dataset, selected))
         return ANSWERED;
     size_t count = add_groups(choice, selected, spans, 0);
-    snprintf(etag, sizeof etag, "%s-b%" PRIu32 "-g%" PRIu32 "-%s", dataset_info(dataset)->cid, choice->band, choice->step / TETLOD_STEP_GROUP, selected);
+    snprintf(etag, sizeof etag, "%s-b%" PRIu32 "-g%" PRIu32 "-%s", dataset_info(dataset)->cid, choice->band,
+             choice->step / TETLOD_STEP_GROUP, selected);
     return answer_immutable(exchange, respond_stored(exchange, dataset, spans, count, etag));
 }
 
 static bool take_group(struct exchange *exchange, const struct dataset *dataset, struct step_choice *choice)
 {
-    uint32_t groups = (tetlod_series_info(dataset_series(dataset))->step_count + TETLOD_STEP_GROUP - 1) / TETLOD_STEP_GROUP, group;
+    uint32_t groups = (tetlod_series_info(dataset_series(dataset))->step_count + TETLOD_STEP_GROUP -
+                       1) / TETLOD_STEP_GROUP, group;
     if (!take_number(exchange, exchange->captures[3], "group", groups, &group))
         return false;
     choice->step = group * TETLOD_STEP_GROUP;
@@ -74,7 +78,8 @@ enum outcome handle_group(struct exchange *exchange)
     enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
-    if (check_parameters(exchange) && captured_band(exchange, dataset, &choice) && take_group(exchange, dataset, &choice))
+    if (check_parameters(exchange) && captured_band(exchange, dataset, &choice) &&
+        take_group(exchange, dataset, &choice))
         outcome = answer_group(exchange, &choice);
     dataset_release(dataset);
     return outcome;
@@ -100,7 +105,8 @@ enum outcome respond_step_prefix(struct exchange *exchange, const struct step_ch
     const struct tetlod_section *table = &info->sections[tetlod_section_index(info, "TIME")];
     spans[count++] = (struct tetlod_span){table->offset, table->stored};
     count = add_groups(choice, selected, spans, count);
-    snprintf(etag, sizeof etag, "%s-ib%" PRIu32 "-g%" PRIu32 "-%s", info->cid, choice->band, choice->step / TETLOD_STEP_GROUP, selected);
+    snprintf(etag, sizeof etag, "%s-ib%" PRIu32 "-g%" PRIu32 "-%s", info->cid, choice->band,
+             choice->step / TETLOD_STEP_GROUP, selected);
     enum outcome outcome = respond_stored(exchange, dataset, spans, count, etag);
     free(spans);
     return outcome;

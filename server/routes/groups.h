@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Stored bytes of steps in time (SPEC 3.7): a group of a band, and all that a step needs of a client that holds nothing. */
+/* Stored bytes of steps in time (SPEC 3.7): a group of a band, and all that a step needs of a client that holds
+ * nothing. */
 #ifndef TETLOD_SERVER_GROUPS_H
 #define TETLOD_SERVER_GROUPS_H
 

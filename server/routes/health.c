@@ -22,7 +22,8 @@ enum outcome handle_ready(struct exchange *exchange)
         return ANSWERED;
     }
     char *text = malloc(160);
-    int size = text ? snprintf(text, 160, "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n", catalogue_count(site->catalogue),
+    int size = text ? snprintf(text, 160,
+                               "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n", catalogue_count(site->catalogue),
                                catalogue_troubles(site->catalogue), catalogue_open_files(site->catalogue))
                     : 0;
     if (!text)
@@ -57,13 +58,16 @@ enum outcome handle_metrics(struct exchange *exchange)
     count_jobs(site, &queued, &working);
     const struct metrics_gauge gauges[] = {
         {"tetlod_build_info{version=\"" TETLOD_VERSION_STRING "\"}", "gauge", "The program's version", 1},
-        {"tetlod_connections", "gauge", "Connections that are open", site->connections ? (double)site->connections(site->connections_of) : 0},
+        {"tetlod_connections", "gauge", "Connections that are open",
+         site->connections ? (double)site->connections(site->connections_of) : 0},
         {"tetlod_queue_length", "gauge", "Jobs that wait for a worker thread", queued},
         {"tetlod_jobs", "gauge", "Jobs that worker threads are at", working},
-        {"tetlod_unreadable_files", "gauge", "Files and folders that the last scan could not look at", (double)catalogue_troubles(site->catalogue)},
+        {"tetlod_unreadable_files", "gauge", "Files and folders that the last scan could not look at",
+         (double)catalogue_troubles(site->catalogue)},
         {"tetlod_open_files", "gauge", "Streams whose files are open", (double)catalogue_open_files(site->catalogue)},
         {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
-        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams, and of answers too large for the cache", (double)memory.bytes},
+        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams, and of answers too large for the cache",
+         (double)memory.bytes},
         {"tetlod_stream_memory_entries", "gauge", "How many there are", (double)memory.entries},
         {"tetlod_cache_bytes", "gauge", "Memory of cached answers", (double)cache.bytes},
         {"tetlod_cache_entries", "gauge", "Cached answers", (double)cache.entries},
@@ -71,7 +75,8 @@ enum outcome handle_metrics(struct exchange *exchange)
         {"tetlod_cache_misses_total", "counter", "Answers that had to be made", (double)cache.misses},
     };
     if (!site->serve_metrics)
-        response_problem(exchange->response, 404, exchange->request->target, "metrics have an address of their own here");
+        response_problem(exchange->response, 404, exchange->request->target,
+                         "metrics have an address of their own here");
     else if (metrics_print(site->metrics, gauges, sizeof gauges / sizeof *gauges, &text) != TETLOD_OK) {
         buffer_fini(&text);
         respond_no_memory(exchange);

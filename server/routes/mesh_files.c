@@ -21,7 +21,8 @@ struct mesh_choice {
     struct cell_choice cells;
 };
 
-static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out,
+                                     struct tetlod_error *error)
 {
     const struct mesh_choice *choice = opaque;
     struct tetmesh with = *mesh; // all but the values of cells is borrowed
@@ -36,13 +37,15 @@ static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *m
     return status;
 }
 
-static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_choice *choice)
+static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level,
+                                const struct mesh_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
     char name[16 + STEP_NAME + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
     cell_choice_name(&choice->cells, cells);
     step_name(&choice->step, of_step);
-    snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
+    snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "",
+             choice->cells.any ? cells : "");
     struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
                                   .file_bytes = mesh_format_bytes(info, level) + cell_choice_decoding(&choice->cells, info, level), .write = write_mesh, .choice = choice,
                                   .choice_size = sizeof *choice};
@@ -50,10 +53,13 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
         step_answer(&answer, info);
     if (choice->step.any || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
         return answer_from_level(exchange, dataset, &answer);
-    return answer_streamed(exchange, dataset, &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out, &choice->cells});
+    return answer_streamed(exchange, dataset,
+                           &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out,
+                                                     &choice->cells});
 }
 
-static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
+static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level,
+                                const struct mesh_format *format)
 {
     struct mesh_choice choice = {.format = format, .file = dataset_file(dataset)};
     if (!query_cells(exchange, dataset_info(dataset), (struct cell_step){0}, &choice.cells))

@@ -23,7 +23,8 @@ const struct mesh_format *take_mesh_format(struct exchange *exchange, const char
     for (const struct mesh_format *format = mesh_formats; format->name; format++)
         if (!from_mesh || format->write)
             json_array_append_new(names, json_string(format->name));
-    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names, "there is no format '%.64s' here", name);
+    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names,
+                             "there is no format '%.64s' here", name);
     return NULL;
 }
 

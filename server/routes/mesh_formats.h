@@ -12,12 +12,13 @@ struct io_layout;
 /* A file format of an answer. `write` is NULL for the stream's own prefix. */
 struct mesh_format {
     const char *name, *media_type;
-    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                struct tetlod_error *error);
     enum tetlod_status (*lay_out)(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
 };
 
-/* The format of a name. The stream's own prefix is one, unless it has to be written `from_mesh`. NULL: answered, with the
- * list of names. */
+/* The format of a name. The stream's own prefix is one, unless it has to be written `from_mesh`. NULL: answered, with
+ * the list of names. */
 const struct mesh_format *take_mesh_format(struct exchange *exchange, const char *name, bool from_mesh);
 
 TETLOD_CHECKED enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh,

@@ -28,7 +28,8 @@ static const char page_route[] = "/"; // the page and the files that it loads
 
 static const char allow[] = "GET, HEAD, OPTIONS";
 
-/* Matches a path, not decoded, with a template. Captures are decoded afterwards, so that an encoded '/' or '.' is data. */
+/* Matches a path, not decoded, with a template. Captures are decoded afterwards, so that an encoded '/' or '.' is
+ * data. */
 static bool match(const char *template, const char *path, size_t size, char captures[CAPTURES][CAPTURE_CAPACITY])
 {
     const char *end = path + size;
@@ -58,8 +59,9 @@ static bool match(const char *template, const char *path, size_t size, char capt
     return matches;
 }
 
-/* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. NULL: it
- * has none; what begins with neither '/' nor a scheme is no path, and what has control characters is to reach no Location. */
+/* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its
+ * front. NULL: it has none; what begins with neither '/' nor a scheme is no path, and what has control characters is to
+ * reach no Location. */
 static const char *path_of(const char *target)
 {
     for (const char *c = target; *c; c++)
@@ -94,14 +96,16 @@ static enum outcome answer_bare_base(struct exchange *exchange, const char *path
     const char *slash = path + size;
     while (slash[-1] != '/')
         slash--;
-    response_static(exchange->response, 308, "text/plain; charset=utf-8", "The site is at the address of the Location header.\n");
+    response_static(exchange->response, 308, "text/plain; charset=utf-8",
+                    "The site is at the address of the Location header.\n");
     response_header(exchange->response, "Location", "%.*s/", (int)(path + size - slash), slash);
     return ANSWERED;
 }
 
 static enum outcome answer_only_health(struct exchange *exchange)
 {
-    response_problem(exchange->response, 404, exchange->request->target, "this address answers /metrics, /healthz and /readyz alone");
+    response_problem(exchange->response, 404, exchange->request->target,
+                     "this address answers /metrics, /healthz and /readyz alone");
     return ANSWERED;
 }
 
@@ -142,17 +146,21 @@ static void answer_options(struct response *response)
     response_header_text(response, "Allow", allow);
 }
 
-/* A problem as a page, for readers who come with a browser's address line. The link leads to the root, relative to the path. */
+/* A problem as a page, for readers who come with a browser's address line. The link leads to the root, relative to the
+ * path. */
 static void show_problem(struct exchange *exchange)
 {
     struct response *response = exchange->response;
     struct buffer page = {0};
-    json_t *problem = response->kind == BODY_BYTES ? json_loadb(response->bytes, (size_t)response->size, 0, NULL) : NULL;
+    json_t *problem = response->kind == BODY_BYTES ? json_loadb(response->bytes, (size_t)response->size, 0,
+                                                                NULL) : NULL;
     const char *detail = json_string_value(json_object_get(problem, "detail"));
-    bool made = detail && buffer_printf(&page, "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n"
+    bool made = detail && buffer_printf(&page,
+                                        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n"
                                                "<title>Not found</title>\n<style>body { font: 16px system-ui, sans-serif; margin: 10vh auto; max-width: 40em; padding: 0 1em }</style>\n"
                                                "<h1>Not found</h1>\n<p>") == TETLOD_OK &&
-                buffer_append_escaped(&page, detail) == TETLOD_OK && buffer_printf(&page, ".</p>\n<p><a href=\"./") == TETLOD_OK;
+                buffer_append_escaped(&page, detail) == TETLOD_OK && buffer_printf(&page,
+                                                                                   ".</p>\n<p><a href=\"./") == TETLOD_OK;
     for (const char *c = exchange->path + 1; made && *c && *c != '?'; c++)
         made = *c != '/' || buffer_append(&page, "../", 3) == TETLOD_OK;
     made = made && buffer_printf(&page, "\">What is served here</a></p>\n</html>\n") == TETLOD_OK;
@@ -165,7 +173,8 @@ static void show_problem(struct exchange *exchange)
     response_header_text(response, "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'");
 }
 
-/* Refuses what is no request for this server, whoever sends it. The connection ends: what follows might be a body that nobody reads. */
+/* Refuses what is no request for this server, whoever sends it. The connection ends: what follows might be a body that
+ * nobody reads. */
 static bool refuse(const struct request *request, const char *path, struct response *response)
 {
     bool whole_server = request->method == METHOD_OPTIONS && strcmp(request->target, "*") == 0;
@@ -176,7 +185,8 @@ static bool refuse(const struct request *request, const char *path, struct respo
     } else if (request->refused)
         response_problem(response, request->refused, request->target, "%s", request->why_refused);
     else if (!path && !whole_server)
-        response_problem(response, 400, request->target, "a request's target begins with '/' or with http://, and has no control characters");
+        response_problem(response, 400, request->target,
+                         "a request's target begins with '/' or with http://, and has no control characters");
     else
         return false;
     response->close = true;
@@ -197,7 +207,8 @@ static void complete(struct exchange *exchange)
     response->close |= atomic_load(&exchange->site->draining);
     if (!response->headers_lost)
         return;
-    response_problem(response, 414, request->target, "the headers of this answer would be too long; ask for less in one request");
+    response_problem(response, 414, request->target,
+                     "the headers of this answer would be too long; ask for less in one request");
     access_headers(exchange->policy, request, response);
 }
 

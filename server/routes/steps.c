@@ -42,7 +42,8 @@ static bool check_time(struct exchange *exchange, const struct tetlod_info *stre
 }
 
 /* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
-static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection, struct step_choice *out)
+static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection,
+                      struct step_choice *out)
 {
     const struct tetlod_info *stream = dataset_info(whole);
     const struct tetlod_series_info *info = tetlod_series_info(dataset_series(whole));
@@ -93,12 +94,14 @@ static bool take_band(struct exchange *exchange, struct step_selection *selectio
     return false;
 }
 
-enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names, struct step_choice *out)
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names,
+                             struct step_choice *out)
 {
     struct step_selection selection = {0};
     char text[2];
     *out = (struct step_choice){.any = true};
-    if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
+    if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT &&
+        query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
     bool good = series_info(exchange, dataset) && check_parameters_of(exchange, names) &&
                 take_step(exchange, dataset, &selection, out) && take_band(exchange, &selection, out);
@@ -118,7 +121,8 @@ bool captured_band(struct exchange *exchange, struct dataset *dataset, struct st
 bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out)
 {
     return captured_band(exchange, dataset, out) &&
-           take_number(exchange, exchange->captures[3], "step", tetlod_series_info(dataset_series(dataset))->step_count, &out->step);
+           take_number(exchange, exchange->captures[3], "step",
+                       tetlod_series_info(dataset_series(dataset))->step_count, &out->step);
 }
 
 uint32_t field_with_steps(const struct dataset *dataset, uint32_t field)
@@ -133,7 +137,8 @@ uint32_t field_with_steps(const struct dataset *dataset, uint32_t field)
 /* ---- its mesh */
 
 /* The mesh keeps the fields that have steps, in the series' order, with the step's values. */
-static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_series *series, struct tetlod_error *error)
+static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_series *series,
+                                     struct tetlod_error *error)
 {
     const struct tetlod_series_info *info = tetlod_series_info(series);
     struct point_field *kept = array_zero(info->field_count, sizeof *kept);
@@ -141,7 +146,8 @@ static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_s
         return tetlodi_fail_nomem(error, "a step", info->field_count * sizeof *kept);
     for (uint32_t f = 0; f < info->field_count; f++) {
         struct point_field *field = &mesh->fields[info->fields[f]];
-        memcpy(field->values, tetlod_step_values(series, f), (size_t)mesh->vertex_count * field->components * sizeof *field->values);
+        memcpy(field->values, tetlod_step_values(series, f),
+               (size_t)mesh->vertex_count * field->components * sizeof *field->values);
         kept[f] = *field;
         *field = (struct point_field){0};
     }
@@ -174,7 +180,8 @@ static enum tetlod_status make_step(const void *opaque, const struct forest *for
     return status;
 }
 
-/* Memory that decoding takes beside the mesh. Of a vertex: neighbours, and codes, values and scratch of each component; of a tetrahedron: its edges while they are sorted. */
+/* Memory that decoding takes beside the mesh. Of a vertex: neighbours, and codes, values and scratch of each component;
+ * of a tetrahedron: its edges while they are sorted. */
 static uint64_t decoding_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 0;
@@ -216,7 +223,8 @@ void step_headers(struct response *response, const struct step_choice *choice)
     response_header(response, "Tetlod-Error", "max=%.9g", error);
 }
 
-static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
+static void put_headers(struct response *response, struct dataset *dataset, const void *opaque,
+                        const struct region_note *note)
 {
     (void)dataset;
     (void)note;

@@ -14,9 +14,11 @@ struct step_choice {
     uint32_t band, level, step; /* of that group; the level is the band's */
 };
 
-/* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. Steps are counted through all topology
- * groups. QUERY_ABSENT: there is none of the two. QUERY_BAD: answered, also where a parameter is not one of `names`. */
-enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names, struct step_choice *out);
+/* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. Steps are counted
+ * through all topology groups. QUERY_ABSENT: there is none of the two. QUERY_BAD: answered, also where a parameter is
+ * not one of `names`. */
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names,
+                             struct step_choice *out);
 
 /* Of a path .../bands/{band}/steps/{step}/...: captures 2 and 3, or the first of them alone. False: answered. */
 bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);
@@ -25,8 +27,8 @@ bool captured_band(struct exchange *exchange, struct dataset *dataset, struct st
 /* The series' number of a field of the stream, or TETLOD_NONE. */
 uint32_t field_with_steps(const struct dataset *dataset, uint32_t field);
 
-/* Sets what makes the mesh of the band's level with the fields that have steps, in the series' order. The answer's choice begins with its
- * step_choice. */
+/* Sets what makes the mesh of the band's level with the fields that have steps, in the series' order. The answer's
+ * choice begins with its step_choice. */
 void step_answer(struct level_answer *answer, const struct tetlod_info *info);
 
 /* For names of answers: "-3-12", or "". */

@@ -34,14 +34,16 @@ static enum tetlod_status make_info(void *opaque, struct job *job, struct cache_
     return json_body(describe_stream(context->dataset, dataset_id(context->dataset)), context->coding, out, error);
 }
 
-/* The topology group that the query names, of a stream that is held; without a name the stream itself. NULL: answered, and the stream is released. */
+/* The topology group that the query names, of a stream that is held; without a name the stream itself. NULL: answered,
+ * and the stream is released. */
 static struct dataset *take_topology(struct exchange *exchange, struct dataset *whole)
 {
     uint32_t count = dataset_info(whole)->topology_count, topology = 0;
     char text[24];
     enum query_result result = query_value(exchange->query, "topology", text, sizeof text);
     if (check_parameters(exchange) &&
-        (result == QUERY_ABSENT || take_number(exchange, result == QUERY_FOUND ? text : "", "topology group", count ? count : 1, &topology)))
+        (result == QUERY_ABSENT ||
+         take_number(exchange, result == QUERY_FOUND ? text : "", "topology group", count ? count : 1, &topology)))
         return dataset_topology(whole, topology);
     dataset_release(whole);
     return NULL;
@@ -65,14 +67,16 @@ enum outcome handle_stream_info(struct exchange *exchange)
     }
     *context = (struct info_context){dataset, coding};
     char key[256], etag[64];
-    snprintf(etag, sizeof etag, "%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid); // what it says may differ from version to version
+    snprintf(etag, sizeof etag, "%s-" TETLOD_VERSION_STRING,
+             dataset_info(dataset)->cid); // what it says may differ from version to version
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
                                   1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
-        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+        respond_body(exchange, value,
+                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
         cache_revalidate(exchange->response);
     }
     return outcome;
@@ -100,7 +104,8 @@ static enum tetlod_status make_list(void *opaque, struct job *job, struct cache_
     json_t *meshes = json_array();
     (void)job;
     for (size_t i = 0; i < context->count; i++)
-        json_array_append_new(meshes, describe_in_catalogue(dataset_info(context->list[i]), dataset_id(context->list[i])));
+        json_array_append_new(meshes,
+                              describe_in_catalogue(dataset_info(context->list[i]), dataset_id(context->list[i])));
     return json_body(json_pack("{s:o}", "meshes", meshes), context->coding, out, error);
 }
 
@@ -113,7 +118,8 @@ static void name_list(uint64_t digest, enum coding coding, char etag[static LIST
 }
 
 /* Makes the list, under the name of just the streams that are in it. */
-static enum outcome obtain_list(struct exchange *exchange, enum coding coding, char etag[static LIST_TAG], const struct cache_value **out)
+static enum outcome obtain_list(struct exchange *exchange, enum coding coding, char etag[static LIST_TAG],
+                                const struct cache_value **out)
 {
     struct site *site = exchange->site;
     struct list_context *context = array_zero(1, sizeof *context);
@@ -141,11 +147,15 @@ enum outcome handle_catalogue(struct exchange *exchange)
         return ANSWERED;
     char etag[LIST_TAG], key[LIST_KEY];
     name_list(catalogue_digest(site->catalogue), coding, etag, key);
-    const struct cache_value *value = obtain_cached(exchange, cache_for(site, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue))), key);
+    const struct cache_value *value = obtain_cached(exchange,
+                                                    cache_for(site,
+                                                              4096 * (uint64_t)(1 +
+                                                                                catalogue_count(site->catalogue))), key);
     if (!value)
         outcome = obtain_list(exchange, coding, etag, &value);
     if (value) {
-        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+        respond_body(exchange, value,
+                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
         link_description(exchange);
         cache_revalidate(exchange->response);
     }

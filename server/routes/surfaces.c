@@ -65,7 +65,8 @@ static enum tetlod_status cut(const struct tetmesh *mesh, const struct surface_c
     return status;
 }
 
-static enum tetlod_status write_surface(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+static enum tetlod_status write_surface(const void *opaque, const struct tetmesh *mesh, struct buffer *out,
+                                        struct tetlod_error *error)
 {
     const struct surface_choice *choice = opaque;
     struct tetlodi_sink sink = buffer_sink(out);
@@ -118,7 +119,8 @@ static bool take_field(struct exchange *exchange, const struct dataset *dataset,
     char name[256] = "", form[256] = "";
     enum query_result result = query_value(exchange->query, "field", name, sizeof name);
     bool scalar = result == QUERY_FOUND && (find_scalar(info, name, choice) ||
-                  (query_form_value(exchange->query, "field", form, sizeof form) == QUERY_FOUND && find_scalar(info, form, choice)));
+                  (query_form_value(exchange->query, "field", form, sizeof form) == QUERY_FOUND &&
+                   find_scalar(info, form, choice)));
     if (scalar && choice->step.any)
         choice->field = field_with_steps(dataset, choice->field);
     if (scalar && choice->field != TETLOD_NONE)
@@ -138,7 +140,8 @@ static bool take_numbers(struct exchange *exchange, const char *name, size_t cou
             out[i] += 0.0; // -0 is 0: one key for both
         return true;
     }
-    response_problem(exchange->response, 400, exchange->request->target, "%s is needed, such as %s=%s", name, name, example);
+    response_problem(exchange->response, 400, exchange->request->target, "%s is needed, such as %s=%s", name, name,
+                     example);
     return false;
 }
 
@@ -176,7 +179,8 @@ static void print_name(const struct surface_choice *choice, char *out, size_t ca
     step_name(&choice->step, of_step);
     int used = snprintf(out, capacity, "%s%d%s", choice->format->name, (int)choice->shape, of_step);
     if (choice->shape == ISOSURFACE)
-        snprintf(out + used, capacity - (size_t)used, "-%" PRIu32 ":%" PRIu32 "=%.17g", choice->field, choice->component,
+        snprintf(out + used, capacity - (size_t)used, "-%" PRIu32 ":%" PRIu32 "=%.17g", choice->field,
+                 choice->component,
                  choice->value);
     if (choice->shape == SLICE)
         snprintf(out + used, capacity - (size_t)used, "-%.17g,%.17g,%.17g-%.17g,%.17g,%.17g", choice->origin[0],
@@ -192,13 +196,15 @@ static uint64_t surface_file_bytes(const struct tetlod_info *info, uint32_t leve
     return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)16 + 4096;
 }
 
-static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
+static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset,
+                                   const struct surface_choice *choice)
 {
     char name[200 + STEP_NAME];
     const struct tetlod_info *info = dataset_info(dataset);
     print_name(choice, name, sizeof name);
     struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
-                                  .file_bytes = surface_file_bytes(info, choice->level), .write = write_surface, .choice = choice,
+                                  .file_bytes = surface_file_bytes(info,
+                                                                   choice->level), .write = write_surface, .choice = choice,
                                   .choice_size = sizeof *choice};
     if (choice->step.any)
         step_answer(&answer, info);

@@ -9,8 +9,8 @@
 #include "server/http/respond.h"
 #include "server/routes/handlers.h"
 
-/* Nothing from elsewhere runs here or is asked, but streams of the origins that the operator named. The page's workers and
- * its WebAssembly need what is said of them; blob: is for pictures and workers that it makes itself. */
+/* Nothing from elsewhere runs here or is asked, but streams of the origins that the operator named. The page's workers
+ * and its WebAssembly need what is said of them; blob: is for pictures and workers that it makes itself. */
 static void content_policy(const struct site *site, struct response *response)
 {
     response_header(response, "Content-Security-Policy",
@@ -39,7 +39,8 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     link_description(exchange);
-    if (strncmp(asset->path, "/worker-", 8) == 0) // it obeys the policy that came with it, which the next start may change
+    if (strncmp(asset->path, "/worker-",
+                8) == 0) // it obeys the policy that came with it, which the next start may change
         response_header_text(response, "Cache-Control", "private, max-age=60");
     else if (asset->named_by_content)
         cache_forever(exchange);
@@ -54,6 +55,7 @@ enum outcome handle_view(struct exchange *exchange)
     const struct embedded_file *page = assets_find("/view/");
     if (page)
         return handle_asset(exchange, page);
-    response_problem(exchange->response, 404, exchange->request->target, "this program was built without the page (WEB=0)");
+    response_problem(exchange->response, 404, exchange->request->target,
+                     "this program was built without the page (WEB=0)");
     return ANSWERED;
 }

@@ -65,7 +65,8 @@ static void free_dead(struct cache_entry *entry)
     }
 }
 
-/* Lets go of the lock, frees what died meanwhile (a decoded stream takes a while), and wakes those who seek room if there is more. */
+/* Lets go of the lock, frees what died meanwhile (a decoded stream takes a while), and wakes those who seek room if
+ * there is more. */
 static void unlock(struct cache *cache)
 {
     struct cache_entry *dead = cache->dead;

@@ -32,8 +32,8 @@ struct cache_stats {
 struct cache *cache_new(uint64_t capacity);
 void cache_free(struct cache *cache);
 
-/* A reference to the entry of a key, made if it is not there; NULL if memory is out. *out_mine: the caller is the one to
- * finish it. */
+/* A reference to the entry of a key, made if it is not there; NULL if memory is out. *out_mine: the caller is the one
+ * to finish it. */
 struct cache_entry *cache_fetch(struct cache *cache, const char *key, bool *out_mine);
 
 /* The same without making one; NULL if it is not there. */
@@ -58,7 +58,8 @@ void cache_wake_seekers(struct cache *cache);
 void cache_finish(struct cache *cache, struct cache_entry *entry, const struct cache_value *value,
                   const struct tetlod_error *failure);
 
-/* Registers a waiter for the end of an entry's making; false if the entry is finished already and nobody will be woken. */
+/* Registers a waiter for the end of an entry's making; false if the entry is finished already and nobody will be
+ * woken. */
 bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter);
 
 /* Wakes all who wait for entries, though these are not finished: they may have waited long enough. */
@@ -70,7 +71,8 @@ bool cache_unwait(struct cache *cache, struct cache_entry *entry, struct waiter 
 /* Whether anybody but the caller, who makes it, holds the entry. */
 bool cache_wanted(struct cache *cache, const struct cache_entry *entry);
 
-/* Forgets the key of an entry of mine if nobody else holds it: whoever asks next makes another one. False: somebody does. */
+/* Forgets the key of an entry of mine if nobody else holds it: whoever asks next makes another one. False: somebody
+ * does. */
 bool cache_drop_unwanted(struct cache *cache, struct cache_entry *entry);
 
 bool cache_finished(const struct cache_entry *entry);

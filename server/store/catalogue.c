@@ -74,7 +74,8 @@ struct catalogue {
     void *log_opaque;
 };
 
-__attribute__((format(printf, 3, 4))) static void say(struct catalogue *catalogue, const char *level, const char *format,
+__attribute__((format(printf, 3, 4))) static void say(struct catalogue *catalogue, const char *level,
+                                                      const char *format,
                                                       ...)
 {
     char message[640];
@@ -185,7 +186,8 @@ static void keep_entry(struct scan *scan, const struct entry *known)
     }
 }
 
-/* A file that cannot be looked at now, for want of descriptors or because a disk is away: what was served of it stays. */
+/* A file that cannot be looked at now, for want of descriptors or because a disk is away: what was served of it
+ * stays. */
 static enum tetlod_status keep_file(struct scan *scan, const char *path, int why, struct tetlod_error *error)
 {
     char id[ID_CAPACITY];
@@ -194,7 +196,8 @@ static enum tetlod_status keep_file(struct scan *scan, const char *path, int why
     if (known && !find_entry(&scan->next, id))
         keep_entry(scan, known);
     if (!error)
-        complain(scan->catalogue, "%s: cannot open: %s%s", path, strerror(why), known && known->dataset ? "; what is known of it is served on" : "");
+        complain(scan->catalogue, "%s: cannot open: %s%s", path, strerror(why), known &&
+                 known->dataset ? "; what is known of it is served on" : "");
     scan->troubles++;
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
 }
@@ -207,8 +210,9 @@ static bool print_path(const struct scan *scan, int folder, const char *path, ch
     return size > 0 && size < PATH_CAPACITY;
 }
 
-/* Holds a stream against its digests before it is listed, as every stream that comes while the server runs: it may be half a copy.
- * What the first scan finds is listed without where there is too much of it. Later scans check it, and whoever reads it. */
+/* Holds a stream against its digests before it is listed, as every stream that comes while the server runs: it may be
+ * half a copy. What the first scan finds is listed without where there is too much of it. Later scans check it, and
+ * whoever reads it. */
 static enum tetlod_status check_stream(struct scan *scan, struct dataset *dataset, struct tetlod_error *error)
 {
     uint64_t bytes = dataset_info(dataset)->bytes;
@@ -219,26 +223,30 @@ static enum tetlod_status check_stream(struct scan *scan, struct dataset *datase
 }
 
 /* Says once why a file is not served; a caller with `error` says it itself. */
-static enum tetlod_status refuse_stream(struct scan *scan, const char *path, const struct tetlod_error *why, struct tetlod_error *error)
+static enum tetlod_status refuse_stream(struct scan *scan, const char *path, const struct tetlod_error *why,
+                                        struct tetlod_error *error)
 {
     if (!error && !atomic_load(&scan->catalogue->stopping))
         complain(scan->catalogue, "%s: not served: %.200s", path, why->message);
     return tetlodi_fail(error, why->status, "%s: %.200s", path, why->message);
 }
 
-static enum tetlod_status open_stream(struct scan *scan, int folder, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
+static enum tetlod_status open_stream(struct scan *scan, int folder, const char *path, int fd, struct entry *entry,
+                                      struct tetlod_error *error)
 {
     struct tetlod_error inner = {0};
     char full[PATH_CAPACITY];
     bool fits = print_path(scan, folder, path, full);
     if (!fits)
         close(fd);
-    enum tetlod_status status = fits ? dataset_open(&entry->dataset, entry->id, scan->catalogue->files, full, fd, &entry->identity, &inner)
+    enum tetlod_status status = fits ? dataset_open(&entry->dataset, entry->id, scan->catalogue->files, full, fd,
+                                                    &entry->identity, &inner)
                                      : tetlodi_fail(&inner, TETLOD_ERR_IO, "the path is too long");
     if (status == TETLOD_OK)
         status = check_stream(scan, entry->dataset, &inner);
     if (status == TETLOD_OK) {
-        say(scan->catalogue, "info", "%s: serving %s, content id %s", path, entry->id, dataset_info(entry->dataset)->cid);
+        say(scan->catalogue, "info", "%s: serving %s, content id %s", path, entry->id,
+            dataset_info(entry->dataset)->cid);
         return TETLOD_OK;
     }
     dataset_release(entry->dataset);
@@ -248,8 +256,10 @@ static enum tetlod_status open_stream(struct scan *scan, int folder, const char 
     return refuse_stream(scan, path, &inner, error);
 }
 
-/* A file that is as it was. One that was listed unchecked is checked when its turn comes, one that a reader found damaged now. */
-static enum tetlod_status keep_stream(struct scan *scan, const char *path, const struct entry *known, struct tetlod_error *error)
+/* A file that is as it was. One that was listed unchecked is checked when its turn comes, one that a reader found
+ * damaged now. */
+static enum tetlod_status keep_stream(struct scan *scan, const char *path, const struct entry *known,
+                                      struct tetlod_error *error)
 {
     struct entry entry = *known;
     struct tetlod_error inner = {0};
@@ -282,8 +292,8 @@ static enum tetlod_status miss_file(struct scan *scan, int folder, const char *p
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(ENOENT));
 }
 
-/* Takes one file of `folder` (or AT_FDCWD) into the next table. The old table is this thread's to read: nobody else changes it.
- * A file that is as it was is not opened. */
+/* Takes one file of `folder` (or AT_FDCWD) into the next table. The old table is this thread's to read: nobody else
+ * changes it. A file that is as it was is not opened. */
 static enum tetlod_status take_file(struct scan *scan, int folder, const char *path, struct tetlod_error *error)
 {
     struct catalogue *catalogue = scan->catalogue;
@@ -373,7 +383,8 @@ static enum tetlod_status take_folder(struct scan *scan, const char *path, int f
     size_t count = 0;
     int why = list_names(scan, folder, &names, &count);
     if (count)
-        qsort(names, count, sizeof *names, by_name); // which of two same ids is served must not depend on the folder's order
+        // which of two same ids is served must not depend on the folder's order
+        qsort(names, count, sizeof *names, by_name);
     for (size_t i = 0; i < count; i++) {
         if (!why) {
             enum tetlod_status ignored = take_file(scan, fd, names[i], NULL); // logged; the others are served
@@ -423,7 +434,8 @@ static uint64_t digest_of(const struct table *table)
     return hash;
 }
 
-/* What the next table replaces by another file stays readable; what was written over does not. Looking at a file may take long. */
+/* What the next table replaces by another file stays readable; what was written over does not. Looking at a file may
+ * take long. */
 static struct replaced *find_replaced(const struct catalogue *catalogue, const struct table *next, double now)
 {
     struct replaced *first = NULL;
@@ -465,8 +477,8 @@ static void free_replaced(struct replaced *first)
     }
 }
 
-/* Puts the next table in place. Only this thread changes the table and the list: files are looked at before the lock is taken, which
- * others wait for, and closed after. */
+/* Puts the next table in place. Only this thread changes the table and the list: files are looked at before the lock is
+ * taken, which others wait for, and closed after. */
 static void replace_table(struct catalogue *catalogue, const struct table *next, double now)
 {
     struct table old = catalogue->table;
@@ -518,7 +530,8 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
     catalogue->log_opaque = options->log_opaque;
     catalogue->paths = array_zero(options->path_count, sizeof *catalogue->paths);
     catalogue->files = open_files_new(options->most_files ? options->most_files : MOST_FILES);
-    struct scan scan = {.catalogue = catalogue, .complete = catalogue->paths && catalogue->files, .starting = true, .left = catalogue->checked_at_once};
+    struct scan scan = {.catalogue = catalogue, .complete = catalogue->paths && catalogue->files, .starting = true,
+                        .left = catalogue->checked_at_once};
     enum tetlod_status status = TETLOD_OK;
     for (size_t i = 0; scan.complete && status == TETLOD_OK && i < options->path_count; i++) {
         catalogue->paths[i] = strdup(options->paths[i]);
@@ -586,7 +599,8 @@ bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t 
     bool found = false;
     pthread_mutex_lock(&catalogue->lock);
     for (size_t i = 0; !found && i < catalogue->table.count; i++)
-        found = catalogue->table.entries[i].dataset && dataset_with_content(catalogue->table.entries[i].dataset, cid, size);
+        found = catalogue->table.entries[i].dataset && dataset_with_content(catalogue->table.entries[i].dataset, cid,
+                                                                            size);
     for (const struct replaced *kept = catalogue->replaced; !found && kept; kept = kept->next)
         found = dataset_with_content(kept->dataset, cid, size);
     pthread_mutex_unlock(&catalogue->lock);

@@ -16,7 +16,8 @@ struct catalogue_options {
     const char *const *paths; /* copied */
     size_t path_count;
     double keep_replaced; /* seconds without a request after which a replaced stream goes */
-    uint64_t checked_at_once; /* bytes that the first scan holds against their digests before it lists them. 0: 256 MB */
+    /* bytes that the first scan holds against their digests before it lists them. 0: 256 MB */
+    uint64_t checked_at_once;
     size_t most_files;    /* that stay open; the others are opened when they are read. 0: all */
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
@@ -28,7 +29,8 @@ TETLOD_CHECKED enum tetlod_status catalogue_open(struct catalogue **out, const s
                                                  struct tetlod_error *error);
 void catalogue_close(struct catalogue *catalogue);
 
-/* Takes up what changed on disk. What cannot be looked at now, for any reason but that it is gone, stays as it was. `now` is a monotonic time in seconds. */
+/* Takes up what changed on disk. What cannot be looked at now, for any reason but that it is gone, stays as it was.
+ * `now` is a monotonic time in seconds. */
 void catalogue_scan(struct catalogue *catalogue, double now);
 
 /* Makes a scan end soon that holds large files against their digests. */
@@ -40,8 +42,8 @@ struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);
 /* The stream of an id, or the topology group of it, with this content id, current or replaced, or NULL. */
 struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now);
 
-/* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out. `out_digest`: the number
- * that catalogue_digest gives of just these; may be NULL. */
+/* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out.
+ * `out_digest`: the number that catalogue_digest gives of just these; may be NULL. */
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count, uint64_t *out_digest);
 
 /* A number that tells what is listed: of ids and content ids. */

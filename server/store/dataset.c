@@ -131,7 +131,8 @@ static void end_look(struct stored *stored, struct look look)
 
 static enum tetlod_status fail_open(struct tetlod_error *error)
 {
-    return tetlodi_fail(error, errno == ESTALE || errno == ENOENT ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO, "%s", strerror(errno));
+    return tetlodi_fail(error, errno == ESTALE || errno == ENOENT ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO, "%s",
+                        strerror(errno));
 }
 
 static enum tetlod_status use_file(struct stored *stored, int *fd, struct tetlod_error *error)
@@ -144,7 +145,8 @@ static enum tetlod_status use_file(struct stored *stored, int *fd, struct tetlod
     return *fd < 0 ? fail_open(error) : TETLOD_OK;
 }
 
-static enum tetlod_status read_bytes(struct stored *stored, int fd, uint64_t offset, unsigned char *out, size_t size, struct tetlod_error *error)
+static enum tetlod_status read_bytes(struct stored *stored, int fd, uint64_t offset, unsigned char *out, size_t size,
+                                     struct tetlod_error *error)
 {
     while (size) {
         struct look look = begin_look(stored);
@@ -189,8 +191,8 @@ static uint64_t version_now(struct stored *stored, int fd)
     return version;
 }
 
-/* Whether nobody has written since `version`. Whoever writes into a file changes its time first: bytes that were read before this look
- * are those of that version. */
+/* Whether nobody has written since `version`. Whoever writes into a file changes its time first: bytes that were read
+ * before this look are those of that version. */
 static bool is_still(struct stored *stored, int fd, uint64_t version)
 {
     struct file_identity now;
@@ -227,8 +229,10 @@ static size_t part_at(const struct dataset *dataset, uint64_t offset)
     return low;
 }
 
-/* Holds the parts from `first` on that begin before `end` against their digests, but for those that were good in this version. */
-static enum tetlod_status check_parts(struct dataset *dataset, size_t first, uint64_t end, uint64_t version, int fd, const atomic_bool *stop,
+/* Holds the parts from `first` on that begin before `end` against their digests, but for those that were good in this
+ * version. */
+static enum tetlod_status check_parts(struct dataset *dataset, size_t first, uint64_t end, uint64_t version, int fd,
+                                      const atomic_bool *stop,
                                       struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
@@ -246,7 +250,8 @@ static enum tetlod_status check_parts(struct dataset *dataset, size_t first, uin
 }
 
 /* Reads bytes of the version that the file is in now. */
-static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t offset, void *out, size_t size, uint64_t *version,
+static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t offset, void *out, size_t size,
+                                       uint64_t *version,
                                        struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
@@ -258,7 +263,8 @@ static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t
     return is_still(stored, fd, *version) ? TETLOD_OK : fail_changing(error);
 }
 
-enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size, struct tetlod_error *error)
+enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size,
+                                struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
     int fd;
@@ -268,7 +274,8 @@ enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *
     int left = MAX_READINGS;
     do
         status = read_version(dataset, fd, offset, out, size, &version, error);
-    while (status != TETLOD_OK && --left && !is_still(stored, fd, version)); // what it saw may have been half of a change
+    // what it saw may have been half of a change
+    while (status != TETLOD_OK && --left && !is_still(stored, fd, version));
     open_file_let_go(stored->opened);
     return status;
 }
@@ -291,7 +298,8 @@ static enum tetlod_status open_whole(struct stored *stored, struct tetlod_error 
     stored->datasets[0].file = file;
     if (info->bytes <= stored->identity.size)
         return TETLOD_OK;
-    return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes", (unsigned long long)stored->identity.size,
+    return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
+                        (unsigned long long)stored->identity.size,
                         (unsigned long long)info->bytes);
 }
 
@@ -330,7 +338,8 @@ static void close_stored(struct stored *stored)
     free(stored);
 }
 
-enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
+enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path,
+                                int fd,
                                 const struct file_identity *identity, struct tetlod_error *error)
 {
     struct stored *stored = array_zero(1, sizeof *stored);
@@ -426,7 +435,8 @@ enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *sto
     TETLOD_TRY(use_file(stored, &fd, error));
     uint64_t version = version_now(stored, fd);
     atomic_store(&stored->damaged, false);
-    enum tetlod_status status = version == UNCHECKED ? fail_changing(error) : check_parts(whole, 0, UINT64_MAX, version, fd, stop, error);
+    enum tetlod_status status = version == UNCHECKED ? fail_changing(error) : check_parts(whole, 0, UINT64_MAX,
+                                                                                          version, fd, stop, error);
     open_file_let_go(stored->opened);
     if (status == TETLOD_OK)
         atomic_store(&stored->all_checked, true);

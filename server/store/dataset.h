@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* An open stream: immutable and counted. It is found by id in the catalogue's table; an id never becomes part of a path. Where the mesh
- * changes from step to step, each topology group (SPEC 3.8) is a dataset: the first one is the whole stream, the others are streams of
- * their own inside its file. All of them have its id and are held and released as one. */
+/* An open stream: immutable and counted. It is found by id in the catalogue's table; an id never becomes part of a
+ * path. Where the mesh changes from step to step, each topology group (SPEC 3.8) is a dataset: the first one is the
+ * whole stream, the others are streams of their own inside its file. All of them have its id and are held and released
+ * as one. */
 #ifndef TETLOD_SERVER_DATASET_H
 #define TETLOD_SERVER_DATASET_H
 
@@ -16,7 +17,8 @@ enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 struct dataset;
 
 /* Takes over `fd`, which is open under the path, also on failure. Id and path are copied. The identity is settled. */
-TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
+TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files,
+                                               const char *path, int fd,
                                                const struct file_identity *identity, struct tetlod_error *error);
 
 struct dataset *dataset_hold(struct dataset *dataset);
@@ -43,24 +45,29 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset);
 /* What the headers of a level's answers say, printed once. */
 struct level_texts {
     char level[12], vertices[12], tets[12];
-    char errors[96]; /* "max=0.01, sampled=0.008": of each known measure the largest over the controlled fields; or "" */
+    /* "max=0.01, sampled=0.008": of each known measure the largest over the controlled fields; or "" */
+    char errors[96];
     char uncontrolled[64]; /* "fields=2, sampled=0.6": fields without a limit, their largest measured error; or "" */
 };
 
 const struct level_texts *dataset_level_texts(const struct dataset *dataset, uint32_t level);
 
-/* Reads stored bytes of the dataset's own stream. They are the stream's: each part of it that they lie in (a frame, a section) was
- * held against its digest since somebody may have written into the file. ERR_CHECKSUM, ERR_TRUNCATED: the file is damaged, or is
- * being written. ERR_MISMATCH: it is gone, or another file has its place. ERR_IO, ERR_NOMEM. Takes its time. */
-TETLOD_CHECKED enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size, struct tetlod_error *error);
+/* Reads stored bytes of the dataset's own stream. They are the stream's: each part of it that they lie in (a frame, a
+ * section) was held against its digest since somebody may have written into the file. ERR_CHECKSUM, ERR_TRUNCATED: the
+ * file is damaged, or is being written. ERR_MISMATCH: it is gone, or another file has its place. ERR_IO, ERR_NOMEM.
+ * Takes its time. */
+TETLOD_CHECKED enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size,
+                                               struct tetlod_error *error);
 
 struct tetlod_file *dataset_file(struct dataset *dataset);
 
 /* The steps in time, to be read only; NULL if it has one moment. */
 const struct tetlod_series *dataset_series(const struct dataset *dataset);
 
-/* Holds the file against its digests, as far as that was not done before; ends early with ERR_LIMIT if `stop` becomes true. */
-TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *stop, struct tetlod_error *error);
+/* Holds the file against its digests, as far as that was not done before; ends early with ERR_LIMIT if `stop` becomes
+ * true. */
+TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *stop,
+                                                struct tetlod_error *error);
 
 /* Whether somebody has been reading the file for so long that nobody else should begin to. */
 bool dataset_hangs(const struct dataset *dataset);

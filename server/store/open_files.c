@@ -33,7 +33,8 @@ struct open_files {
 
 static bool take_identity(const struct stat *about, struct file_identity *out)
 {
-    *out = (struct file_identity){(uint64_t)about->st_dev, (uint64_t)about->st_ino, (uint64_t)about->st_size, (uint64_t)about->st_nlink, about->st_mtim, about->st_ctim};
+    *out = (struct file_identity){(uint64_t)about->st_dev, (uint64_t)about->st_ino, (uint64_t)about->st_size,
+                                  (uint64_t)about->st_nlink, about->st_mtim, about->st_ctim};
     return S_ISREG(about->st_mode);
 }
 
@@ -60,7 +61,8 @@ bool identity_settled(int fd, struct file_identity *out)
     for (int i = 0; i < TRIES && identity_of(fd, out); i++) {
         struct timespec now;
         clock_gettime(CLOCK_REALTIME, &now);
-        long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec - out->changed.tv_nsec);
+        long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec -
+                                                                                      out->changed.tv_nsec);
         if (age < 0 || age >= TICK)
             return true;
         nanosleep(&(struct timespec){0, TICK}, NULL);
@@ -135,7 +137,8 @@ static void close_oldest(struct open_files *files)
     }
 }
 
-struct open_file *open_file_new(struct open_files *files, const char *path, int fd, const struct file_identity *identity)
+struct open_file *open_file_new(struct open_files *files, const char *path, int fd,
+                                const struct file_identity *identity)
 {
     struct open_file *file = array_zero(1, sizeof *file);
     char *copy = strdup(path);

@@ -63,7 +63,8 @@ static void *run(void *argument)
 /* False: there can be no more. Called with the lock, or before there is another thread. */
 static bool add_thread(struct pool *pool)
 {
-    bool added = pool->threads < pool->wanted + MAX_EXTRA && pthread_create(&pool->ids[pool->threads], NULL, run, pool) == 0;
+    bool added = pool->threads < pool->wanted + MAX_EXTRA && pthread_create(&pool->ids[pool->threads], NULL, run,
+                                                                            pool) == 0;
     pool->threads += added;
     return added;
 }

@@ -27,8 +27,8 @@ void pool_relieve(struct pool *pool, size_t lost);
 /* How much is queued, and is being worked on. */
 void pool_count(struct pool *pool, size_t *out_queued, size_t *out_working);
 
-/* Cancels, and ends the threads by this time of the monotonic clock. False: some of them still work, and nothing may be freed that they
- * use. Once. */
+/* Cancels, and ends the threads by this time of the monotonic clock. False: some of them still work, and nothing may be
+ * freed that they use. Once. */
 bool pool_stop(struct pool *pool, double until);
 void pool_free(struct pool *pool);
 

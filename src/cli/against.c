@@ -30,7 +30,8 @@
 #include "src/level/metadata.h"
 #include "src/util/array.h"
 
-/* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */
+/* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is
+ * larger is refused. */
 static const double TOO_LARGE = 0x1p-15 + 1e-9;
 
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
@@ -97,19 +98,21 @@ static void find_rounding(struct against *a, const struct tetmesh *coded)
 
 /* ---- the finest level */
 
-/* Is the finest level's a field of the input, rounded or not? A local bound on a grid is 0 in the input, and no less than the grid's origin. */
+/* Is the finest level's a field of the input, rounded or not? A local bound on a grid is 0 in the input, and no less
+ * than the grid's origin. */
 static bool is_of_input(const struct against *a, uint32_t f)
 {
     const struct tetlodi_grid grid = tetlodi_field_grid(a->file, f);
     return tetlod_info(a->file)->fields[f].bounds == TETLOD_NONE || !grid.bits;
 }
 
-/* A copy of the input, or of it in the stream's numbering, with numbers as the finest level has them. Corners and values of cells are
- * borrowed. */
+/* A copy of the input, or of it in the stream's numbering, with numbers as the finest level has them. Corners and
+ * values of cells are borrowed. */
 static enum tetlod_status round_mesh(const struct against *a, const struct tetmesh *mesh, struct tetmesh *out)
 {
     struct tetlodi_grid axes[3];
-    *out = (struct tetmesh){.vertex_count = mesh->vertex_count, .tet_count = mesh->tet_count, .position_type = mesh->position_type,
+    *out = (struct tetmesh){.vertex_count = mesh->vertex_count, .tet_count = mesh->tet_count,
+                            .position_type = mesh->position_type,
                             .corners = mesh->corners, .cell_fields = mesh->cell_fields, .cell_field_count = mesh->cell_field_count};
     out->positions = array_new(mesh->vertex_count, 3 * sizeof(double));
     if (!out->positions)
@@ -157,13 +160,15 @@ static enum tetlod_status check_kept_order(const struct against *a, const struct
 {
     struct tetmesh rounded;
     enum tetlod_status status = round_mesh(a, &a->renumbered, &rounded);
-    bool same = status == TETLOD_OK && memcmp(rounded.positions, finest->positions, (size_t)finest->vertex_count * 3 * sizeof(double)) == 0;
+    bool same = status == TETLOD_OK && memcmp(rounded.positions, finest->positions,
+                                              (size_t)finest->vertex_count * 3 * sizeof(double)) == 0;
     for (uint32_t f = 0; f < finest->field_count && same; f++)
         same = memcmp(rounded.fields[f].values, finest->fields[f].values,
                       (size_t)finest->vertex_count * finest->fields[f].components * sizeof(double)) == 0;
     release_rounded(&rounded);
     if (status == TETLOD_OK && !same)
-        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "the original order that the stream keeps is not the input's");
+        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                              "the original order that the stream keeps is not the input's");
     return status;
 }
 
@@ -317,7 +322,8 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
-    if (range[1] > range[0] && !range_has_scale(range)) // it is 0 or the whole, by the last bit of a number that has few
+    // it is 0 or the whole, by the last bit of a number that has few
+    if (range[1] > range[0] && !range_has_scale(range))
         return TETLOD_OK;
     if (stored >= low * (1 - TIE) - NOISE && stored <= high * (1 + TOO_LARGE) + NOISE)
         return TETLOD_OK;
@@ -333,13 +339,15 @@ static enum tetlod_status check_sampled(const struct against *a, uint32_t k)
         return TETLOD_OK;
     for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++)
         for (int i = 0; i < 2 && status == TETLOD_OK; i++)
-            status = check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->measured[f], &a->measured[f]);
+            status = check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->measured[f],
+                                   &a->measured[f]);
     if (status != TETLOD_ERR_MISMATCH)
         return status;
     TETLOD_TRY(measure_range(a->original, a->bodies, &a->level, a->options->threads, a->ranges, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)
         for (int i = 0; i < 2; i++)
-            TETLOD_TRY(check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->ranges[f].least, &a->ranges[f].most));
+            TETLOD_TRY(check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->ranges[f].least,
+                                     &a->ranges[f].most));
     return TETLOD_OK;
 }
 
@@ -350,7 +358,8 @@ static enum tetlod_status check_order(const struct against *a, uint32_t k)
     for (uint32_t f = 0; f < info->field_count; f++) {
         double max = stored_error(info, k, f, TETLOD_MAX), sampled = stored_error(info, k, f, TETLOD_SAMPLED);
         if (max < sampled * (1 - TIE) - NOISE)
-            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but measured is %.9g", k,
+            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                                "level %u, %.60s: certified is %.9g, but measured is %.9g", k,
                                 info->fields[f].name, max, sampled);
     }
     return TETLOD_OK;
@@ -360,7 +369,8 @@ static enum tetlod_status check_domain(const struct against *a, uint32_t k, doub
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     double stored = info->levels[k].domain_error, found;
-    TETLOD_TRY(boundary_check_level(a->boundary, &a->level, a->all_touched ? NULL : a->touched, stored * a->diagonal, &found, a->error));
+    TETLOD_TRY(boundary_check_level(a->boundary, &a->level, a->all_touched ? NULL : a->touched, stored * a->diagonal,
+                                    &found, a->error));
     found = larger(found, measured > stored * a->diagonal * (1 + TIE) + 4e-12 * a->diagonal ? measured : 0);
     if (found > 0)
         return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain error is at least %.9g, stored is %.9g", k,
@@ -399,8 +409,8 @@ static double largest_local(double most, const double range[2])
     return largest_difference(0, range) + most * (1 + TIE) + 4 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1]));
 }
 
-/* The local bound `bound` of the level: with b its values, M the largest of them and s the bounded field's, |s - psi| <= b everywhere if
- * neither s + (M - b) nor s - (M - b) is further than M from psi. */
+/* The local bound `bound` of the level: with b its values, M the largest of them and s the bounded field's, |s - psi|
+ * <= b everywhere if neither s + (M - b) nor s - (M - b) is further than M from psi. */
 static enum tetlod_status check_local(struct against *a, uint32_t k, uint32_t bound, struct overlay_options options)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
@@ -427,10 +437,12 @@ static enum tetlod_status check_local(struct against *a, uint32_t k, uint32_t bo
     level.fields = fields;
     level.field_count = 2;
     options.floors = (const double[2]){floor, floor};
-    enum tetlod_status status = overlay_max(a->original, original, &level, shifted, 2, &options, found, &overlay, a->error);
+    enum tetlod_status status = overlay_max(a->original, original, &level, shifted, 2, &options, found, &overlay,
+                                            a->error);
     free(values);
     if (status == TETLOD_OK && larger(found[0], found[1]) > floor)
-        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: %.60s is off by %.3g more than it says somewhere", k,
+        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                              "level %u, %.60s: %.60s is off by %.3g more than it says somewhere", k,
                               info->fields[bound].name, info->fields[bounded].name, larger(found[0], found[1]) - most);
     return status;
 }
@@ -449,11 +461,14 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
         bool looked_for = !isnan(certified) && range_has_scale(range);
         a->floors[f] = looked_for ? largest_difference(certified, range) : INFINITY;
     }
-    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
+    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact,
+                           &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)
         if (a->exact[f] > a->floors[f])
-            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
-                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
+            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                                "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
+                                k, info->fields[f].name, stored_error(info, k, f,
+                                                                      TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
     for (uint32_t f = 0; f < info->field_count; f++)
         if (info->fields[f].bounds != TETLOD_NONE)
             TETLOD_TRY(check_local(a, k, f, options));
@@ -525,7 +540,8 @@ static enum tetlod_status prepare(struct against *a)
                                 info->fields[f].name, info->fields[f].components);
         point_field_range(&a->input->fields[a->fields[f]], a->input->vertex_count, range);
         if (info->fields[f].bounds == TETLOD_NONE && (range[0] != stored[0] || range[1] != stored[1]))
-            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "%.60s: the input's range is %g .. %g, stored is %g .. %g",
+            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                                "%.60s: the input's range is %g .. %g, stored is %g .. %g",
                                 info->fields[f].name, range[0], range[1], stored[0], stored[1]);
     }
     return TETLOD_OK;
@@ -546,11 +562,13 @@ static void release(struct against *a)
         free(owned[i]);
 }
 
-enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_cursor *cursor, const struct tetmesh *input,
+enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_cursor *cursor,
+                                 const struct tetmesh *input,
                                  const struct against_options *options, struct against_report *report,
                                  struct tetlod_error *error)
 {
-    struct against a = {.file = file, .cursor = cursor, .input = input, .options = options, .report = report, .error = error};
+    struct against a = {.file = file, .cursor = cursor, .input = input, .options = options, .report = report,
+                        .error = error};
     *report = (struct against_report){0};
     enum tetlod_status status = prepare(&a);
     if (status == TETLOD_OK)

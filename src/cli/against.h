@@ -5,8 +5,8 @@
 
 #include "src/mesh/tetmesh.h"
 
-/* Unless all levels are asked for, the exact maximum is taken of that many levels where they have more tetrahedra together, each
- * times those of the original, than that. */
+/* Unless all levels are asked for, the exact maximum is taken of that many levels where they have more tetrahedra
+ * together, each times those of the original, than that. */
 enum { AGAINST_MOST_EXACT = 6 };
 
 struct against_options {
@@ -17,18 +17,22 @@ struct against_options {
 };
 
 struct against_report {
-    uint32_t measured; /* levels whose sampled and rms errors were measured again: all, or none where the original's numbers are not known */
-    uint32_t *exact;   /* [exact_count] levels whose certified error was held against the exact maximum, fine to coarse; to be freed */
+    /* levels whose sampled and rms errors were measured again: all, or none where the original's numbers are not
+     * known */
+    uint32_t measured;
+    /* [exact_count] levels whose certified error was held against the exact maximum, fine to coarse; to be freed */
+    uint32_t *exact;
     uint32_t exact_count;
 };
 
-/* Measures every level against the mesh, whose fields have the stream's names. ERR_MISMATCH names the first level that is not as the
- * index says: a `max` or domain error that is too small, a sampled or rms error that is too small or too large.
+/* Measures every level against the mesh, whose fields have the stream's names. ERR_MISMATCH names the first level that
+ * is not as the index says: a `max` or domain error that is too small, a sampled or rms error that is too small or too
+ * large.
  *
- * The finest level has to be the mesh, rounded to the stream's grids, with its values of cells. So each vertex of the stream is found in the
- * mesh, each body is compared with itself, and what a figure may be where rounding or overlaps leave a choice is worked out before it is
- * refused. Of a part of a stream, whose finest level is not the mesh, and where many vertices are alike, only `max` and the domain error are
- * held, against the best of the values at a place.
+ * The finest level has to be the mesh, rounded to the stream's grids, with its values of cells. So each vertex of the
+ * stream is found in the mesh, each body is compared with itself, and what a figure may be where rounding or overlaps
+ * leave a choice is worked out before it is refused. Of a part of a stream, whose finest level is not the mesh, and
+ * where many vertices are alike, only `max` and the domain error are held, against the best of the values at a place.
  *
  * The cursor holds all fields; it ends at level 0. */
 TETLOD_CHECKED enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_cursor *cursor,

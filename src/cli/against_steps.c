@@ -74,7 +74,8 @@ static bool points_move(const struct steps_check *check)
 }
 
 /* Tetrahedra that the step which the band is at turns over. */
-static enum tetlod_status count_turned(const struct steps_check *check, const struct band_reader *band, uint64_t *io_most)
+static enum tetlod_status count_turned(const struct steps_check *check, const struct band_reader *band,
+                                       uint64_t *io_most)
 {
     struct tetlod_mesh mesh;
     uint64_t turned;
@@ -100,11 +101,13 @@ static enum tetlod_status begin_ranges(const struct steps_check *check, struct s
     for (uint32_t f = 0; f < steps->field_count && found->ranges; f++) {
         const double *said = steps->ranges[f];
         double room = steps->bands[steps->band_count - 1].error * (said[1] - said[0]) * (1 + TIE);
-        found->ranges[f] = (struct steps_range){.of_group = f == steps->displacement, .said = {said[0], said[1]}, .found = {INFINITY, -INFINITY}, .room = room};
+        found->ranges[f] = (struct steps_range){.of_group = f == steps->displacement, .said = {said[0], said[1]},
+                                                .found = {INFINITY, -INFINITY}, .room = room};
         found->ranges[f].name = strdup(info->fields[steps->fields[f]].name);
         found->range_count += found->ranges[f].name != NULL;
     }
-    return found->range_count == steps->field_count ? TETLOD_OK : tetlodi_fail_nomem(check->error, "the ranges", steps->field_count * sizeof *found->ranges);
+    return found->range_count == steps->field_count ? TETLOD_OK : tetlodi_fail_nomem(check->error, "the ranges",
+                                                                                     steps->field_count * sizeof *found->ranges);
 }
 
 /* Of the step that the last band, which is the nearest to the input, is at. */
@@ -147,7 +150,8 @@ enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *fo
     const double *times = status == TETLOD_OK ? tetlod_series_info(check.bands[0].series)->times : NULL;
     for (uint32_t s = 1; s < check.step_count && status == TETLOD_OK; s++)
         if (!(times[s] > times[s - 1]))
-            status = tetlodi_fail(error, TETLOD_ERR_STREAM, "steps %u and %u have the same time, %.9g", s - 1, s, times[s]);
+            status = tetlodi_fail(error, TETLOD_ERR_STREAM, "steps %u and %u have the same time, %.9g", s - 1, s,
+                                  times[s]);
     if (status == TETLOD_OK)
         status = begin_ranges(&check, found);
     for (uint32_t b = 0; b < check.band_count && status == TETLOD_OK; b++)
@@ -175,7 +179,8 @@ enum tetlod_status steps_found_add(struct steps_found *all, const struct steps_f
         if (to->of_group || from->of_group || strcmp(to->name, from->name) != 0)
             continue;
         if (to->said[0] != from->said[0] || to->said[1] != from->said[1])
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g", to->name,
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g", to->name,
                                 from->said[0], from->said[1], to->said[0], to->said[1]);
         to->found[0] = fmin(to->found[0], from->found[0]);
         to->found[1] = fmax(to->found[1], from->found[1]);
@@ -188,8 +193,11 @@ enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_g
 {
     for (uint32_t f = 0; f < found->range_count; f++) {
         const struct steps_range *range = &found->ranges[f];
-        if (range->of_group == of_groups && !(fabs(range->said[0] - range->found[0]) <= range->room && fabs(range->said[1] - range->found[1]) <= range->room))
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g", range->name,
+        if (range->of_group == of_groups &&
+            !(fabs(range->said[0] - range->found[0]) <= range->room &&
+              fabs(range->said[1] - range->found[1]) <= range->room))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g", range->name,
                                 range->said[0], range->said[1], range->found[0], range->found[1]);
     }
     return TETLOD_OK;
@@ -218,7 +226,8 @@ static uint32_t batch_steps(const struct steps_check *check, const struct steps_
 }
 
 /* The batch's steps in a band. */
-static enum tetlod_status read_batch(const struct steps_check *check, const struct steps_batch *batch, uint32_t b, struct tetmesh *out)
+static enum tetlod_status read_batch(const struct steps_check *check, const struct steps_batch *batch, uint32_t b,
+                                     struct tetmesh *out)
 {
     const struct band_reader *band = &check->bands[b];
     const struct tetlod_info *info = tetlod_info(check->file);
@@ -236,7 +245,8 @@ static enum tetlod_status read_batch(const struct steps_check *check, const stru
     return TETLOD_OK;
 }
 
-static void show_batch(const struct steps_check *check, const struct steps_batch *batch, const struct steps_watch *watch, uint32_t b)
+static void show_batch(const struct steps_check *check, const struct steps_batch *batch,
+                       const struct steps_watch *watch, uint32_t b)
 {
     watch->progress(watch->opaque, (batch->first + batch->count * (b + 1.0) / check->band_count) / check->step_count);
 }
@@ -258,18 +268,21 @@ static enum tetlod_status find_fields(struct steps_check *check, struct tetmesh 
     return TETLOD_OK;
 }
 
-static enum tetlod_status too_large(const struct steps_check *check, uint32_t b, uint32_t step, uint32_t f, const char *what, double found)
+static enum tetlod_status too_large(const struct steps_check *check, uint32_t b, uint32_t step, uint32_t f,
+                                    const char *what, double found)
 {
     const struct band_reader *band = &check->bands[b];
     const struct tetlod_series_info *steps = tetlod_series_info(band->series);
     double width = steps->ranges[f][1] - steps->ranges[f][0];
-    return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u in the band of %g: %s of '%.60s' is %.9g of the range, the stream says %.9g",
+    return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH,
+                        "step %u in the band of %g: %s of '%.60s' is %.9g of the range, the stream says %.9g",
                         step, steps->bands[b].error, what, tetlod_info(check->file)->fields[steps->fields[f]].name,
                         width > 0 ? found / width : found, tetlod_step_error(band->series, f, b, step));
 }
 
 /* The range that a band counts a step's error in: the step's own, if it has one, or that over all steps. */
-static void counted_range(const struct steps_check *check, const struct tetmesh *input, uint32_t field, uint32_t f, double out[2])
+static void counted_range(const struct steps_check *check, const struct tetmesh *input, uint32_t field, uint32_t f,
+                          double out[2])
 {
     const struct tetlod_series_info *steps = tetlod_series_info(check->bands[0].series);
     point_field_range(&input->fields[field], input->vertex_count, out);
@@ -278,7 +291,8 @@ static void counted_range(const struct steps_check *check, const struct tetmesh 
 }
 
 /* The largest difference that the stream allows, of field `at` of the input. */
-static double promised(const struct steps_check *check, const struct tetmesh *input, uint32_t at, uint32_t b, uint32_t step, uint32_t f)
+static double promised(const struct steps_check *check, const struct tetmesh *input, uint32_t at, uint32_t b,
+                       uint32_t step, uint32_t f)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(check->bands[b].series);
     double range[2];
@@ -313,7 +327,8 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
     return status;
 }
 
-/* What is known of a batch's exact mesh where it is the stream's own, whose numbers a band's level shares: bodies, and what has a promise. */
+/* What is known of a batch's exact mesh where it is the stream's own, whose numbers a band's level shares: bodies, and
+ * what has a promise. */
 struct exact_mesh {
     uint32_t *bodies;            /* [vertex] */
     struct sheets sheets;
@@ -347,7 +362,8 @@ static bool is_as_it_was(const struct tetmesh *exact, const struct tetmesh *leve
     const uint32_t *corners = level->corners + 4 * t;
     bool same = memcmp(corners, exact->corners + 4 * t, 4 * sizeof *corners) == 0;
     for (int c = 0; c < 4 && same; c++)
-        same = memcmp(level->positions + 3 * (size_t)corners[c], exact->positions + 3 * (size_t)corners[c], 3 * sizeof(double)) == 0;
+        same = memcmp(level->positions + 3 * (size_t)corners[c], exact->positions + 3 * (size_t)corners[c],
+                      3 * sizeof(double)) == 0;
     return same;
 }
 
@@ -361,9 +377,10 @@ static void compare_vertex(const struct tetmesh *exact, const struct tetmesh *le
     }
 }
 
-/* In a tetrahedron that is as it was the difference is largest at a corner, and its body needs to look no further there. The others are left to
- * the overlay. */
-static void compare_in_place(const struct tetmesh *exact, const struct tetmesh *level, struct exact_mesh *known, double *found)
+/* In a tetrahedron that is as it was the difference is largest at a corner, and its body needs to look no further
+ * there. The others are left to the overlay. */
+static void compare_in_place(const struct tetmesh *exact, const struct tetmesh *level, struct exact_mesh *known,
+                             double *found)
 {
     memcpy(known->looked, known->sheets.promised, exact->tet_count);
     for (size_t t = 0; t < level->tet_count; t++) {
@@ -380,7 +397,8 @@ static void compare_in_place(const struct tetmesh *exact, const struct tetmesh *
 }
 
 /* Steps in a band against the exact ones. floors, found: [step of the batch][field], as the fields of the mesh. */
-static enum tetlod_status compare_band(const struct steps_check *check, const struct steps_batch *batch, struct exact_mesh *known, uint32_t b,
+static enum tetlod_status compare_band(const struct steps_check *check, const struct steps_batch *batch,
+                                       struct exact_mesh *known, uint32_t b,
                                        struct tetmesh *mesh, double *floors, double *found)
 {
     struct overlay_report report;
@@ -408,19 +426,21 @@ static enum tetlod_status compare_band(const struct steps_check *check, const st
         status = overlay_max(&batch->exact, fields, mesh, fields, count, &options, found, &report, check->error);
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
         if (found[i] > floors[i])
-            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the exact maximum", found[i]);
+            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,
+                               "the exact maximum", found[i]);
     free(fields);
     return status;
 }
 
-/* Compares the steps of a batch, which is then empty. Where the stream has the exact steps, which were found to be the input's, bands are held
- * against those: they have the stream's numbers. */
+/* Compares the steps of a batch, which is then empty. Where the stream has the exact steps, which were found to be the
+ * input's, bands are held against those: they have the stream's numbers. */
 static enum tetlod_status compare_batch(const struct steps_check *check, struct steps_batch *batch)
 {
     uint32_t count = batch->count * check->field_count;
     struct exact_mesh known = {0};
     double *limits = array_new(count, 2 * sizeof *limits);
-    enum tetlod_status status = limits ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", count * 2 * sizeof *limits);
+    enum tetlod_status status = limits ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step",
+                                                                        count * 2 * sizeof *limits);
     if (status == TETLOD_OK && check->has_exact)
         status = read_batch(check, batch, check->band_count - 1, &batch->exact);
     if (status == TETLOD_OK && check->has_exact)
@@ -452,7 +472,8 @@ static bool same_geometry(const struct tetmesh *a, const struct tetmesh *b)
 static enum tetlod_status batch_take(const struct steps_check *check, struct tetmesh *input, struct steps_batch *batch)
 {
     if (batch->count == 0) {
-        batch->exact = (struct tetmesh){.vertex_count = input->vertex_count, .tet_count = input->tet_count, .position_type = input->position_type,
+        batch->exact = (struct tetmesh){.vertex_count = input->vertex_count, .tet_count = input->tet_count,
+                                        .position_type = input->position_type,
                                         .positions = input->positions, .corners = input->corners};
         input->positions = NULL;
         input->corners = NULL;
@@ -468,7 +489,8 @@ static enum tetlod_status batch_take(const struct steps_check *check, struct tet
 }
 
 /* A step of the input: its exact values are compared at once, those of bands together with those of other steps. */
-static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step, struct steps_batch *batch)
+static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step,
+                                       struct steps_batch *batch)
 {
     TETLOD_TRY(find_fields(check, input));
     TETLOD_TRY(compare_exact(check, input, step));
@@ -483,16 +505,19 @@ static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh
 }
 
 /* *out_time is the step's; NaN: the input says none. */
-static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out, double *out_time)
+static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out,
+                                        double *out_time)
 {
     const struct steps_comparison *comparison = check->comparison;
     struct io_report report;
-    TETLOD_TRY(series_input_read(comparison->input, series_input_number(comparison->input, step), comparison->reading, out, &report, check->error));
+    TETLOD_TRY(series_input_read(comparison->input, series_input_number(comparison->input, step), comparison->reading,
+                                 out, &report, check->error));
     *out_time = report.steps ? report.time : NAN;
     return TETLOD_OK;
 }
 
-/* Times are the input's, or all are numbers: where the input's do not rise, at these steps or at those of other topology groups. */
+/* Times are the input's, or all are numbers: where the input's do not rise, at these steps or at those of other
+ * topology groups. */
 static enum tetlod_status check_times(const struct steps_check *check, const double *times)
 {
     const struct steps_comparison *comparison = check->comparison;
@@ -504,12 +529,14 @@ static enum tetlod_status check_times(const struct steps_check *check, const dou
     }
     for (uint32_t s = 0; s < check->step_count && (rise || !numbered); s++)
         if (!isnan(times[s]) && stored[s] != times[s])
-            return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u: its time is %.17g, the stream says %.17g", s, times[s], stored[s]);
+            return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u: its time is %.17g, the stream says %.17g",
+                                s, times[s], stored[s]);
     return TETLOD_OK;
 }
 
 /* A step's mesh, on the points of the first one if they move. */
-static enum tetlod_status read_step(const struct steps_check *check, uint32_t step, const struct tetmesh *first, struct tetmesh *out,
+static enum tetlod_status read_step(const struct steps_check *check, uint32_t step, const struct tetmesh *first,
+                                    struct tetmesh *out,
                                     double *out_time)
 {
     uint64_t rounded = 0;
@@ -522,7 +549,8 @@ static enum tetlod_status read_step(const struct steps_check *check, uint32_t st
     return displacement_take(out, first, &rounded, check->error);
 }
 
-enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error)
+enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison,
+                                 struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .comparison = comparison, .error = error};
     struct tetmesh first = {0};
@@ -557,7 +585,8 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
 
 /* ---- measuring */
 
-static enum tetlod_status measure_band(const struct steps_check *check, const struct steps_batch *batch, const struct measure *measure,
+static enum tetlod_status measure_band(const struct steps_check *check, const struct steps_batch *batch,
+                                       const struct measure *measure,
                                        uint32_t b, struct measured *measured, struct steps_errors *out)
 {
     struct tetmesh mesh = {0};
@@ -576,13 +605,15 @@ static enum tetlod_status measure_band(const struct steps_check *check, const st
     return status;
 }
 
-static enum tetlod_status measure_batch(const struct steps_check *check, struct steps_batch *batch, const struct steps_watch *watch,
+static enum tetlod_status measure_batch(const struct steps_check *check, struct steps_batch *batch,
+                                        const struct steps_watch *watch,
                                         struct steps_errors *out)
 {
     uint32_t bands = check->band_count - 1; // the last one is exact
     struct measure *measure = NULL;
     struct measured *measured = array_new(batch->count, sizeof *measured);
-    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", batch->count * sizeof *measured);
+    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step",
+                                                                          batch->count * sizeof *measured);
     if (status == TETLOD_OK)
         status = read_batch(check, batch, bands, &batch->exact);
     if (status == TETLOD_OK)
@@ -598,7 +629,8 @@ static enum tetlod_status measure_batch(const struct steps_check *check, struct 
     return status;
 }
 
-enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, const struct steps_watch *watch,
+enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads,
+                                 const struct steps_watch *watch,
                                  struct steps_errors *out, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .error = error};

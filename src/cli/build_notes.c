@@ -36,7 +36,8 @@ static bool is_controlled(const struct build_control *controls, uint32_t count, 
 }
 
 /* Which fields are controlled where nobody said so, and which are not. */
-static void say_fields(const struct build_request *request, const struct tetmesh *mesh, const struct build_control *controls, uint32_t count)
+static void say_fields(const struct build_request *request, const struct tetmesh *mesh,
+                       const struct build_control *controls, uint32_t count)
 {
     char names[3][400] = {"", "", ""};
     uint32_t counts[3] = {0};
@@ -172,7 +173,8 @@ static uint64_t peak_memory(void)
     return peak << 10;
 }
 
-int build_print_json(const struct build_request *request, const struct build_report *report, double read_seconds, double write_seconds)
+int build_print_json(const struct build_request *request, const struct build_report *report, double read_seconds,
+                     double write_seconds)
 {
     struct tetlod_file *file;
     struct tetlod_error error = {0};
@@ -186,12 +188,14 @@ int build_print_json(const struct build_request *request, const struct build_rep
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
                                 request->seconds[BUILD_ENCODE], "write", write_seconds);
-    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP], "link",
+    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP],
+                                "link",
                                 (json_int_t)report->refused[LOG_REFUSED_LINK], "boundary",
                                 (json_int_t)report->refused[LOG_REFUSED_BOUNDARY], "rounding",
                                 (json_int_t)report->refused[LOG_REFUSED_ROUNDING], "size",
                                 (json_int_t)report->refused[LOG_REFUSED_SIZE]);
-    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused, "contractions",
+    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused,
+                             "contractions",
                              (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
                              "peak_memory", (json_int_t)peak, "bytes_per_tetrahedron",

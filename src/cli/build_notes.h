@@ -9,9 +9,10 @@
 void build_notes(const struct build_request *request, const struct io_report *read, const struct tetmesh *mesh,
                  const struct build_control *controls, uint32_t count, const struct build_report *report);
 
-/* On standard output: the levels, and with --for mail what the file promises of every field; or the index, times and memory. They
- * give the exit status. */
+/* On standard output: the levels, and with --for mail what the file promises of every field; or the index, times and
+ * memory. They give the exit status. */
 int build_print_levels(const struct build_request *request);
-int build_print_json(const struct build_request *request, const struct build_report *report, double read_seconds, double write_seconds);
+int build_print_json(const struct build_request *request, const struct build_report *report, double read_seconds,
+                     double write_seconds);
 
 #endif

@@ -82,7 +82,8 @@ const char build_help[] =
     "\n"
     "example: tetlod build bluntfinxyz.bin --q bluntfinq.bin --field Pressure -o blunt.tetlod\n";
 
-/* The number of an option says what it is about, and which it is; the run's are letters. Further ones are READING_... */
+/* The number of an option says what it is about, and which it is; the run's are letters. Further ones are
+ * READING_... */
 enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_STREAM = 0x300, OF_SERIES = 0x400 };
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
@@ -219,7 +220,8 @@ static bool field_option(struct build_request *request, int option, const char *
 
 static bool take_contract(struct build_request *request, const char *text)
 {
-    static const unsigned kinds[CONTRACTS] = {CONTRACT_EDGES, CONTRACT_FACES, CONTRACT_TETS, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS};
+    static const unsigned kinds[CONTRACTS] = {CONTRACT_EDGES, CONTRACT_FACES, CONTRACT_TETS,
+                                              CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS};
     unsigned number;
     if (!parse_name("contract", text, contract_names, CONTRACTS, &number))
         return false;
@@ -377,9 +379,11 @@ static int check_options(struct build_request *request)
     if (build->certify == CERTIFY_EXACT && !request->ordered)
         build->metric = METRIC_FIELD_QUADRIC;
     if (build->certify == CERTIFY_EXACT && !metric_is_certified(build->metric))
-        return cli_usage("build", "--metric %s has a limit of its own; leave out --certify exact", metric_names[build->metric]);
+        return cli_usage("build", "--metric %s has a limit of its own; leave out --certify exact",
+                         metric_names[build->metric]);
     if (request->mail_error > 0 && !request->for_mail)
-        return cli_usage("build", "--error goes with --for mail; the limit of the contraction is --max-error, that of a level is chosen later");
+        return cli_usage("build",
+                         "--error goes with --for mail; the limit of the contraction is --max-error, that of a level is chosen later");
     return EXIT_DONE;
 }
 
@@ -395,7 +399,8 @@ static int take_files(struct build_request *request, int argc, char **argv)
         return cli_usage("build", "--time chooses a step of one file, and there are %d files", argc - optind);
     if (!request->output) {
         const char *name = cli_base_name(request->input), *dot = strrchr(name, '.');
-        snprintf(request->own_output, sizeof request->own_output, "%.*s.tetlod", (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
+        snprintf(request->own_output, sizeof request->own_output, "%.*s.tetlod",
+                 (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
         request->output = request->own_output;
     }
     const char *const inputs[] = {request->input, request->reading.options.solution};

@@ -26,7 +26,8 @@ struct build_request {
     struct series_input series;
     struct series_topologies topologies; /* none: all steps are over one mesh */
     uint64_t nan_filled;
-    bool for_mail, json, quiet, all, ordered, moves_boundary; /* ordered: --metric is given; moves_boundary: --domain-error */
+    /* ordered: --metric is given; moves_boundary: --domain-error */
+    bool for_mail, json, quiet, all, ordered, moves_boundary;
     bool draws_progress; /* in any case */
     char own_output[4096]; /* the name of the output where none is given */
     struct progress progress;

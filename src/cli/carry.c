@@ -19,7 +19,8 @@ static enum tetlod_status check_carry(const struct tetmesh *mesh, const char *li
 {
     for (const char *at = list; *at;) {
         size_t length = strcspn(at, ",");
-        if (!is_named(mesh->fields, mesh->field_count, at, length) && !is_named(mesh->cell_fields, mesh->cell_field_count, at, length))
+        if (!is_named(mesh->fields, mesh->field_count, at, length) &&
+            !is_named(mesh->cell_fields, mesh->cell_field_count, at, length))
             return tetlodi_fail(error, TETLOD_ERR_FIELD, "--carry: there is no field '%.*s'", (int)length, at);
         at += length + (at[length] == ',');
     }
@@ -60,7 +61,8 @@ static void drop_cell_fields(struct tetmesh *mesh, const char *carry, const char
     mesh->cell_field_count = kept;
 }
 
-enum tetlod_status carry_only(struct tetmesh *mesh, const char *list, const char *region, struct build_control *controls, uint32_t count,
+enum tetlod_status carry_only(struct tetmesh *mesh, const char *list, const char *region,
+                              struct build_control *controls, uint32_t count,
                               struct tetlod_error *error)
 {
     TETLOD_TRY(check_carry(mesh, list, error));

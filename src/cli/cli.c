@@ -44,8 +44,8 @@ void cli_print_safe(const char *text)
     }
 }
 
-/* Left to itself glibc raises the size from which it maps memory to that of the largest array, keeps what it then frees in an
- * arena for each thread, and the peak is half as much again as what is in use. */
+/* Left to itself glibc raises the size from which it maps memory to that of the largest array, keeps what it then frees
+ * in an arena for each thread, and the peak is half as much again as what is in use. */
 void cli_give_memory_back(void)
 {
 #ifdef __GLIBC__
@@ -147,10 +147,12 @@ bool cli_parse_count(const struct command *command, const char *option, const ch
 bool cli_parse_nan_fill(const struct command *command, const char *text, struct nan_fill *out)
 {
     char *end;
-    *out = (struct nan_fill){strcmp(text, "neighbours") == 0 ? NAN_FILL_NEIGHBOURS : NAN_FILL_VALUE, strtod(text, &end)};
+    *out = (struct nan_fill){strcmp(text, "neighbours") == 0 ? NAN_FILL_NEIGHBOURS : NAN_FILL_VALUE,
+                             strtod(text, &end)};
     if (out->kind == NAN_FILL_NEIGHBOURS || (end != text && !*end && isfinite(out->value)))
         return true;
-    cli_usage(command->name, "--nan-fill takes a number, or 'neighbours' for the mean of the points around, not '%s'", text);
+    cli_usage(command->name, "--nan-fill takes a number, or 'neighbours' for the mean of the points around, not '%s'",
+              text);
     return false;
 }
 
@@ -167,7 +169,8 @@ bool cli_operands(const struct command *command, int argc, int count, const char
 {
     if (argc - optind == count)
         return true;
-    cli_usage(command->name, "%s %s", argc - optind < count ? "missing operand: it takes" : "too many operands: it takes",
+    cli_usage(command->name, "%s %s",
+              argc - optind < count ? "missing operand: it takes" : "too many operands: it takes",
               what);
     return false;
 }

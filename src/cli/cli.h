@@ -56,7 +56,8 @@ int cli_option(const struct command *command, int argc, char **argv, const char 
                const struct option *long_options);
 
 /* Option values. False after a usage message that names the option, the value and what would do. */
-bool cli_parse_fraction(const struct command *command, const char *option, const char *text, double *out); /* 0.01, 1% */
+/* 0.01, 1% */
+bool cli_parse_fraction(const struct command *command, const char *option, const char *text, double *out);
 bool cli_parse_number(const struct command *command, const char *option, const char *text, double least, double *out);
 bool cli_parse_count(const struct command *command, const char *option, const char *text, uint64_t least, uint64_t most,
                      uint64_t *out); /* K, M, G suffixes (powers of 1024) where most exceeds 2^32 */
@@ -66,12 +67,14 @@ bool cli_parse_measure(const struct command *command, const char *text, enum tet
 /* Exactly `count` operands after the options, or a usage message that names `what` is wanted. */
 bool cli_operands(const struct command *command, int argc, int count, const char *what);
 
-/* Whether a command may write `output`: false, after a message, if it is one of the `count` files `inputs` (NULL ones are skipped), or
- * if its extension names a format other than `extension` (NULL: any will do). */
-bool cli_check_output(const struct command *command, const char *output, const char *extension, const char *const *inputs,
+/* Whether a command may write `output`: false, after a message, if it is one of the `count` files `inputs` (NULL ones
+ * are skipped), or if its extension names a format other than `extension` (NULL: any will do). */
+bool cli_check_output(const struct command *command, const char *output, const char *extension,
+                      const char *const *inputs,
                       size_t count);
 
-/* The finest level whose bytes are all in a stream file, of which a part may be missing; TETLOD_NONE: not even level 0. */
+/* The finest level whose bytes are all in a stream file, of which a part may be missing; TETLOD_NONE: not even level
+ * 0. */
 uint32_t cli_finest_here(const struct tetlod_info *info, int fd);
 
 /* Whether all bytes of a section, and of the values of a cell field, are in such a file. */
@@ -87,8 +90,10 @@ void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t leve
 /* Warns of the worst field, but ids, that is not controlled, if it is more than 10 % off at a level. */
 void cli_warn_uncontrolled(const char *command, const struct tetlod_info *info, uint32_t level);
 
-/* Opens a stream file that cursors decode with so many threads; messages start with the path. *out_fd is to be closed after the file. */
-TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,
+/* Opens a stream file that cursors decode with so many threads; messages start with the path. *out_fd is to be closed
+ * after the file. */
+TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out,
+                                                  int *out_fd,
                                                   struct tetlod_error *error);
 
 #endif

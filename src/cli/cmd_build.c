@@ -104,7 +104,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
     json_t *fields = json_array(), *object = NULL;
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
-    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
+    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program",
+                       "tetlod " TETLOD_VERSION_STRING,
                        "input", cli_base_name(request->input), "options", "field", fields, "metric",
                        build_metric_name(build->metric), "certify", build_certify_name(build->certify), "contract", request->contract,
                        "candidates", 0, // once an option: streams keep their bytes
@@ -138,7 +139,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
     return NULL;
 }
 
-static enum tetlod_status write_stream(struct build_request *request, const struct input *in, const struct tetlodi_sink *sink,
+static enum tetlod_status write_stream(struct build_request *request, const struct input *in,
+                                       const struct tetlodi_sink *sink,
                                        struct build_report *report, struct tetlod_error *error)
 {
     struct build_options *options = &request->build;
@@ -184,7 +186,8 @@ static bool is_series(const struct build_request *request, const struct io_repor
 }
 
 /* The mesh, or a series' first step. */
-static enum tetlod_status read_first(struct build_request *request, struct tetmesh *mesh, struct io_report *read, struct tetlod_error *error)
+static enum tetlod_status read_first(struct build_request *request, struct tetmesh *mesh, struct io_report *read,
+                                     struct tetlod_error *error)
 {
     const struct series_input *series = &request->series;
     if (request->reading.options.time)
@@ -197,7 +200,8 @@ static enum tetlod_status read_first(struct build_request *request, struct tetme
         return TETLOD_OK;
     tetmesh_fini(mesh);
     if (series->begin >= steps)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s: has %" PRIu64 " steps in time, 0 to %" PRIu64 ": --times begins behind them", request->input,
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "%s: has %" PRIu64 " steps in time, 0 to %" PRIu64 ": --times begins behind them", request->input,
                             steps, steps - 1);
     return series_input_read(series, series->begin, &request->reading, mesh, read, error);
 }
@@ -242,10 +246,12 @@ static enum tetlod_status load_series(struct build_request *request, struct inpu
                             "%.60s is a second step in time, and a series cannot be built with %s (--json, --all and --quiet take no value)",
                             cli_base_name(series->paths[1]), wrong);
     if (wrong)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
                             wrong);
     TETLOD_TRY(series_input_count(series, series->path_count > 1 ? series->path_count : in->read.steps, error));
-    TETLOD_TRY(series_input_load(series, &request->reading, &in->mesh, in->controls, &in->count, &request->progress, error));
+    TETLOD_TRY(series_input_load(series, &request->reading, &in->mesh, in->controls, &in->count, &request->progress,
+                                 error));
     request->build.series = &series->series;
     request->build.domain_error = 0; // a step's error is then one at the same position (PROOF.md, 5)
     return TETLOD_OK;
@@ -278,15 +284,18 @@ static void release(struct build_request *request, struct input *in)
 /* ---- steps over several meshes */
 
 /* The same fields in the same order in every group: their ranges are common. */
-static enum tetlod_status check_controls(const struct input *in, const char *const *names, uint32_t count, struct tetlod_error *error)
+static enum tetlod_status check_controls(const struct input *in, const char *const *names, uint32_t count,
+                                         struct tetlod_error *error)
 {
     for (uint32_t c = 0; c < count; c++)
         if (c >= in->count || strcmp(in->mesh.fields[in->controls[c].field].name, names[c]) != 0)
-            return tetlodi_fail(error, TETLOD_ERR_FIELD, "'%.60s' is not among its controlled fields, as in the first step; --field names the ones to be controlled", names[c]);
+            return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                                "'%.60s' is not among its controlled fields, as in the first step; --field names the ones to be controlled", names[c]);
     return TETLOD_OK;
 }
 
-static enum tetlod_status build_topology(struct build_request *request, struct topology_spool *spool, uint32_t group, const char *const *names,
+static enum tetlod_status build_topology(struct build_request *request, struct topology_spool *spool, uint32_t group,
+                                         const char *const *names,
                                          uint32_t count, struct tetlod_error *error)
 {
     const struct series_topology *topology = &request->topologies.groups[group];
@@ -301,7 +310,8 @@ static enum tetlod_status build_topology(struct build_request *request, struct t
         if (status == TETLOD_OK)
             status = write_stream(request, &in, &sink, &report, &inner);
         if (status == TETLOD_OK)
-            status = topology_spool_note(spool, group, topology->count, request->topologies.times + topology->from, &inner);
+            status = topology_spool_note(spool, group, topology->count, request->topologies.times + topology->from,
+                                         &inner);
         if (status != TETLOD_OK)
             series_input_blame(&request->series, series_input_number(&request->series, 0), status, &inner, error);
     }
@@ -309,7 +319,8 @@ static enum tetlod_status build_topology(struct build_request *request, struct t
     return status;
 }
 
-static enum tetlod_status build_rest(struct build_request *request, struct topology_spool *spool, const char *const *names, uint32_t count,
+static enum tetlod_status build_rest(struct build_request *request, struct topology_spool *spool,
+                                     const char *const *names, uint32_t count,
                                      struct tetlod_error *error)
 {
     const struct series_topologies *topologies = &request->topologies;
@@ -327,7 +338,8 @@ static enum tetlod_status build_rest(struct build_request *request, struct topol
 }
 
 /* Steps behind those of `in` are over other meshes: they become streams, which go into the one of the first steps. */
-static enum tetlod_status build_topologies(struct build_request *request, struct input *in, struct topology_spool *spool, struct tetlod_error *error)
+static enum tetlod_status build_topologies(struct build_request *request, struct input *in,
+                                           struct topology_spool *spool, struct tetlod_error *error)
 {
     uint32_t count = in->count - request->series.series.points_move;
     char *copies[2 * MAX_CONTROLS + 1];
@@ -336,9 +348,11 @@ static enum tetlod_status build_topologies(struct build_request *request, struct
         room &= (copies[c] = strdup(in->mesh.fields[in->controls[c].field].name)) != NULL;
     release(request, in);
     const char *const *names = (const char *const *)copies;
-    enum tetlod_status status = room ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields' names", count * sizeof *copies);
+    enum tetlod_status status = room ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields' names",
+                                                                      count * sizeof *copies);
     if (status == TETLOD_OK)
-        status = series_topologies_find(&request->topologies, &request->series, &request->reading, names, count, &request->progress, error);
+        status = series_topologies_find(&request->topologies, &request->series, &request->reading, names, count,
+                                        &request->progress, error);
     if (status == TETLOD_OK)
         status = build_rest(request, spool, names, count, error);
     request->series.from = 0;
@@ -389,4 +403,5 @@ static int run(int argc, char **argv)
     return build(&request);
 }
 
-const struct command command_build = {"build", "read a mesh, contract it, write the stream of its levels", build_help, run};
+const struct command command_build = {"build", "read a mesh, contract it, write the stream of its levels", build_help,
+                                      run};

@@ -41,14 +41,16 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
     const struct measured *measured = &found->measured;
     double range[2], diagonal = mesh_diagonal(a);
     point_field_range(&a->fields[field], a->vertex_count, range);
-    double fractions[3] = {range_fraction(range, found->max), range_fraction(range, measured->sampled), range_fraction(range, measured->rms)};
+    double fractions[3] = {range_fraction(range, found->max), range_fraction(range, measured->sampled),
+                           range_fraction(range, measured->rms)};
     double domain = diagonal > 0 ? found->domain / diagonal : 0;
     if (!json) {
         printf("field         %s, range %.9g .. %.9g\n", a->fields[field].name, range[0], range[1]);
         printf("vertices      %u against %u\n", b->vertex_count, a->vertex_count);
         printf("tetrahedra    %u against %u (%.3f %%)\n", b->tet_count, a->tet_count,
                100.0 * b->tet_count / a->tet_count);
-        printf("degenerate    %llu against %llu tetrahedra, left out\n", (unsigned long long)found->overlay.degenerate[1],
+        printf("degenerate    %llu against %llu tetrahedra, left out\n",
+               (unsigned long long)found->overlay.degenerate[1],
                (unsigned long long)found->overlay.degenerate[0]);
         printf("max           %.6g %% of the range (%.9g)\n", 100 * fractions[0], found->max);
         printf("sampled       %.6g %% of the range (%.9g)\n", 100 * fractions[1], measured->sampled);
@@ -56,7 +58,8 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
         printf("domain error  %.6g of the diagonal\n", domain);
         return EXIT_DONE;
     }
-    json_t *object = json_pack("{s:s, s:[f,f], s:[i,i], s:[i,i], s:[I,I], s:{s:f, s:f, s:f}, s:f}", "field", a->fields[field].name,
+    json_t *object = json_pack("{s:s, s:[f,f], s:[i,i], s:[i,i], s:[I,I], s:{s:f, s:f, s:f}, s:f}", "field",
+                               a->fields[field].name,
                                "range", range[0], range[1], "vertices", (int)a->vertex_count, (int)b->vertex_count,
                                "tets", (int)a->tet_count, (int)b->tet_count, "degenerate_tets",
                                (json_int_t)found->overlay.degenerate[0], (json_int_t)found->overlay.degenerate[1],
@@ -66,7 +69,8 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
 }
 
 /* Field `name` of a mesh, which may be NAME:mag or NAME:0 as in tetlod build. */
-static enum tetlod_status find_field(struct tetmesh *mesh, const char *which, const char *name, uint32_t *out, struct tetlod_error *error)
+static enum tetlod_status find_field(struct tetmesh *mesh, const char *which, const char *name, uint32_t *out,
+                                     struct tetlod_error *error)
 {
     struct tetlod_error inner = {0};
     struct build_control control;
@@ -101,7 +105,8 @@ static enum tetlod_status find(const struct tetmesh *a, const struct tetmesh *b,
     enum tetlod_status status = measure_mesh(measure, b, &fields[1], threads, &out->measured, &out->domain, error);
     measure_free(measure);
     if (status == TETLOD_OK)
-        status = overlay_max(a, &fields[0], b, &fields[1], 1, &(struct overlay_options){.threads = threads}, &out->max, &out->overlay, error);
+        status = overlay_max(a, &fields[0], b, &fields[1], 1, &(struct overlay_options){.threads = threads}, &out->max,
+                             &out->overlay, error);
     if (status == TETLOD_OK && out->measured.sampled > out->max)
         out->max = out->measured.sampled; // at points outside b, and by rounding
     return status;
@@ -141,7 +146,8 @@ static int run(int argc, char **argv)
             field = optarg;
         else if (option == 'j')
             json = true;
-        else if (option != 't' || !cli_parse_count(&command_compare, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
+        else if (option != 't' ||
+                 !cli_parse_count(&command_compare, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_compare, argc, 2, "the meshes A and B"))

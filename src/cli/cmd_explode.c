@@ -19,7 +19,8 @@ static const char help[] =
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {"viewer", no_argument, NULL, 'v'}, {0}};
+        {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {"viewer", no_argument, NULL,
+                                                                                       'v'}, {0}};
     struct explode_options request = {0};
     struct tetlod_error error = {0};
     int option;

@@ -108,22 +108,26 @@ static enum tetlod_status choose(const struct tetlod_info *info, const struct se
 }
 
 /* Of a file that is cut off: the finest level that is there, or a refusal that says what is there. */
-static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, const struct request *request, uint32_t *level,
+static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, const struct request *request,
+                                      uint32_t *level,
                                       struct tetlod_error *error)
 {
     uint32_t here = cli_finest_here(info, fd);
     TETLOD_TRY(choose(info, &request->selection, level, error));
     if (request->selection.box_count && here != TETLOD_NONE && here + 1 < info->level_count)
-        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
+                            "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
                             "against which it measures", here, info->level_count - 1);
     if (here != TETLOD_NONE && *level <= here)
         return TETLOD_OK;
     if (here == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off before the end of level 0");
     if (request->selection.kind != TAKE_FINEST)
-        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, not level %u", here,
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, not level %u",
+                            here,
                             info->level_count - 1, *level);
-    fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here, info->level_count - 1);
+    fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here,
+            info->level_count - 1);
     *level = here;
     return TETLOD_OK;
 }
@@ -250,7 +254,8 @@ static bool parse_box(struct selection *selection, const char *value)
     if (selection->box_count < MAX_BOXES &&
         selection_read_box(value, strlen(value), &selection->boxes[selection->box_count++]))
         return true;
-    cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'", MAX_BOXES, value);
+    cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'",
+              MAX_BOXES, value);
     return false;
 }
 
@@ -273,7 +278,8 @@ static bool parse_step(struct request *request, int option, const char *value)
 /* What does not go with a step. */
 static const char *against_step(const struct request *request)
 {
-    if (request->selection.kind != TAKE_FINEST && request->selection.kind != TAKE_ERROR && request->selection.kind != TAKE_ABS_ERROR)
+    if (request->selection.kind != TAKE_FINEST && request->selection.kind != TAKE_ERROR &&
+        request->selection.kind != TAKE_ABS_ERROR)
         return "--level, --tets or --bytes: a step is there within errors; take --error";
     if (request->selection.box_count)
         return "--box";
@@ -314,7 +320,8 @@ static int run(int argc, char **argv)
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
         {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
         {0}};
-    static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
+    static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets",
+                                        ['b'] = "bytes"};
     struct request request = {.selection.measure = TETLOD_MAX};
     struct selection *selection = &request.selection;
     const char *box_error = NULL;

@@ -68,16 +68,19 @@ static void print_cut(const struct tetlod_info *info, int fd)
 static struct tetlod_series *find_series(const struct tetlod_file *file)
 {
     struct tetlod_series *series;
-    if (tetlod_section_index(tetlod_info(file), "TIME") == TETLOD_NONE || tetlod_series_new(&series, file, NULL) != TETLOD_OK)
+    if (tetlod_section_index(tetlod_info(file), "TIME") == TETLOD_NONE ||
+        tetlod_series_new(&series, file, NULL) != TETLOD_OK)
         return NULL;
     return series;
 }
 
-static void print_field(const char *what, const char *name, uint32_t components, const char *type, const double range[2],
+static void print_field(const char *what, const char *name, uint32_t components, const char *type,
+                        const double range[2],
                         const json_t *metadata)
 {
     const char *unit = metadata_unit(metadata, name);
-    printf("%s%s, %u x %s, range %.9g .. %.9g%s%s", what, name, components, type, range[0], range[1], *unit ? " " : "", unit);
+    printf("%s%s, %u x %s, range %.9g .. %.9g%s%s", what, name, components, type, range[0], range[1], *unit ? " " : "",
+           unit);
 }
 
 static void print_text(const struct tetlod_file *file, int fd, bool all)
@@ -87,7 +90,8 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
     json_t *metadata = metadata_json(info), *ids = json_object_get(metadata, "ids");
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
-    printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets, (unsigned long long)info->degenerate_tets,
+    printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets,
+           (unsigned long long)info->degenerate_tets,
            (unsigned long long)info->inverted_tets);
     printf("unused points %llu\n", (unsigned long long)info->unused_points);
     printf("bytes         %llu (%.2f bits per tetrahedron), %s\n", (unsigned long long)info->bytes,
@@ -96,7 +100,8 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
            info->bounds[0][2], info->bounds[1][0], info->bounds[1][1], info->bounds[1][2]);
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
-        print_field("field         ", field->name, field->components, field->type == TETLOD_FLOAT64 ? "float64" : "float32",
+        print_field("field         ", field->name, field->components,
+                    field->type == TETLOD_FLOAT64 ? "float64" : "float32",
                     field->range, metadata);
         if (field->bounds == TETLOD_NONE)
             printf("%s\n", field->controlled ? ", controlled" : metadata_is_id(ids, field->name) ? ", ids" : "");
@@ -112,8 +117,10 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
     json_decref(metadata);
     print_cut(info, fd);
     for (uint32_t t = 0, first = 0; t < info->topology_count; first += info->topologies[t++].step_count)
-        printf("topology %-4u steps %u to %u, times %.9g .. %.9g, bytes %llu%s\n", t, first, first + info->topologies[t].step_count - 1,
-               info->topologies[t].times[0], info->topologies[t].times[info->topologies[t].step_count - 1], (unsigned long long)info->topologies[t].size,
+        printf("topology %-4u steps %u to %u, times %.9g .. %.9g, bytes %llu%s\n", t, first,
+               first + info->topologies[t].step_count - 1,
+               info->topologies[t].times[0], info->topologies[t].times[info->topologies[t].step_count -
+                                                                       1], (unsigned long long)info->topologies[t].size,
                t ? "" : " (all of the stream; what follows is about this one)");
     if (series)
         series_print(stdout, series, info);
@@ -166,4 +173,5 @@ static int run(int argc, char **argv)
     return result;
 }
 
-const struct command command_info = {"info", "what is in a stream: counts, fields, levels with error and bytes", help, run};
+const struct command command_info = {"info", "what is in a stream: counts, fields, levels with error and bytes", help,
+                                     run};

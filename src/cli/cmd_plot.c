@@ -38,11 +38,13 @@ static enum tetlod_status choose_field(const struct tetlod_info *info, const cha
             *out = f;
     if (*out < info->field_count)
         return TETLOD_OK;
-    return name ? tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s'; 'tetlod info' lists the fields", name)
+    return name ? tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s'; 'tetlod info' lists the fields",
+                               name)
                 : tetlodi_fail(error, TETLOD_ERR_FIELD, "it has no field whose error could be drawn");
 }
 
-static enum tetlod_status write_plot(const struct tetlod_info *info, uint32_t field, const char *path, const char *output,
+static enum tetlod_status write_plot(const struct tetlod_info *info, uint32_t field, const char *path,
+                                     const char *output,
                                      struct tetlod_error *error)
 {
     struct file_output *out;
@@ -70,7 +72,8 @@ static void show_measuring(void *progress, double done)
     progress_update(progress, "measure", done);
 }
 
-static enum tetlod_status measure_field(struct tetlod_file *file, uint32_t field, struct steps_errors *out, struct tetlod_error *error)
+static enum tetlod_status measure_field(struct tetlod_file *file, uint32_t field, struct steps_errors *out,
+                                        struct tetlod_error *error)
 {
     struct progress progress;
     const struct steps_watch watch = {show_measuring, &progress};
@@ -87,7 +90,8 @@ struct all_steps {
     struct steps_errors errors;
 };
 
-static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *file, const char *name, struct tetlod_error *error)
+static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *file, const char *name,
+                                    struct tetlod_error *error)
 {
     struct tetlod_series *series;
     struct steps_errors errors = {0};
@@ -96,15 +100,18 @@ static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *f
     uint32_t field = series_field(steps, tetlod_info(file), name), room = all->count - all->done;
     enum tetlod_status status = TETLOD_OK;
     if (field == TETLOD_NONE)
-        status = tetlodi_fail(error, TETLOD_ERR_FIELD, "there are no steps of a field '%.100s'; 'tetlod info' lists those that have them", name);
+        status = tetlodi_fail(error, TETLOD_ERR_FIELD,
+                              "there are no steps of a field '%.100s'; 'tetlod info' lists those that have them", name);
     else if (steps->band_count - 1 != all->bands || steps->step_count > room)
-        status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a topology group has other bands or steps than the stream says");
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM,
+                              "a topology group has other bands or steps than the stream says");
     else
         status = measure_field(file, field, &errors, error);
     for (uint32_t s = 0; s < steps->step_count && status == TETLOD_OK; s++) {
         all->times[all->done + s] = steps->times[s];
         for (uint32_t b = 0; b < all->bands; b++) {
-            all->errors.sampled[(size_t)b * all->count + all->done + s] = errors.sampled[(size_t)b * steps->step_count + s];
+            all->errors.sampled[(size_t)b * all->count + all->done + s] = errors.sampled[(size_t)b *
+                                                                                         steps->step_count + s];
             all->errors.rms[(size_t)b * all->count + all->done + s] = errors.rms[(size_t)b * steps->step_count + s];
         }
     }
@@ -115,7 +122,8 @@ static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *f
     return status;
 }
 
-static enum tetlod_status measure_steps(struct all_steps *all, struct tetlod_file *file, const char *name, struct tetlod_error *error)
+static enum tetlod_status measure_steps(struct all_steps *all, struct tetlod_file *file, const char *name,
+                                        struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     size_t count = (size_t)all->bands * all->count;
@@ -135,10 +143,12 @@ static enum tetlod_status measure_steps(struct all_steps *all, struct tetlod_fil
     return TETLOD_OK;
 }
 
-static enum tetlod_status write_steps(const struct all_steps *all, const struct tetlod_series_info *steps, const char *name, const char *path,
+static enum tetlod_status write_steps(const struct all_steps *all, const struct tetlod_series_info *steps,
+                                      const char *name, const char *path,
                                       const char *output, struct tetlod_error *error)
 {
-    const struct plot_steps picture = {all->count, all->bands, all->times, steps->bands, all->errors.sampled, all->errors.rms};
+    const struct plot_steps picture = {all->count, all->bands, all->times, steps->bands, all->errors.sampled,
+                                       all->errors.rms};
     struct file_output *out;
     char id[256];
     TETLOD_TRY(file_output_open(&out, output, error));
@@ -147,7 +157,8 @@ static enum tetlod_status write_steps(const struct all_steps *all, const struct 
     return file_output_finish(out, plot_write_steps(&picture, name, id, &sink, error), error);
 }
 
-static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path, const char *output, const char *name, struct tetlod_error *error)
+static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path, const char *output, const char *name,
+                                     struct tetlod_error *error)
 {
     struct tetlod_series *series;
     struct tetlod_error inner;
@@ -169,7 +180,8 @@ static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path,
     return status;
 }
 
-static enum tetlod_status plot_levels(struct tetlod_file *file, const char *path, const char *output, const char *name, struct tetlod_error *error)
+static enum tetlod_status plot_levels(struct tetlod_file *file, const char *path, const char *output, const char *name,
+                                      struct tetlod_error *error)
 {
     struct tetlod_error inner = {0};
     uint32_t field;

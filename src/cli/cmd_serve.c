@@ -131,7 +131,8 @@ static void raise_descriptor_limit(void)
     setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/* SIGHUP: the paths are looked at, and token, CORS and hosts are read again. What cannot be read leaves all as it was. */
+/* SIGHUP: the paths are looked at, and token, CORS and hosts are read again. What cannot be read leaves all as it
+ * was. */
 static void reload(struct server *server, struct settings *settings)
 {
     struct settings *again = malloc(sizeof *again);

@@ -73,7 +73,8 @@ struct verification {
     struct against_report against;
     struct steps_found series; /* no steps: it is none */
     bool in_groups;            /* it is one of several topology groups */
-    bool whole;                /* all levels that were measured, of all topology groups, were held against the exact maximum */
+    /* all levels that were measured, of all topology groups, were held against the exact maximum */
+    bool whole;
     uint32_t poor_levels;      /* levels that are worse meshes than the finest one */
     char poor[160];            /* what the first of them has */
     struct tetlod_error *error;
@@ -120,7 +121,8 @@ static void check_report(struct verification *v, uint32_t level, const struct me
         if (counts[i].exactly ? counts[i].now == counts[i].original : counts[i].now <= counts[i].original)
             continue;
         if (!v->poor_levels++)
-            snprintf(v->poor, sizeof v->poor, "level %u has %lld %s, the original %lld", level, (long long)counts[i].now, counts[i].what,
+            snprintf(v->poor, sizeof v->poor, "level %u has %lld %s, the original %lld", level,
+                     (long long)counts[i].now, counts[i].what,
                      (long long)counts[i].original);
         return;
     }
@@ -146,7 +148,8 @@ static enum tetlod_status replay(struct verification *v)
     }
     struct tetmesh finest;
     TETLOD_TRY(level_mesh_copy(tetlod_info(v->file), v->cursor, &finest, v->error));
-    enum tetlod_status status = mesh_check(finest.positions, finest.corners, finest.vertex_count, finest.tet_count, &v->finest, v->error);
+    enum tetlod_status status = mesh_check(finest.positions, finest.corners, finest.vertex_count, finest.tet_count,
+                                           &v->finest, v->error);
     if (status == TETLOD_OK)
         status = verify_index(v->file, &finest, v->error);
     tetmesh_fini(&finest);
@@ -192,7 +195,8 @@ static enum tetlod_status undo_to(const struct verification *v, uint32_t k)
 {
     uint32_t vertices = tetlod_info(v->file)->levels[k].vertices;
     struct tetlod_mesh mesh;
-    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices || mesh.level > k; tetlod_cursor_mesh(v->cursor, &mesh))
+    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices || mesh.level > k;
+         tetlod_cursor_mesh(v->cursor, &mesh))
         TETLOD_TRY(tetlod_cursor_coarsen(v->cursor, v->error));
     if (mesh.vertices != vertices || hash_mesh(v) != v->hashes[k])
         return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "undoing the records does not lead back to level %u", k);
@@ -204,7 +208,8 @@ static enum tetlod_status undo(struct verification *v)
     uint32_t levels = tetlod_info(v->file)->level_count, count = 0;
     uint32_t most = v->request->threads;
     struct waiting_level *waiting = array_zero(most, sizeof *waiting);
-    enum tetlod_status status = waiting ? TETLOD_OK : tetlodi_fail_nomem(v->error, "the levels", most * sizeof *waiting);
+    enum tetlod_status status = waiting ? TETLOD_OK : tetlodi_fail_nomem(v->error, "the levels",
+                                                                         most * sizeof *waiting);
     for (uint32_t k = levels; k-- > 0 && status == TETLOD_OK;) {
         status = undo_to(v, k);
         waiting[count].level = k;
@@ -233,31 +238,37 @@ static enum tetlod_status blame_stream(enum tetlod_status status, struct tetlod_
 /* ---- against the input */
 
 /* Fields that the build derived are not in the input: derived again. A local bound is 0 there. */
-static enum tetlod_status derive_fields(const struct tetlod_info *info, struct tetmesh *input, struct tetlod_error *error)
+static enum tetlod_status derive_fields(const struct tetlod_info *info, struct tetmesh *input,
+                                        struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
         struct build_control ignored;
         if (tetmesh_find_field(input, field->name) != TETLOD_NONE)
             continue;
-        enum tetlod_status status = field->bounds != TETLOD_NONE ? tetmesh_add_field(input, field->name, field->components, field->type, error)
-                                                                 : build_control_parse(input, field->name, &ignored, error);
+        enum tetlod_status status = field->bounds != TETLOD_NONE ? tetmesh_add_field(input, field->name,
+                                                                                     field->components, field->type, error)
+                                                                 : build_control_parse(input, field->name, &ignored,
+                                                                                       error);
         TETLOD_TRY(blame_stream(status, error));
     }
     return TETLOD_OK;
 }
 
 /* A field of the input that the stream has not was lost, unless the build was told which to carry, or is not known. */
-static enum tetlod_status check_carried(const struct tetlod_info *info, const struct tetmesh *input, struct tetlod_error *error)
+static enum tetlod_status check_carried(const struct tetlod_info *info, const struct tetmesh *input,
+                                        struct tetlod_error *error)
 {
     if (metadata_is_selection(info) || metadata_is_part(info))
         return TETLOD_OK;
     for (uint32_t f = 0; f < input->field_count; f++)
         if (tetlod_field_index(info, input->fields[f].name) == TETLOD_NONE)
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream has no field '%.60s', which the input has", input->fields[f].name);
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream has no field '%.60s', which the input has",
+                                input->fields[f].name);
     for (uint32_t f = 0; f < input->cell_field_count; f++)
         if (tetlod_cell_field_index(info, input->cell_fields[f].name) == TETLOD_NONE)
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream has no field '%.60s' of cells, which the input has",
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH,
+                                "the stream has no field '%.60s' of cells, which the input has",
                                 input->cell_fields[f].name);
     return TETLOD_OK;
 }
@@ -274,7 +285,8 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
     struct io_report report;
     if (v->series.steps) {
         uint64_t rounded = 0;
-        TETLOD_TRY(series_input_read(series, series_input_number(series, 0), &v->request->reading, out, &report, v->error));
+        TETLOD_TRY(series_input_read(series, series_input_number(series, 0), &v->request->reading, out, &report,
+                                     v->error));
         enum tetlod_status status = v->series.move ? displacement_take(out, out, &rounded, v->error) : TETLOD_OK;
         if (status != TETLOD_OK)
             tetmesh_fini(out);
@@ -285,7 +297,8 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
 
 static enum tetlod_status verify_steps(struct verification *v)
 {
-    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, v->in_groups, {compare_progress, v}};
+    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads,
+                                                v->in_groups, {compare_progress, v}};
     return v->series.steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
 }
 
@@ -386,14 +399,17 @@ static enum tetlod_status verify_file(struct verification *v)
 }
 
 /* The table of topology groups says what this one has. */
-static enum tetlod_status check_topology(const struct tetlod_file *file, const struct tetlod_topology *says, uint32_t number, struct tetlod_error *error)
+static enum tetlod_status check_topology(const struct tetlod_file *file, const struct tetlod_topology *says,
+                                         uint32_t number, struct tetlod_error *error)
 {
     struct tetlod_series *series;
     TETLOD_TRY(tetlod_series_new(&series, file, error));
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    bool good = steps->step_count == says->step_count && memcmp(steps->times, says->times, steps->step_count * sizeof *steps->times) == 0;
+    bool good = steps->step_count == says->step_count && memcmp(steps->times, says->times,
+                                                                steps->step_count * sizeof *steps->times) == 0;
     tetlod_series_free(series);
-    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "topology group %u has other steps than the table says", number);
+    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                           "topology group %u has other steps than the table says", number);
 }
 
 /* One after the other, each as a stream of its own; what was found of it is added. */
@@ -429,7 +445,8 @@ static enum tetlod_status verify_topologies(struct verification *v)
     for (uint32_t t = 0; t < info->topology_count; t++) {
         const struct tetlod_topology *group = &info->topologies[t];
         if (t && !(group->times[0] > group->times[-1]))
-            return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "topology group %u begins at the time at which the one before it ends", t);
+            return tetlodi_fail(v->error, TETLOD_ERR_STREAM,
+                                "topology group %u begins at the time at which the one before it ends", t);
         TETLOD_TRY(verify_topology(v, t));
     }
     return steps_check_ranges(&v->series, false, v->error);
@@ -447,7 +464,8 @@ static void print_done(const struct verification *v)
     if (tetlod_info(v->file)->topology_count)
         printf(" in %u topology groups", tetlod_info(v->file)->topology_count);
     if (v->series.move)
-        printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band", v->series.turned);
+        printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band",
+               v->series.turned);
     if (v->request->series.path_count)
         printf("; %u levels %s", against->measured ? against->measured : tetlod_info(v->file)->level_count,
                against->measured ? "measured" : "not measured, for they are a part of another stream's, or vertices are alike");
@@ -470,7 +488,8 @@ static int print_result(const struct verification *v, enum tetlod_status status,
     json_t *levels = json_array(), *object;
     for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
         json_array_append_new(levels, json_integer(v->against.exact[i]));
-    object = json_pack("{s:s, s:b, s:s, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
+    object = json_pack("{s:s, s:b, s:s, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK,
+                       "message",
                        status == TETLOD_OK ? "" : error->message, "quality", v->poor, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
                        "exact_levels", levels);
     int result = cli_print_json(object);
@@ -509,8 +528,11 @@ static int verify(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS, {"threads", required_argument, NULL, 't'}, {"all-levels", no_argument, NULL, 'l'}, {"times", required_argument, NULL, 'T'}, {"json", no_argument, NULL, 'j'},
-                                            {"progress", no_argument, NULL, 'p'},      {"quiet", no_argument, NULL, 's'},
+    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS,
+                                            {"threads", required_argument, NULL, 't'}, {"all-levels", no_argument,
+                                                                                        NULL, 'l'}, {"times", required_argument, NULL, 'T'}, {"json", no_argument, NULL, 'j'},
+                                            {"progress", no_argument, NULL, 'p'},      {"quiet", no_argument, NULL,
+                                                                                        's'},
                                             {0}};
     struct request request = {0};
     const char *inputs[MOST_INPUTS];
@@ -537,7 +559,8 @@ static int run(int argc, char **argv)
             forced = true;
         else if (option == 's')
             quiet = true;
-        else if (option != 't' || !cli_parse_count(&command_verify, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
+        else if (option != 't' ||
+                 !cli_parse_count(&command_verify, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_verify, argc, 1, "the stream"))
@@ -548,4 +571,5 @@ static int run(int argc, char **argv)
     return verify(&request);
 }
 
-const struct command command_verify = {"verify", "decode everything, check everything, compare with the input", help, run};
+const struct command command_verify = {"verify", "decode everything, check everything, compare with the input", help,
+                                       run};

@@ -76,7 +76,8 @@ static enum tetlod_status write_json(const struct tree *tree, struct file_output
     return finish(tree, output, status);
 }
 
-static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output *output, struct dataset *dataset, uint64_t first, uint64_t end)
+static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output *output, struct dataset *dataset,
+                                     uint64_t first, uint64_t end)
 {
     struct tetlodi_sink sink = file_output_sink(output);
     unsigned char *block = array_new(COPY, 1);
@@ -86,7 +87,8 @@ static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output
         struct tetlod_error why = {0};
         status = dataset_read(dataset, first, block, some, &why);
         if (status != TETLOD_OK)
-            status = tetlodi_fail(tree->error, status, "%s: the stream cannot be read: %.200s", dataset_id(dataset), why.message);
+            status = tetlodi_fail(tree->error, status, "%s: the stream cannot be read: %.200s", dataset_id(dataset),
+                                  why.message);
         else
             status = sink.write(sink.opaque, block, some);
         first += some;
@@ -130,7 +132,8 @@ static enum tetlod_status write_stream(const struct tree *tree, struct dataset *
     TETLOD_TRY(write_json(tree, output, describe_stream(dataset, id)));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/stream", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->bytes));
-    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from
+    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/prefix",
+                     id)); // whatever is asked for: a beginning that a client goes on from
     TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->levels[tetlod_level_for_bytes(info, OPENING)].end));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/levels/0/mesh.tetlod", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->levels[0].end));

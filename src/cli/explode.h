@@ -13,8 +13,8 @@ struct explode_options {
     int viewer; /* also the page */
 };
 
-/* Writes what a server over these paths would answer as files at the same paths below the folder, for plain file servers:
- * descriptions (as index.json), streams, base meshes, records from each level to the next. */
+/* Writes what a server over these paths would answer as files at the same paths below the folder, for plain file
+ * servers: descriptions (as index.json), streams, base meshes, records from each level to the next. */
 TETLOD_CHECKED enum tetlod_status explode(const struct explode_options *options, struct tetlod_error *error);
 
 #endif

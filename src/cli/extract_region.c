@@ -19,7 +19,8 @@ static void print_about(const struct tetlod_info *info, const struct region *reg
     char coarse[300], fine[300];
     promise_print(info, region->coarse, coarse, sizeof coarse);
     promise_print(info, region->fine, fine, sizeof fine);
-    int used = snprintf(out, size, "%" PRIu32 " tetrahedra of level %" PRIu32 ": %s; %" PRIu32 " of level %" PRIu32 ": %s; %" PRIu32 " of the transition between them:",
+    int used = snprintf(out, size,
+                        "%" PRIu32 " tetrahedra of level %" PRIu32 ": %s; %" PRIu32 " of level %" PRIu32 ": %s; %" PRIu32 " of the transition between them:",
                         counts->tets[REGION_COARSE], region->coarse, coarse, counts->tets[REGION_FINE], region->fine, fine, counts->tets[REGION_TRANSITION]);
     bool any = false;
     for (uint32_t f = 0; f < info->field_count && used > 0 && (size_t)used < size; f++) {
@@ -27,14 +28,16 @@ static void print_about(const struct tetlod_info *info, const struct region *reg
         double range = field->range[1] - field->range[0];
         if (!field->controlled)
             continue;
-        used += snprintf(out + used, size - (size_t)used, "%s %s %.3g %%", any ? "," : "", field->name, promise_percent(range > 0 ? errors[f] / range : 0));
+        used += snprintf(out + used, size - (size_t)used, "%s %s %.3g %%", any ? "," : "", field->name,
+                         promise_percent(range > 0 ? errors[f] / range : 0));
         any = true;
     }
     if (used > 0 && (size_t)used < size)
         snprintf(out + used, size - (size_t)used, " (measured)");
 }
 
-static enum tetlod_status make(const struct forest *forest, struct tetlod_file *file, const struct region *region, struct tetmesh *out, char *about,
+static enum tetlod_status make(const struct forest *forest, struct tetlod_file *file, const struct region *region,
+                               struct tetmesh *out, char *about,
                                size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = forest_info(forest);
@@ -55,13 +58,15 @@ static enum tetlod_status make(const struct forest *forest, struct tetlod_file *
     return status;
 }
 
-enum tetlod_status extract_region(struct tetlod_file *file, const struct region *region, struct tetmesh *out, char *about,
+enum tetlod_status extract_region(struct tetlod_file *file, const struct region *region, struct tetmesh *out,
+                                  char *about,
                                   size_t about_size, struct tetlod_error *error)
 {
     uint32_t levels = tetlod_info(file)->level_count;
     struct forest *forest = NULL;
     *out = (struct tetmesh){0};
-    enum tetlod_status status = forest_new(&forest, file, levels - 1, error); // the transition is measured against the finest level
+    // the transition is measured against the finest level
+    enum tetlod_status status = forest_new(&forest, file, levels - 1, error);
     while (status == TETLOD_OK && forest_levels(forest) < levels)
         status = forest_grow(forest, error);
     if (status == TETLOD_OK)

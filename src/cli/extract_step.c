@@ -24,19 +24,23 @@ static enum tetlod_status fail_step(uint32_t count, uint64_t step, struct tetlod
                         (unsigned long long)step);
 }
 
-static void describe(const struct tetlod_series *series, const struct tetlod_info *info, const struct step_choice *choice, uint32_t band,
+static void describe(const struct tetlod_series *series, const struct tetlod_info *info,
+                     const struct step_choice *choice, uint32_t band,
                      uint32_t step, char *about, size_t size)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     int used = snprintf(about, size, "step %u of 0..%u, time %.9g, level %u", choice->before + step,
-                        (choice->total ? choice->total : steps->step_count) - 1, steps->times[step], steps->bands[band].level);
+                        (choice->total ? choice->total
+                         : steps->step_count) - 1, steps->times[step], steps->bands[band].level);
     for (uint32_t f = 0; f < steps->field_count && used >= 0 && (size_t)used < size; f++)
-        used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series", f ? ", " : ": ",
+        used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series",
+                         f ? ", " : ": ",
                          info->fields[steps->fields[f]].name, promise_percent(tetlod_step_error(series, f, band, step)));
 }
 
 /* Moves the points, and says what that turns over. */
-static enum tetlod_status move(const struct tetlod_series *series, const struct tetlod_cursor *cursor, struct tetmesh *out, char *about,
+static enum tetlod_status move(const struct tetlod_series *series, const struct tetlod_cursor *cursor,
+                               struct tetmesh *out, char *about,
                                size_t about_size, struct tetlod_error *error)
 {
     struct tetlod_mesh rest;
@@ -80,7 +84,8 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     uint32_t band = selection_band(steps, choice->selection);
     uint32_t step = selection_step(steps, choice->selection, choice->step);
     if (band == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g", choice->selection->error);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g",
+                            choice->selection->error);
     if (step == TETLOD_NONE)
         return fail_step(steps->step_count, choice->step, error);
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));

@@ -24,7 +24,8 @@ struct tetlodi_sink mail_sink(struct tetlodi_buffer *whole)
     return (struct tetlodi_sink){append, whole};
 }
 
-enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, const struct tetlodi_sink *sink, struct tetlod_error *error)
+enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, const struct tetlodi_sink *sink,
+                              struct tetlod_error *error)
 {
     struct tetlod_file *file;
     TETLOD_TRY(tetlod_open_memory(&file, whole->bytes, whole->size, NULL, error));
@@ -32,7 +33,8 @@ enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, 
     if (level == TETLOD_NONE) // --metric sva and measured do not certify
         level = tetlod_level_for_error(tetlod_info(file), limit, TETLOD_NONE, TETLOD_SAMPLED);
     enum tetlod_status status = level == TETLOD_NONE
-                                    ? tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "no level is within an error of %g: rounding is in it; keep more bits", limit)
+                                    ? tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                                   "no level is within an error of %g: rounding is in it; keep more bits", limit)
                                     : tetlodi_write_prefix(file, level, sink, error);
     tetlod_close(file);
     return status;

@@ -11,7 +11,8 @@
 /* What an extension stands for; NULL: nothing that is known. */
 static const char *meaning(const char *extension)
 {
-    static const char *const others[] = {"svg", "png", "jpg", "jpeg", "gif", "pdf", "html", "json", "csv", "txt", "npz"};
+    static const char *const others[] = {"svg", "png", "jpg", "jpeg", "gif", "pdf", "html", "json", "csv", "txt",
+                                         "npz"};
     struct io_format format;
     for (size_t i = 0; io_format(i, &format); i++)
         for (size_t e = 0; format.extensions[e]; e++)
@@ -23,7 +24,8 @@ static const char *meaning(const char *extension)
     return NULL;
 }
 
-bool cli_check_output(const struct command *command, const char *output, const char *extension, const char *const *inputs,
+bool cli_check_output(const struct command *command, const char *output, const char *extension,
+                      const char *const *inputs,
                       size_t count)
 {
     for (size_t i = 0; i < count; i++)

@@ -5,7 +5,8 @@
 
 #include <jansson.h>
 
-/* Prints the object as one line, and takes it over. NULL means that memory is out. Gives the exit status, after a message if it is not EXIT_DONE. */
+/* Prints the object as one line, and takes it over. NULL means that memory is out. Gives the exit status, after a
+ * message if it is not EXIT_DONE. */
 int cli_print_json(json_t *object);
 
 #endif

@@ -17,7 +17,8 @@ static double time_of(uint32_t step, uint32_t steps)
     return steps > 1 ? step / (steps - 1.0) : 0;
 }
 
-static enum tetlod_status write_steps(const struct sample *sample, struct tetmesh *mesh, uint32_t size, uint32_t steps, uint32_t remesh,
+static enum tetlod_status write_steps(const struct sample *sample, struct tetmesh *mesh, uint32_t size, uint32_t steps,
+                                      uint32_t remesh,
                                       const char *stem, struct tetlod_error *error)
 {
     char path[PATH_SIZE + 32];
@@ -33,7 +34,8 @@ static enum tetlod_status write_steps(const struct sample *sample, struct tetmes
     return TETLOD_OK;
 }
 
-static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32_t steps, const char *name, struct tetlod_error *error)
+static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32_t steps, const char *name,
+                                         struct tetlod_error *error)
 {
     struct put put;
     TETLOD_TRY(put_init(&put, sink, false, error));
@@ -47,7 +49,8 @@ static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32
     return put_finish(&put);
 }
 
-enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps, uint32_t remesh, const char *output,
+enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps, uint32_t remesh,
+                                       const char *output,
                                        struct tetlod_error *error)
 {
     struct tetmesh mesh = {0};
@@ -60,7 +63,8 @@ enum tetlod_status sample_series_write(const struct sample *sample, uint32_t siz
     stem[length] = 0;
     const char *slash = strrchr(stem, '/'), *name = slash ? slash + 1 : stem;
     if (!tetlodi_plain_text(name, strlen(name)))
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a PVD file names its parts in XML, which has no control characters and is UTF-8; choose another name");
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "a PVD file names its parts in XML, which has no control characters and is UTF-8; choose another name");
     enum tetlod_status status = write_steps(sample, &mesh, size, steps, remesh, stem, error);
     tetmesh_fini(&mesh);
     TETLOD_TRY(status);

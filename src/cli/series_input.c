@@ -58,7 +58,8 @@ bool series_input_parse_times(struct series_input *input, const struct command *
     }
     good = good && *at == 0 && input->begin <= input->end && input->stride;
     if (!good)
-        cli_usage(command->name, "--times takes A:B:C: the steps numbered A to B, every C-th of them; all three may be left out; not '%s'", text);
+        cli_usage(command->name,
+                  "--times takes A:B:C: the steps numbered A to B, every C-th of them; all three may be left out; not '%s'", text);
     return good;
 }
 
@@ -73,7 +74,8 @@ bool series_input_parse_bands(struct series_input *input, const struct command *
         if (!cli_parse_fraction(command, "bands", part, &error))
             return false;
         if (count + 1 >= MAX_SERIES_BANDS || !(error > 0) || error > 1 || (count && error >= input->bands[count - 1])) {
-            cli_usage(command->name, "--bands takes falling errors up to 1, at most %d, such as 5%%,1%%,0.1%%; not '%s'",
+            cli_usage(command->name,
+                      "--bands takes falling errors up to 1, at most %d, such as 5%%,1%%,0.1%%; not '%s'",
                       MAX_SERIES_BANDS - 1, text);
             return false;
         }
@@ -100,7 +102,8 @@ uint64_t series_input_number(const struct series_input *input, uint64_t step)
     return input->begin + (input->from + step) * input->stride;
 }
 
-enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading, struct tetmesh *out,
+enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
+                                     struct tetmesh *out,
                                      struct io_report *report, struct tetlod_error *error)
 {
     char number[24];
@@ -114,7 +117,8 @@ enum tetlod_status series_input_read(const struct series_input *input, uint64_t 
 }
 
 /* The step's mesh, which has the tetrahedra of the first one, gets its points. TETLOD_MORE: they move after all. */
-static enum tetlod_status settle(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first, struct tetlod_error *error)
+static enum tetlod_status settle(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first,
+                                 struct tetlod_error *error)
 {
     if (input->series.points_move)
         return displacement_take(mesh, first, &input->rounded, error);
@@ -155,11 +159,13 @@ enum tetlod_status series_input_blame(const struct series_input *input, uint64_t
                                       const struct tetlod_error *inner, struct tetlod_error *error)
 {
     bool named = input->path_count > 1;
-    return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, named ? ", " : "", named ? cli_base_name(input->paths[number]) : "",
+    return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, named ? ", " : "",
+                        named ? cli_base_name(input->paths[number]) : "",
                         inner->message);
 }
 
-static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
+static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading,
+                                    const struct tetmesh *first,
                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
     forget(input);
@@ -201,7 +207,8 @@ static void check_times(struct series_input *input)
 }
 
 /* The displacement is a field as others, and drives as they do. */
-static enum tetlod_status control_displacement(struct series_input *input, struct tetmesh *first, struct build_control *controls, uint32_t *count,
+static enum tetlod_status control_displacement(struct series_input *input, struct tetmesh *first,
+                                               struct build_control *controls, uint32_t *count,
                                                struct tetlod_error *error)
 {
     TETLOD_TRY(displacement_take(first, first, &input->rounded, error));
@@ -211,7 +218,8 @@ static enum tetlod_status control_displacement(struct series_input *input, struc
 }
 
 /* All steps, once more whenever one shows that more is needed of those before it. */
-static enum tetlod_status put_all(struct series_input *input, const struct reading *reading, struct tetmesh *first, struct build_control *controls,
+static enum tetlod_status put_all(struct series_input *input, const struct reading *reading, struct tetmesh *first,
+                                  struct build_control *controls,
                                   uint32_t *count, struct progress *progress, struct tetlod_error *error)
 {
     for (;;) {
@@ -228,7 +236,8 @@ enum tetlod_status series_input_count(struct series_input *input, uint64_t steps
 {
     uint64_t last = input->end < steps ? input->end : steps - 1, wanted = (last - input->begin) / input->stride + 1;
     if (wanted > MAX_SERIES_STEPS)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer",
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer",
                             wanted, MAX_SERIES_STEPS);
     input->wanted = (uint32_t)wanted;
     return TETLOD_OK;
@@ -239,7 +248,8 @@ enum tetlod_status series_input_load(struct series_input *input, const struct re
 {
     uint32_t most = input->wanted - input->from;
     input->times = array_new(most, sizeof *input->times);
-    input->types = array_zero(*count + (size_t)1, sizeof *input->types); // float32 until a step says otherwise; and of the displacement
+    // float32 until a step says otherwise; and of the displacement
+    input->types = array_zero(*count + (size_t)1, sizeof *input->types);
     input->cells = array_zero(first->cell_field_count, sizeof *input->cells);
     if (!input->times || !input->types || !input->cells)
         return tetlodi_fail_nomem(error, "the times", most * sizeof *input->times);

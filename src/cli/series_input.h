@@ -13,7 +13,8 @@ struct series_input {
     const char *const *paths; /* as the command line has them */
     uint32_t path_count;
     uint64_t begin, end, stride; /* of --times: steps from begin to end, every stride-th */
-    uint32_t wanted, from; /* how many that are; the one that is the first of those at hand, which all have its tetrahedra */
+    /* how many that are; the one that is the first of those at hand, which all have its tetrahedra */
+    uint32_t wanted, from;
     bool numbered;         /* numbers stand for times */
     double bands[MAX_SERIES_BANDS];
     struct build_series series;
@@ -39,15 +40,19 @@ bool series_input_parse_range(struct series_input *input, const struct command *
 uint64_t series_input_number(const struct series_input *input, uint64_t step);
 
 /* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */
-TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
+TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step,
+                                                    const struct reading *reading,
                                                     struct tetmesh *out, struct io_report *report, struct tetlod_error *error);
 
 /* Counts what --times chooses of the `steps` that there are. ERR_LIMIT. */
-TETLOD_CHECKED enum tetlod_status series_input_count(struct series_input *input, uint64_t steps, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status series_input_count(struct series_input *input, uint64_t steps,
+                                                     struct tetlod_error *error);
 
-/* Takes the steps over, from input->from on: what `controls` names of each, up to one that has other tetrahedra than `first`, their first. Where
- * points move, how far becomes a field of `first` and the last of `controls`, which has room for it. The message names the step. */
-TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading, struct tetmesh *first,
+/* Takes the steps over, from input->from on: what `controls` names of each, up to one that has other tetrahedra than
+ * `first`, their first. Where points move, how far becomes a field of `first` and the last of `controls`, which has
+ * room for it. The message names the step. */
+TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading,
+                                                    struct tetmesh *first,
                                                     struct build_control *controls, uint32_t *count, struct progress *progress,
                                                     struct tetlod_error *error);
 

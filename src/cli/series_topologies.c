@@ -53,7 +53,8 @@ static enum tetlod_status add_values(struct scan *scan, struct tetmesh *mesh, bo
         TETLOD_TRY(build_control_parse(mesh, scan->names[n], &control, scan->error));
         const struct point_field *field = &mesh->fields[control.field];
         if (!first && field->components != scan->components[n])
-            return tetlodi_fail(scan->error, TETLOD_ERR_FIELD, "field '%.60s' has %u components, in the first step %u", scan->names[n],
+            return tetlodi_fail(scan->error, TETLOD_ERR_FIELD, "field '%.60s' has %u components, in the first step %u",
+                                scan->names[n],
                                 field->components, scan->components[n]);
         point_field_range(field, mesh->vertex_count, range);
         all[0] = first ? range[0] : smaller(all[0], range[0]);
@@ -69,7 +70,8 @@ static enum tetlod_status begin_group(struct scan *scan, struct tetmesh *mesh, u
     struct series_topologies *out = scan->out;
     void *groups = out->groups;
     if (step && !boxes_meet(mesh, &scan->first))
-        return tetlodi_fail(scan->error, TETLOD_ERR_MESH, "its mesh lies elsewhere than that of the step before: they are not steps of one series; "
+        return tetlodi_fail(scan->error, TETLOD_ERR_MESH,
+                            "its mesh lies elsewhere than that of the step before: they are not steps of one series; "
                             "build them as streams of their own");
     if (!array_reserve(&groups, &out->room, out->count + (size_t)1, sizeof *out->groups))
         return tetlodi_fail_nomem(scan->error, "the topology groups", out->count * sizeof *out->groups);
@@ -112,11 +114,13 @@ static enum tetlod_status scan_steps(struct scan *scan, const struct reading *re
     return TETLOD_OK;
 }
 
-enum tetlod_status series_topologies_find(struct series_topologies *out, struct series_input *input, const struct reading *reading,
+enum tetlod_status series_topologies_find(struct series_topologies *out, struct series_input *input,
+                                          const struct reading *reading,
                                           const char *const *names, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
     struct scan scan = {.out = out, .input = input, .names = names, .name_count = count, .error = error};
-    *out = (struct series_topologies){.ranges = array_new(count, sizeof *out->ranges), .times = array_new(input->wanted, sizeof *out->times)};
+    *out = (struct series_topologies){.ranges = array_new(count, sizeof *out->ranges),
+                                      .times = array_new(input->wanted, sizeof *out->times)};
     scan.components = array_zero(count, sizeof *scan.components);
     enum tetlod_status status = out->ranges && out->times && scan.components ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields", count * sizeof *out->ranges);
     if (status == TETLOD_OK)

@@ -210,7 +210,8 @@ static bool read_file(struct settings *settings)
     return settings->text != NULL;
 }
 
-/* Puts everything in its place, the file's options first: of an option that counts once the command line has the last word. */
+/* Puts everything in its place, the file's options first: of an option that counts once the command line has the last
+ * word. */
 static bool apply(struct settings *settings)
 {
     struct server_options *server = &settings->server;
@@ -250,10 +251,12 @@ bool settings_read(struct settings *out, int argc, char **argv)
 
 static bool same(const struct given *a, const struct given *b)
 {
-    return a->option == b->option && (a->value == b->value || (a->value && b->value && strcmp(a->value, b->value) == 0));
+    return a->option == b->option && (a->value == b->value ||
+                                      (a->value && b->value && strcmp(a->value, b->value) == 0));
 }
 
-/* An option in the file of `a` that only a restart takes, and that the file of `b` does not have; NULL if there is none. */
+/* An option in the file of `a` that only a restart takes, and that the file of `b` does not have; NULL if there is
+ * none. */
 static const char *find_change(const struct settings *a, const struct settings *b)
 {
     for (size_t i = 0; i < a->file_count; i++) {

@@ -26,11 +26,12 @@ struct settings {
     char *text;       /* its content, cut into pieces */
 };
 
-/* Reads the command line and the file that it names; `optind` is at the operands then. False: it was said what is wrong. */
+/* Reads the command line and the file that it names; `optind` is at the operands then. False: it was said what is
+ * wrong. */
 bool settings_read(struct settings *out, int argc, char **argv);
 
-/* The same command line with the file as it is now. Tells by `changed` an option other than --token, --cors and --host that differs, or NULL.
- * On failure nothing is left to free. */
+/* The same command line with the file as it is now. Tells by `changed` an option other than --token, --cors and --host
+ * that differs, or NULL. On failure nothing is left to free. */
 bool settings_read_again(struct settings *out, const struct settings *before, const char **changed);
 void settings_fini(struct settings *settings);
 

@@ -136,7 +136,8 @@ static enum tetlod_status compare_sums(const struct tetlod_info *info, const str
     for (uint32_t f = 0; f < info->field_count; f++)
         for (uint32_t c = 0; c < info->fields[f].components; c++, at++) {
             const double *a = said->sums[at], *b = found->sums[at];
-            // no integral is more than that of the absolute value, whose square is at most the volume times that of the square
+            // no integral is more than that of the absolute value, whose square is at most the volume times that of the
+            // square
             if (!is_sum(a[0], b[0], sqrt(b[1] * found->volume)) || !is_sum(a[1], b[1], b[1]))
                 return tetlodi_fail(error, TETLOD_ERR_STREAM,
                                     "section SUMS says that component %u of %.60s has the integrals %.9g "

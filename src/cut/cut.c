@@ -92,7 +92,8 @@ static bool crossing(struct cut *out, uint32_t a, uint32_t b, const double *valu
     return vertex_between(out, values[b] == 0 ? b : a, b, values, out_vertex);
 }
 
-/* The part of the zero set in one tetrahedron: a triangle if one corner is alone on its side, a quadrilateral if two are. */
+/* The part of the zero set in one tetrahedron: a triangle if one corner is alone on its side, a quadrilateral if two
+ * are. */
 static bool cut_tet(const struct tetmesh *mesh, const double *values, uint32_t tet, unsigned below, struct cut *out)
 {
     const uint32_t *corners = mesh->corners + 4 * (size_t)tet;
@@ -112,8 +113,8 @@ static bool cut_tet(const struct tetmesh *mesh, const double *values, uint32_t t
     return cut_add_triangle(out, tet, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]);
 }
 
-/* A cut begins: no vertex is between two others yet. Which are below is asked often and far apart: a byte each stays in the
- * cache. */
+/* A cut begins: no vertex is between two others yet. Which are below is asked often and far apart: a byte each stays in
+ * the cache. */
 static bool begin(uint32_t count, const double *values, struct cut *out)
 {
     cut_empty(out);
@@ -136,7 +137,8 @@ static bool add_zero(const struct tetmesh *mesh, const double *values, struct cu
     return true;
 }
 
-enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, struct cut *out, struct tetlod_error *error)
+enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, struct cut *out,
+                            struct tetlod_error *error)
 {
     return cut_result(begin(mesh->vertex_count, values, out) && add_zero(mesh, values, out), out, error);
 }
@@ -166,10 +168,12 @@ static bool clip_triangle(uint32_t tet, const uint32_t corners[3], const double 
             !crossing(out, out->below[a] ? a : b, out->below[a] ? b : a, values, &v[count++]))
             return false;
     }
-    return !count || (cut_add_triangle(out, tet, v[0], v[1], v[2]) && (count == 3 || cut_add_triangle(out, tet, v[0], v[2], v[3])));
+    return !count || (cut_add_triangle(out, tet, v[0], v[1], v[2]) &&
+                      (count == 3 || cut_add_triangle(out, tet, v[0], v[2], v[3])));
 }
 
-enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values, struct cut *out,
+enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values,
+                            struct cut *out,
                             struct tetlod_error *error)
 {
     bool made = begin(mesh->vertex_count, values, out) && add_zero(mesh, values, out);
@@ -195,7 +199,8 @@ static bool trim_line(const uint32_t ends[2], const double *values, struct cut *
     return v[0] == v[1] || append_line(out, v[0], v[1]);
 }
 
-enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out, struct tetlod_error *error)
+enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out,
+                            struct tetlod_error *error)
 {
     bool made = begin(surface->vertex_count, values, out);
     for (size_t t = 0; made && t < surface->triangle_count; t++)
@@ -213,8 +218,8 @@ static bool is_zero(const struct cut *cut, uint32_t vertex, const double *values
     return ends[0] != ends[1] || values[ends[0]] == 0;
 }
 
-/* Triangles also have edges that only divide a polygon. An edge of a cell lies in an edge of the mesh, or, as part of the zero
- * set, in a face: how many vertices of the mesh span it tells. */
+/* Triangles also have edges that only divide a polygon. An edge of a cell lies in an edge of the mesh, or, as part of
+ * the zero set, in a face: how many vertices of the mesh span it tells. */
 static bool is_cell_edge(const struct cut *cut, uint32_t a, uint32_t b, const double *values)
 {
     const uint32_t *p = cut->ends + 2 * (size_t)a, *q = cut->ends + 2 * (size_t)b;

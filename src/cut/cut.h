@@ -10,13 +10,14 @@
 #include "src/cut/pairs.h"
 #include "src/mesh/tetmesh.h"
 
-/* Each vertex lies between two vertices of the mesh, at `along` from the first to the second. Begins zeroed; what an earlier
- * call has made is replaced, in its memory. */
+/* Each vertex lies between two vertices of the mesh, at `along` from the first to the second. Begins zeroed; what an
+ * earlier call has made is replaced, in its memory. */
 struct cut {
     uint32_t vertex_count, triangle_count, line_count;
     uint32_t *ends;      /* [2 * vertex_count] of the mesh; twice the same for a vertex of the mesh */
     double *along;       /* [vertex_count] 0 .. 1 */
-    uint32_t *triangles; /* [3 * triangle_count] counter-clockwise seen from where the function is larger, or from outside */
+    /* [3 * triangle_count] counter-clockwise seen from where the function is larger, or from outside */
+    uint32_t *triangles;
     uint32_t *tets;      /* [triangle_count] that each triangle is of */
     uint32_t *lines;     /* [2 * line_count] by cut_lines */
     size_t vertex_cap, along_cap, triangle_cap, tet_cap, line_cap, below_cap;
@@ -26,22 +27,22 @@ struct cut {
 
 void cut_fini(struct cut *cut);
 
-/* The faces of one tetrahedron (or of three), seen from outside: closed. It holds while vertices move, as long as none of them
- * turns a tetrahedron inside out. */
+/* The faces of one tetrahedron (or of three), seen from outside: closed. It holds while vertices move, as long as none
+ * of them turns a tetrahedron inside out. */
 TETLOD_CHECKED enum tetlod_status cut_boundary(const struct tetmesh *mesh, struct cut *out, struct tetlod_error *error);
 
-/* Where the piecewise linear function with these values at the vertices is zero. A face in which it is zero belongs to the
- * surface once, if it is negative on one side. */
+/* Where the piecewise linear function with these values at the vertices is zero. A face in which it is zero belongs to
+ * the surface once, if it is negative on one side. */
 TETLOD_CHECKED enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, struct cut *out,
                                            struct tetlod_error *error);
 
-/* The surface of the part of the mesh where the function is negative: the boundary's triangles (of cut_boundary), as far as
- * they are in it, and where it is zero, closed. */
+/* The surface of the part of the mesh where the function is negative: the boundary's triangles (of cut_boundary), as
+ * far as they are in it, and where it is zero, closed. */
 TETLOD_CHECKED enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values,
                                            struct cut *out, struct tetlod_error *error);
 
-/* Triangles and lines of another surface, as far as they are where the function with these values at that surface's vertices is
- * negative. `out`'s vertices lie between two of that surface. */
+/* Triangles and lines of another surface, as far as they are where the function with these values at that surface's
+ * vertices is negative. `out`'s vertices lie between two of that surface. */
 TETLOD_CHECKED enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out,
                                            struct tetlod_error *error);
 

@@ -7,8 +7,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A face that has come once so far, in the list of its least vertex. Where tetrahedra that are near each other come near
- * each other, few wait at a time, and what is looked at stays in the cache. */
+/* A face that has come once so far, in the list of its least vertex. Where tetrahedra that are near each other come
+ * near each other, few wait at a time, and what is looked at stays in the cache. */
 struct face {
     uint32_t mid, high, slot, next; /* slot = 4 * tet + face; next entry, or TETLOD_NONE */
 };
@@ -25,7 +25,8 @@ static bool add(struct waiting *waiting, uint32_t low, uint32_t mid, uint32_t hi
     uint32_t entry = waiting->free;
     if (entry != TETLOD_NONE)
         waiting->free = waiting->faces[entry].next;
-    else if (array_reserve((void **)&waiting->faces, &waiting->face_cap, (size_t)waiting->count + 1, sizeof *waiting->faces))
+    else if (array_reserve((void **)&waiting->faces, &waiting->face_cap, (size_t)waiting->count + 1,
+                           sizeof *waiting->faces))
         entry = waiting->count++;
     else
         return false;

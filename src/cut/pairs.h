@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A number for each unordered pair of vertices: lists by the smaller one. Where vertices that are near each other come near
- * each other, what is looked at stays in the cache, as it does not in a hash table. Zeroed, it is empty. */
+/* A number for each unordered pair of vertices: lists by the smaller one. Where vertices that are near each other come
+ * near each other, what is looked at stays in the cache, as it does not in a hash table. Zeroed, it is empty. */
 #ifndef TETLOD_PAIRS_H
 #define TETLOD_PAIRS_H
 

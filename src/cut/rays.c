@@ -39,7 +39,9 @@ static void list_faces(const struct tetmesh *mesh, const struct cut_rays *rays, 
         for (int d = 0; d < 3; d++) {
             middles[3 * count + (size_t)d] = 0;
             for (int c = 0; c < 3; c++)
-                middles[3 * count + (size_t)d] += mesh->positions[3 * (size_t)mesh->corners[(slot & ~3u) + tet_faces[slot & 3][c]] + (size_t)d] / 3;
+                middles[3 * count + (size_t)d] += mesh->positions[3 *
+                                                                  (size_t)mesh->corners[(slot & ~3u) +
+                                                                                        tet_faces[slot & 3][c]] + (size_t)d] / 3;
         }
         slots[count++] = slot;
     }
@@ -68,7 +70,8 @@ static uint32_t grow(float *nodes, uint32_t at, uint32_t first, uint32_t count)
     return end;
 }
 
-static enum tetlod_status plant(const struct tetmesh *mesh, uint32_t count, uint32_t *slots, double *middles, uint32_t *order,
+static enum tetlod_status plant(const struct tetmesh *mesh, uint32_t count, uint32_t *slots, double *middles,
+                                uint32_t *order,
                                 struct cut_rays *out, struct tetlod_error *error)
 {
     list_faces(mesh, out, slots, middles);
@@ -103,10 +106,12 @@ static enum tetlod_status find_faces(const struct tetmesh *mesh, struct cut_rays
 enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, struct cut_rays *out, struct tetlod_error *error)
 {
     if (mesh->tet_count > ADJACENCY_MOST_TETS)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", mesh->tet_count, ADJACENCY_MOST_TETS);
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", mesh->tet_count,
+                            ADJACENCY_MOST_TETS);
     out->tet_count = mesh->tet_count;
     out->corners = mesh->corners;
-    if (!array_reserve((void **)&out->neighbours, &out->neighbour_cap, 4 * (size_t)mesh->tet_count, sizeof *out->neighbours))
+    if (!array_reserve((void **)&out->neighbours, &out->neighbour_cap, 4 * (size_t)mesh->tet_count,
+                       sizeof *out->neighbours))
         return tetlodi_fail_nomem(error, "neighbours", 16 * (uint64_t)mesh->tet_count);
     TETLOD_TRY(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, out->neighbours, NULL, error));
     return find_faces(mesh, out, error);
@@ -155,12 +160,14 @@ static bool take_values(const double *of_tets, struct cut_rays *out)
     return true;
 }
 
-enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values, const double *of_tets, const double centre[3],
+enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values, const double *of_tets,
+                                  const double centre[3],
                                   struct cut_rays *out, struct tetlod_error *error)
 {
     if (!take_values(of_tets, out))
         return tetlodi_fail_nomem(error, "values of tetrahedra", 4 * (uint64_t)out->tet_count);
-    if (!array_reserve((void **)&out->vertices, &out->vertex_cap, 4 * (size_t)mesh->vertex_count, sizeof *out->vertices))
+    if (!array_reserve((void **)&out->vertices, &out->vertex_cap, 4 * (size_t)mesh->vertex_count,
+                       sizeof *out->vertices))
         return tetlodi_fail_nomem(error, "vertices", 16 * (uint64_t)mesh->vertex_count);
     out->vertex_count = mesh->vertex_count;
     for (size_t v = 0; v < mesh->vertex_count; v++) {

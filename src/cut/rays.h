@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a graphics processor needs to follow rays through the tetrahedra themselves. A ray enters by a face of the boundary,
- * which it finds in a tree of boxes, goes from neighbour to neighbour, and comes out by a face without one; if the mesh is not
- * convex, it enters again. What is connected to what changes with the mesh, where it lies with each step of a move.
+ * What a graphics processor needs to follow rays through the tetrahedra themselves. A ray enters by a face of the
+ * boundary, which it finds in a tree of boxes, goes from neighbour to neighbour, and comes out by a face without one;
+ * if the mesh is not convex, it enters again. What is connected to what changes with the mesh, where it lies with each
+ * step of a move.
  */
 #ifndef TETLOD_RAYS_H
 #define TETLOD_RAYS_H
@@ -21,7 +22,8 @@ struct cut_rays {
                               * A multiple of RAYS_LEAF: the last ones may be TETLOD_NONE. */
     float *nodes;            /* [8 * node_count] low corner, node to go on with behind this one's; high corner, leaf or -1. A
                               * node's first child is the next one; leaf i has faces RAYS_LEAF * i and on. */
-    float *of_tets;          /* [tet_count, and as many as make a multiple of 4] values of tetrahedra, if `has_of_tets` */
+    /* [tet_count, and as many as make a multiple of 4] values of tetrahedra, if `has_of_tets` */
+    float *of_tets;
     uint32_t has_of_tets;
     size_t vertex_cap, neighbour_cap, face_cap, node_cap, of_tets_cap;
 };
@@ -29,11 +31,13 @@ struct cut_rays {
 void cut_rays_fini(struct cut_rays *rays);
 
 /* All but `vertices` and the boxes. The mesh's corners must stay. ERR_NOMEM, ERR_LIMIT. */
-TETLOD_CHECKED enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, struct cut_rays *out, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, struct cut_rays *out,
+                                                   struct tetlod_error *error);
 
-/* Places relative to `centre`, and the boxes of the tree, of the mesh that was connected, with its vertices anywhere. `of_tets`: NULL,
- * or the values of the tetrahedra that were connected. */
-TETLOD_CHECKED enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values, const double *of_tets,
+/* Places relative to `centre`, and the boxes of the tree, of the mesh that was connected, with its vertices anywhere.
+ * `of_tets`: NULL, or the values of the tetrahedra that were connected. */
+TETLOD_CHECKED enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values,
+                                                 const double *of_tets,
                                                  const double centre[3], struct cut_rays *out, struct tetlod_error *error);
 
 #endif

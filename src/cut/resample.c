@@ -41,10 +41,12 @@ void cut_grid_cover(struct cut_grid *grid, const double low[3], const double hig
     }
 }
 
-/* As tet_orientation decides. Twice the longest of three edges is a bound of the other three, and mostly enough to know. */
+/* As tet_orientation decides. Twice the longest of three edges is a bound of the other three, and mostly enough to
+ * know. */
 static bool is_degenerate(const double *const p[4], double edges[3][3], double volume6)
 {
-    double square = TET_DEGENERATE * TET_DEGENERATE, size2 = 4 * larger(larger(dot(edges[0], edges[0]), dot(edges[1], edges[1])), dot(edges[2], edges[2]));
+    double square = TET_DEGENERATE * TET_DEGENERATE, size2 = 4 * larger(larger(dot(edges[0], edges[0]),
+                                                                               dot(edges[1], edges[1])), dot(edges[2], edges[2]));
     if (volume6 * volume6 > square * size2 * size2 * size2)
         return false;
     size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
@@ -157,8 +159,8 @@ static inline bool find_box(const struct cut_grid *grid, float slack, const uint
     return !any(box->first > box->last);
 }
 
-/* What is the same in all rows of one tetrahedron: the weights at the first point of its box, and what steps along the axes
- * add to them. */
+/* What is the same in all rows of one tetrahedron: the weights at the first point of its box, and what steps along the
+ * axes add to them. */
 struct filling {
     struct frame frame;
     lanes weights, steps[3]; /* by corner */
@@ -166,7 +168,8 @@ struct filling {
     float slack[4], values[4];
 };
 
-/* Weights are not larger than steps times the steps' size, and each of their few roundings to float is relative to that. */
+/* Weights are not larger than steps times the steps' size, and each of their few roundings to float is relative to
+ * that. */
 #define FLOAT_ROUNDING 0x1p-21
 
 static void prepare(struct filling *tet, const struct box *box)
@@ -220,7 +223,8 @@ static void fill_row(float *row, const struct filling *tet, int32_t count, lanes
     }
 }
 
-static void fill_tet(struct cut_grid *grid, float slack, const double *values, const double *of_tet, const uint32_t *corners)
+static void fill_tet(struct cut_grid *grid, float slack, const double *values, const double *of_tet,
+                     const uint32_t *corners)
 {
     struct filling tet;
     struct box box;
@@ -257,7 +261,8 @@ static void place_vertices(const struct tetmesh *mesh, struct cut_grid *grid)
         grid->far += fabs(grid->origin[d]) / grid->spacing[d];
 }
 
-enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, const double *of_tets, struct cut_grid *grid,
+enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, const double *of_tets,
+                                struct cut_grid *grid,
                                 struct tetlod_error *error)
 {
     double points = (double)grid->dims[0] * grid->dims[1] * grid->dims[2];
@@ -312,7 +317,8 @@ static void clamp(double weights[4])
         weights[c] /= sum;
 }
 
-/* A look at every tetrahedron: of half a million it takes less than building any index, which the next level would void. */
+/* A look at every tetrahedron: of half a million it takes less than building any index, which the next level would
+ * void. */
 uint32_t cut_probe(const struct tetmesh *mesh, const double p[3], double reach, double weights[4])
 {
     uint32_t best = TETLOD_NONE;

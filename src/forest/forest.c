@@ -10,8 +10,8 @@
 #include "src/forest/forest_data.h"
 #include "src/util/array.h"
 
-/* A stage has at least so many times the tetrahedra of the one below. Decoding ends at the finest level, or at one that has so many times
- * fewer tetrahedra than the next such end. */
+/* A stage has at least so many times the tetrahedra of the one below. Decoding ends at the finest level, or at one that
+ * has so many times fewer tetrahedra than the next such end. */
 enum { STAGE_GROWTH = 4, END_GROWTH = 2 };
 
 static void stop_decoding(struct forest *forest)
@@ -81,8 +81,8 @@ uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level)
     return last;
 }
 
-/* The last level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
- * from more than four times its size, and all stages together take a third more than the last. */
+/* The last level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is
+ * mapped from more than four times its size, and all stages together take a third more than the last. */
 static bool choose_stages(struct forest *forest, const struct tetlod_info *info, uint32_t last)
 {
     uint32_t first = info->level_count;
@@ -98,8 +98,8 @@ static bool choose_stages(struct forest *forest, const struct tetlod_info *info,
     return stages != NULL;
 }
 
-/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most, and one that
- * the exact tail brings. */
+/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most, and
+ * one that the exact tail brings. */
 static size_t most_versions(const struct forest *forest)
 {
     return 3 * (size_t)forest->stages[forest->stage_count - 1].vertices;
@@ -123,9 +123,11 @@ enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uin
     const struct tetlod_info *info = tetlod_info(file);
     struct forest *forest = array_zero(1, sizeof *forest);
     *out = NULL;
-    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, forest_last_level(info, level));
+    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info,
+                                                                           forest_last_level(info, level));
     uint32_t vertices = known ? forest->stages[forest->stage_count - 1].vertices : 0;
-    if (!known || most_versions(forest) > UINT32_MAX || !(forest->parents = array_new(vertices, sizeof *forest->parents)) ||
+    if (!known || most_versions(forest) > UINT32_MAX ||
+        !(forest->parents = array_new(vertices, sizeof *forest->parents)) ||
         !(forest->newest = array_new(vertices, sizeof *forest->newest)) ||
         !(forest->versions = array_new(most_versions(forest), sizeof *forest->versions)) ||
         !(forest->rows = array_new(most_versions(forest) + 1, forest->row_size))) {
@@ -200,7 +202,8 @@ static enum tetlod_status make_room(struct stage *stage, struct tetlod_error *er
     if (!stage->newest)
         stage->newest = array_new(stage->vertices, sizeof *stage->newest);
     return stage->corners && stage->newest ? TETLOD_OK
-                                           : tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)stage->tets);
+                                           : tetlodi_fail_nomem(error, "a stream in memory",
+                                                                16 * (uint64_t)stage->tets);
 }
 
 /* Makes the levels up to a stage, at which the decoder stands, visible to other threads. */
@@ -273,7 +276,8 @@ static const struct stage *stage_of(const struct forest *forest, uint32_t level)
 
 uint64_t forest_view_bytes(const struct forest *forest, uint32_t level)
 {
-    return sizeof(struct forest_view) + 4 * ((uint64_t)stage_of(forest, level)->vertices + tetlod_info(forest->file)->levels[level].vertices);
+    return sizeof(struct forest_view) + 4 * ((uint64_t)stage_of(forest,
+                                                                level)->vertices + tetlod_info(forest->file)->levels[level].vertices);
 }
 
 void forest_view_free(struct forest_view *view)
@@ -298,14 +302,16 @@ static void map_slots(struct forest_view *view, uint32_t level, uint32_t count)
     }
 }
 
-enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level, struct tetlod_error *error)
+enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level,
+                                   struct tetlod_error *error)
 {
     const struct stage *stage = stage_of(forest, level);
     uint32_t count = tetlod_info(forest->file)->levels[level].vertices;
     assert(level < forest_levels(forest));
     struct forest_view *view = *out = array_zero(1, sizeof *view);
     if (view) {
-        *view = (struct forest_view){forest, stage, array_new(stage->vertices, sizeof *view->standing), array_new(count, sizeof *view->versions)};
+        *view = (struct forest_view){forest, stage, array_new(stage->vertices, sizeof *view->standing),
+                                     array_new(count, sizeof *view->versions)};
         if (view->standing && view->versions) {
             map_slots(view, level, count);
             return TETLOD_OK;
@@ -345,17 +351,21 @@ void forest_view_values(const void *opaque, uint32_t c, uint64_t first, size_t c
 
 /* ---- a level, as a mesh ---- */
 
-enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out, struct tetlod_error *error)
+enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out,
+                                struct tetlod_error *error)
 {
     const struct tetlod_level *counts = &tetlod_info(forest->file)->levels[level];
-    *out = (struct tetmesh){.vertex_count = counts->vertices, .tet_count = counts->tets, .position_type = forest->columns[0].type};
-    out->fields = array_zero(forest->column_count, sizeof *out->fields); // one more than there are, for there may be none
+    *out = (struct tetmesh){.vertex_count = counts->vertices, .tet_count = counts->tets,
+                            .position_type = forest->columns[0].type};
+    // one more than there are, for there may be none
+    out->fields = array_zero(forest->column_count, sizeof *out->fields);
     while (out->fields && out->field_count + 1 < forest->column_count) {
         const struct column *column = &forest->columns[out->field_count + 1];
         char *name = strdup(column->name);
         if (!name)
             break;
-        out->fields[out->field_count++] = (struct point_field){.name = name, .components = column->components, .type = column->type};
+        out->fields[out->field_count++] = (struct point_field){.name = name, .components = column->components,
+                                                               .type = column->type};
     }
     if (out->fields && out->field_count + 1 == forest->column_count)
         return TETLOD_OK;
@@ -369,7 +379,8 @@ static bool allocate_arrays(struct tetmesh *mesh)
     mesh->corners = array_new(mesh->tet_count, 4 * sizeof *mesh->corners);
     bool all = mesh->positions && mesh->corners;
     for (uint32_t f = 0; f < mesh->field_count; f++) {
-        mesh->fields[f].values = array_new(mesh->vertex_count, mesh->fields[f].components * sizeof *mesh->fields[f].values);
+        mesh->fields[f].values = array_new(mesh->vertex_count,
+                                           mesh->fields[f].components * sizeof *mesh->fields[f].values);
         all &= mesh->fields[f].values != NULL;
     }
     return all;
@@ -384,7 +395,8 @@ static void fill_mesh(const struct forest_view *view, struct tetmesh *mesh)
         size_t count = mesh->vertex_count - first < BLOCK ? mesh->vertex_count - first : BLOCK;
         forest_view_values(view, 0, first, count, mesh->positions + 3 * (size_t)first);
         for (uint32_t f = 0; f < mesh->field_count; f++)
-            forest_view_values(view, 1 + f, first, count, mesh->fields[f].values + (size_t)mesh->fields[f].components * first);
+            forest_view_values(view, 1 + f, first, count,
+                               mesh->fields[f].values + (size_t)mesh->fields[f].components * first);
     }
 }
 

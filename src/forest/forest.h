@@ -2,14 +2,15 @@
 /*
  * A stream in memory, in the form from which any level is filtered and mapped without replay.
  *
- * Vertices are slots in order of arrival. When slot v splits, one child keeps the slot and the other gets a new one whose
- * parent is v: so parent[v] < v, level k has the slots 0 .. n_k - 1, and the tetrahedra of level k are the first t_k in
- * order of arrival. A corner of a finer level stands at level k for its nearest ancestor below n_k. What a slot holds
- * (position, values) changes when it splits: each slot has a chain of versions, each with the level from which it is valid.
+ * Vertices are slots in order of arrival. When slot v splits, one child keeps the slot and the other gets a new one
+ * whose parent is v: so parent[v] < v, level k has the slots 0 .. n_k - 1, and the tetrahedra of level k are the first
+ * t_k in order of arrival. A corner of a finer level stands at level k for its nearest ancestor below n_k. What a slot
+ * holds (position, values) changes when it splits: each slot has a chain of versions, each with the level from which it
+ * is valid.
  *
- * Corners are kept of some levels, the stages, each some four times as large as the one before: a level is mapped from the
- * stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels are read
- * by any number of threads while one decodes further, without locks.
+ * Corners are kept of some levels, the stages, each some four times as large as the one before: a level is mapped from
+ * the stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels
+ * are read by any number of threads while one decodes further, without locks.
  */
 #ifndef TETLOD_FOREST_H
 #define TETLOD_FOREST_H
@@ -20,9 +21,11 @@
 struct forest;
 
 /* For the levels up to forest_last_level(level). Nothing is decoded yet. The file is borrowed. */
-TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level,
+                                             struct tetlod_error *error);
 
-/* The last level that a forest for `level` has: as many levels are served by one forest as do not double what is decoded. */
+/* The last level that a forest for `level` has: as many levels are served by one forest as do not double what is
+ * decoded. */
 uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level);
 
 /* Memory that decoding a forest for `level` takes at most, about. */
@@ -41,7 +44,8 @@ uint32_t forest_levels(const struct forest *forest);
 /* Memory that what is there takes. */
 uint64_t forest_bytes(const struct forest *forest);
 
-/* The mesh of a level that is there, vertices and tetrahedra in the cursor's order; `out` is the caller's to tetmesh_fini. */
+/* The mesh of a level that is there, vertices and tetrahedra in the cursor's order; `out` is the caller's to
+ * tetmesh_fini. */
 TETLOD_CHECKED enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                               struct tetlod_error *error);
 
@@ -49,8 +53,8 @@ TETLOD_CHECKED enum tetlod_status forest_mesh(const struct forest *forest, uint3
 TETLOD_CHECKED enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                                struct tetlod_error *error);
 
-/* A level of which any rows can be had without the others, in forest_mesh's order. It borrows from the forest, and may be read by
- * any number of threads. */
+/* A level of which any rows can be had without the others, in forest_mesh's order. It borrows from the forest, and may
+ * be read by any number of threads. */
 struct forest_view;
 TETLOD_CHECKED enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level,
                                                   struct tetlod_error *error);
@@ -59,7 +63,8 @@ void forest_view_free(struct forest_view *view);
 /* Memory that it takes. */
 uint64_t forest_view_bytes(const struct forest *forest, uint32_t level);
 
-/* Rows from `first` on of column 0, the positions, or 1 + f, field f; corners of tetrahedra. `view` is a struct forest_view. */
+/* Rows from `first` on of column 0, the positions, or 1 + f, field f; corners of tetrahedra. `view` is a struct
+ * forest_view. */
 void forest_view_values(const void *view, uint32_t column, uint64_t first, size_t count, double *out);
 void forest_view_corners(const void *view, uint64_t first, size_t count, uint32_t *out);
 

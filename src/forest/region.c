@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Each slot is at a level of its own. A slot lives if its parent lives and is at the level at which the slot arrived, or a finer
- * one; so any levels of slots give a set of living vertices that is closed under ancestors. Splitting a vertex moves its slot to
- * the level at which its next child arrives. Levels only rise, so that repair ends, at the latest with the fine level itself.
+ * Each slot is at a level of its own. A slot lives if its parent lives and is at the level at which the slot arrived,
+ * or a finer one; so any levels of slots give a set of living vertices that is closed under ancestors. Splitting a
+ * vertex moves its slot to the level at which its next child arrives. Levels only rise, so that repair ends, at the
+ * latest with the fine level itself.
  *
- * Slots have places: those of the coarse level one after the other, each followed by its descendants, children that arrive later
- * first. So what stands for a living slot lies in one piece, whatever the levels are: the slot, then the children that have not been split
- * from it. A split only ends the piece sooner. A round of repair looks at what was split and at nothing else.
+ * Slots have places: those of the coarse level one after the other, each followed by its descendants, children that
+ * arrive later first. So what stands for a living slot lies in one piece, whatever the levels are: the slot, then the
+ * children that have not been split from it. A split only ends the piece sooner. A round of repair looks at what was
+ * split and at nothing else.
  */
 #include "src/forest/region.h"
 
@@ -49,7 +51,8 @@ struct cut {
     struct lists children; /* of a slot, that are not in the coarse level: in order of arrival */
     uint32_t *place, *order; /* [slots] of a slot; the slot at a place */
     uint32_t *family;      /* [slots] how many it and its descendants are */
-    uint32_t *tets;        /* of the fine level, one for each of their corners, by the corners' places; NULL while nothing is split */
+    /* of the fine level, one for each of their corners, by the corners' places; NULL while nothing is split */
+    uint32_t *tets;
     uint32_t *tets_end;    /* [slots] where in `tets` those of a slot end */
     uint32_t *round_of;    /* [fine_tets] the round in which a tetrahedron became a cell; 0 the start */
     uint32_t *level;       /* [slots] */
@@ -164,7 +167,8 @@ static enum tetlod_status allocate(struct cut *cut, struct tetlod_error *error)
     cut->round_of = array_zero(cut->fine_tets, sizeof *cut->round_of);
     cut->children.first = array_zero(slots + 1, sizeof *cut->children.first);
     cut->tets_end = array_zero(slots, sizeof *cut->tets_end);
-    if ((finest || cut->fine_of) && cut->arrival && cut->place && cut->order && cut->family && cut->level && cut->standing && cut->positions &&
+    if ((finest || cut->fine_of) && cut->arrival && cut->place && cut->order && cut->family && cut->level &&
+        cut->standing && cut->positions &&
         cut->done && cut->split && cut->born && cut->round_of && cut->children.first && cut->tets_end)
         return TETLOD_OK;
     return tetlodi_fail_nomem(error, "a region", slots * (uint64_t)70);
@@ -334,7 +338,8 @@ static void take_position(struct cut *cut, uint32_t v, uint32_t level)
 /* ---- boxes ---- */
 
 /* The corners' least and greatest along an axis. */
-static void span_along(const double axis[3], const double *const corners[4], const double middle[3], double *low, double *high)
+static void span_along(const double axis[3], const double *const corners[4], const double middle[3], double *low,
+                       double *high)
 {
     *low = INFINITY;
     *high = -INFINITY;
@@ -348,7 +353,8 @@ static void span_along(const double axis[3], const double *const corners[4], con
 }
 
 /* Does a plane across the axis separate them, and not only just? */
-static bool separates(const double axis[3], const double *const corners[4], const double middle[3], const double half[3])
+static bool separates(const double axis[3], const double *const corners[4], const double middle[3],
+                      const double half[3])
 {
     double low, high, reach = 0;
     span_along(axis, corners, middle, &low, &high);
@@ -409,7 +415,8 @@ static bool meets_any(const struct cut *cut, const uint32_t *slots)
         corners[c] = cut->positions + 3 * (size_t)slots[c];
     for (size_t b = 0; b < cut->region->box_count; b++) {
         const struct region_box *box = &cut->region->boxes[b];
-        unsigned all = outside(corners[0], box) & outside(corners[1], box) & outside(corners[2], box) & outside(corners[3], box);
+        unsigned all = outside(corners[0], box) & outside(corners[1], box) & outside(corners[2],
+                                                                                     box) & outside(corners[3], box);
         if (!all && region_meets(corners, box))
             return true;
     }
@@ -418,7 +425,8 @@ static bool meets_any(const struct cut *cut, const uint32_t *slots)
 
 /* ---- the first cut: the fine tetrahedra that meet a box ---- */
 
-/* Marks the corners of tetrahedra that meet a box. Most do not: their corners are all outside on one side of each box. */
+/* Marks the corners of tetrahedra that meet a box. Most do not: their corners are all outside on one side of each
+ * box. */
 static void want_tets(struct cut *cut, unsigned char *sides, unsigned char *wanted)
 {
     size_t boxes = cut->region->box_count;
@@ -432,7 +440,8 @@ static void want_tets(struct cut *cut, unsigned char *sides, unsigned char *want
         bool near = false;
         corners_of(cut, t, slots);
         for (size_t b = 0; b < boxes && !near; b++)
-            near = !(sides[slots[0] * boxes + b] & sides[slots[1] * boxes + b] & sides[slots[2] * boxes + b] & sides[slots[3] * boxes + b]);
+            near = !(sides[slots[0] * boxes + b] & sides[slots[1] * boxes + b] & sides[slots[2] * boxes +
+                                                                                       b] & sides[slots[3] * boxes + b]);
         for (int c = 0; c < 4 && near && (c || meets_any(cut, slots)); c++)
             wanted[slots[c]] = 2;
     }
@@ -469,7 +478,8 @@ static enum tetlod_status raise_boxes(struct cut *cut, struct tetlod_error *erro
     free(sides);
     free(wanted);
     room_back_to(cut->room, held);
-    return there ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", (uint64_t)cut->slots * (cut->region->box_count + 1));
+    return there ? TETLOD_OK : tetlodi_fail_nomem(error, "a region",
+                                                  (uint64_t)cut->slots * (cut->region->box_count + 1));
 }
 
 /* ---- the mesh of a cut ---- */
@@ -481,7 +491,8 @@ static enum tetlod_status add_cell(struct cut *cut, uint32_t tet, struct tetlod_
     corners_of(cut, tet, slots);
     for (int c = 0; c < 4; c++)
         slots[c] = cut->standing[slots[c]];
-    if (slots[0] == slots[1] || slots[0] == slots[2] || slots[0] == slots[3] || slots[1] == slots[2] || slots[1] == slots[3] ||
+    if (slots[0] == slots[1] || slots[0] == slots[2] || slots[0] == slots[3] || slots[1] == slots[2] ||
+        slots[1] == slots[3] ||
         slots[2] == slots[3] || (cut->rounds && cut->round_of[tet] == cut->rounds))
         return TETLOD_OK;
     TETLOD_TRY(room_reserve(cut->room, (void **)&cut->cells, &cut->capacity, cut->count + 1, cut->fine_tets,
@@ -583,8 +594,8 @@ static enum region_part part_of(const struct cut *cut, const uint32_t *slots)
 
 /* ---- repair ---- */
 
-/* Splits the corner that was contracted last, which is the one that splits first, if it was not split in this round already. False
- * if none splits. */
+/* Splits the corner that was contracted last, which is the one that splits first, if it was not split in this round
+ * already. False if none splits. */
 static bool split_one(struct cut *cut, const uint32_t *slots)
 {
     uint32_t best = TETLOD_NONE, least = cut->region->fine + 1;
@@ -727,17 +738,20 @@ static uint32_t number_vertices(struct cut *cut)
     return count;
 }
 
-static enum tetlod_status allocate_mesh(const struct cut *cut, uint32_t vertices, struct tetmesh *out, struct tetlod_error *error)
+static enum tetlod_status allocate_mesh(const struct cut *cut, uint32_t vertices, struct tetmesh *out,
+                                        struct tetlod_error *error)
 {
     const struct forest *forest = cut->forest;
-    *out = (struct tetmesh){.vertex_count = vertices, .tet_count = (uint32_t)cut->count, .position_type = forest->columns[0].type};
+    *out = (struct tetmesh){.vertex_count = vertices, .tet_count = (uint32_t)cut->count,
+                            .position_type = forest->columns[0].type};
     TETLOD_TRY(room_take(cut->room, mesh_bytes(forest_info(forest), vertices, cut->count), error));
     out->positions = array_new(vertices, 3 * sizeof *out->positions);
     out->corners = array_new(cut->count, 4 * sizeof *out->corners);
     if (!out->positions || !out->corners)
         return tetlodi_fail_nomem(error, "a region", cut->count * 16);
     for (uint32_t c = 1; c < forest->column_count; c++)
-        TETLOD_TRY(tetmesh_add_field(out, forest->columns[c].name, forest->columns[c].components, forest->columns[c].type, error));
+        TETLOD_TRY(tetmesh_add_field(out, forest->columns[c].name, forest->columns[c].components,
+                                     forest->columns[c].type, error));
     TETLOD_TRY(tetmesh_add_cell_field(out, REGION_FIELD, 1, TETLOD_FLOAT32, cut->count, error));
     out->cell_fields[0].is_integer = true;
     return TETLOD_OK;
@@ -752,7 +766,8 @@ static void fill_mesh(const struct cut *cut, struct tetmesh *out, uint32_t *tets
             continue;
         const unsigned char *row = row_at(cut, v, cut->level[v]);
         for (uint32_t c = 0; c < forest->column_count; c++)
-            unpack(&forest->columns[c], row, (c ? out->fields[c - 1].values : out->positions) + (size_t)to * forest->columns[c].components);
+            unpack(&forest->columns[c], row,
+                   (c ? out->fields[c - 1].values : out->positions) + (size_t)to * forest->columns[c].components);
     }
     for (size_t t = 0; t < cut->count; t++) {
         const uint32_t *slots = cut->cells[t].slots;

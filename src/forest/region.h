@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A mesh that is fine in some boxes and coarse elsewhere, out of the finest tetrahedra: each of their corners stands for the
- * nearest of its ancestors that are living, and tetrahedra with two equal corners are dropped. Which vertices are split is
- * chosen so that, of the fine level,
+ * A mesh that is fine in some boxes and coarse elsewhere, out of the finest tetrahedra: each of their corners stands
+ * for the nearest of its ancestors that are living, and tetrahedra with two equal corners are dropped. Which vertices
+ * are split is chosen so that, of the fine level,
  *   1. every tetrahedron that meets a box is there as it is;
  *   2. no tetrahedron is flipped or degenerate that is not so in a level, and no face has more than two: while there is one, its
  *      corner that was contracted last is split.
- * A tetrahedron is one of the fine level, of the coarse level, or of the transition between them, where no certificate holds.
+ * A tetrahedron is one of the fine level, of the coarse level, or of the transition between them, where no certificate
+ * holds.
  */
 #ifndef TETLOD_REGION_H
 #define TETLOD_REGION_H

@@ -52,7 +52,8 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
     return format->read(out, &known, report, error);
 }
 
-static enum tetlod_status read_any(struct blocks *out, const struct io_input *input, struct io_report *report, struct tetlod_error *error)
+static enum tetlod_status read_any(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                   struct tetlod_error *error)
 {
     return read_blocks(out, input->path, input, report, error);
 }
@@ -60,10 +61,12 @@ static enum tetlod_status read_any(struct blocks *out, const struct io_input *in
 static const struct io_read_options no_options;
 
 /* Refuses options that the file has no use for, so that they are not passed over in silence. */
-static enum tetlod_status check_choices(const struct io_read_options *options, const struct io_report *report, struct tetlod_error *error)
+static enum tetlod_status check_choices(const struct io_read_options *options, const struct io_report *report,
+                                        struct tetlod_error *error)
 {
     if (options->block && !report->names_blocks)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no blocks with names; leave --block %.60s out", options->block);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no blocks with names; leave --block %.60s out",
+                            options->block);
     if (options->time && !report->steps && strcmp(options->time, "last") != 0 && strcmp(options->time, "0") != 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "has no steps in time; leave --time %.40s out", options->time);
     return TETLOD_OK;
@@ -73,7 +76,8 @@ static enum tetlod_status check_choices(const struct io_read_options *options, c
 static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error)
 {
-    bool averages = options->cell_data == CELL_DATA_AVERAGE || (options->cell_data == CELL_DATA_KEEP && !mesh->field_count);
+    bool averages = options->cell_data == CELL_DATA_AVERAGE || (options->cell_data == CELL_DATA_KEEP &&
+                                                                !mesh->field_count);
     bool *ids = array_zero(mesh->cell_field_count, sizeof *ids);
     enum tetlod_status status = ids ? TETLOD_OK : tetlodi_fail_nomem(error, "the cell fields", mesh->cell_field_count);
     if (ids && averages)
@@ -222,7 +226,8 @@ enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
         return TETLOD_OK;
     for (size_t f = 0; (format = format_at(f)); f++)
         if (format->write)
-            length += (size_t)snprintf(known + length, sizeof known - length, "%s.%s", length ? ", " : "", format->extensions[0]);
+            length += (size_t)snprintf(known + length, sizeof known - length, "%s.%s", length ? ", " : "",
+                                       format->extensions[0]);
     return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                         "%.120s: the extension of an output decides its format: use one of %s", path, known);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Mesh files. The content decides the format, then the extension. A reader turns bytes into blocks, from which one mesh is
- * made: blocks are merged, cells that are not tetrahedra are split so that neighbours match, points that nothing uses are
- * dropped and counted, integer arrays become float64. A writer turns a tetmesh into bytes for a sink.
+ * Mesh files. The content decides the format, then the extension. A reader turns bytes into blocks, from which one mesh
+ * is made: blocks are merged, cells that are not tetrahedra are split so that neighbours match, points that nothing
+ * uses are dropped and counted, integer arrays become float64. A writer turns a tetmesh into bytes for a sink.
  */
 #ifndef TETLOD_IO_H
 #define TETLOD_IO_H
@@ -11,8 +11,8 @@
 #include "src/io/writers/writers.h"
 #include "src/mesh/tetmesh.h"
 
-/* Reads and validates (tetmesh_validate) a mesh file. `report` may be NULL. Every message starts with the path. ERR_IO for what the system refuses (missing,
- * unreadable, a directory), ERR_MESH for contents. On failure *out is empty. */
+/* Reads and validates (tetmesh_validate) a mesh file. `report` may be NULL. Every message starts with the path. ERR_IO
+ * for what the system refuses (missing, unreadable, a directory), ERR_MESH for contents. On failure *out is empty. */
 TETLOD_CHECKED enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error);
 

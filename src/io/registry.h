@@ -8,8 +8,8 @@
 
 enum { MAX_EXTENSIONS = 14 };
 
-/* What a mesh is read from: one file, a file and the solution that the user names, two files of one stem, or the folder that an empty
- * file marks. */
+/* What a mesh is read from: one file, a file and the solution that the user names, two files of one stem, or the folder
+ * that an empty file marks. */
 enum format_files { ONE, SOLUTION, SIBLING, FOLDER };
 
 struct format {
@@ -23,8 +23,8 @@ struct format {
 /* NULL if no format has the path's extension. */
 const struct format *format_by_extension(const char *path);
 
-/* What the first bytes say the file is; where several formats are possible, its name decides, because the values of one format may
- * spell another format's word. NULL: this binary does not read it. */
+/* What the first bytes say the file is; where several formats are possible, its name decides, because the values of one
+ * format may spell another format's word. NULL: this binary does not read it. */
 const struct format *format_find(const char *path, const unsigned char *bytes, size_t size);
 
 /* NULL past the last. */

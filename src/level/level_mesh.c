@@ -18,16 +18,19 @@ static void copy_array(void *to, const void *from, size_t size, bool gives)
         size_t part = size - at < PART ? size - at : PART;
         memcpy((char *)to + at, (const char *)from + at, part);
         if (gives)
-            pages_drop((void *)((uintptr_t)from + at), part); // the decoder's own, which only says that nobody else may write it
+            // the decoder's own, which only says that nobody else may write it
+            pages_drop((void *)((uintptr_t)from + at), part);
     }
 }
 
-static enum tetlod_status copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor, bool gives, struct tetmesh *out,
+static enum tetlod_status copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor, bool gives,
+                               struct tetmesh *out,
                                struct tetlod_error *error)
 {
     struct tetlod_mesh mesh;
     tetlod_cursor_mesh(cursor, &mesh);
-    *out = (struct tetmesh){.vertex_count = mesh.vertices, .tet_count = mesh.tets, .position_type = info->position_type};
+    *out = (struct tetmesh){.vertex_count = mesh.vertices, .tet_count = mesh.tets,
+                            .position_type = info->position_type};
     out->positions = array_new(mesh.vertices, 3 * sizeof(double));
     out->corners = array_new(mesh.tets, 4 * sizeof(uint32_t));
     enum tetlod_status status = TETLOD_OK;
@@ -40,7 +43,8 @@ static enum tetlod_status copy(const struct tetlod_info *info, const struct tetl
         if (!mesh.fields[f])
             continue;
         TETLOD_TRY_DONE(tetmesh_add_field(out, field->name, field->components, field->type, error));
-        copy_array(out->fields[out->field_count - 1].values, mesh.fields[f], (size_t)mesh.vertices * field->components * sizeof(double),
+        copy_array(out->fields[out->field_count - 1].values, mesh.fields[f],
+                   (size_t)mesh.vertices * field->components * sizeof(double),
                    gives);
     }
 done:
@@ -49,7 +53,8 @@ done:
     return status;
 }
 
-enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor, struct tetmesh *out,
+enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
+                                   struct tetmesh *out,
                                    struct tetlod_error *error)
 {
     return copy(info, cursor, false, out, error);
@@ -87,7 +92,8 @@ enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetme
     return TETLOD_OK;
 }
 
-enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
+enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series,
+                                   struct tetmesh *mesh,
                                    struct tetlod_error *error)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
@@ -118,7 +124,8 @@ static enum tetlod_status add_cells(const struct cell_source *from, uint32_t f, 
     struct point_field *out = &mesh->cell_fields[mesh->cell_field_count - 1];
     out->is_integer = field->type > TETLOD_CELL_FLOAT64;
     for (size_t t = 0; t < mesh->tet_count; t++)
-        memcpy(out->values + t * field->components, all + (tets ? tets[t] : t) * field->components, field->components * sizeof *all);
+        memcpy(out->values + t * field->components, all + (tets ? tets[t] : t) * field->components,
+               field->components * sizeof *all);
     return TETLOD_OK;
 }
 
@@ -133,7 +140,8 @@ static enum tetlod_status add_chosen(const struct cell_source *from, uint32_t fi
             continue;
         double *all = array_new(info->tets, info->cell_fields[f].components * sizeof *all);
         status = all ? add_cells(from, f, tets, mesh, all, error)
-                     : tetlodi_fail_nomem(error, info->cell_fields[f].name, (uint64_t)info->tets * info->cell_fields[f].components * 8);
+                     : tetlodi_fail_nomem(error, info->cell_fields[f].name,
+                                          (uint64_t)info->tets * info->cell_fields[f].components * 8);
         free(all);
     }
     return status == TETLOD_OK ? level_mesh_units(info, mesh, error) : status;
@@ -151,7 +159,8 @@ enum tetlod_status level_mesh_step_cells(const struct tetlod_file *file, struct 
     return add_chosen(&(struct cell_source){file, series, step}, field, NULL, mesh, error);
 }
 
-enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets, struct tetmesh *mesh,
+enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets,
+                                         struct tetmesh *mesh,
                                          struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
@@ -190,7 +199,8 @@ static enum tetlod_status check_permutation(const uint32_t *numbers, uint32_t co
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
 }
 
-static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices, const uint32_t *tets, const uint8_t *places,
+static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices, const uint32_t *tets,
+                                  const uint8_t *places,
                                   struct tetlod_error *error)
 {
     TETLOD_TRY(check_permutation(vertices, mesh->vertex_count, error));
@@ -223,7 +233,8 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
 {
     const struct tetlod_info *info = tetlod_info(file);
     if (mesh->vertex_count != info->vertices || mesh->tet_count != info->tets)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the original order is that of the finest level, not of one of %u tetrahedra", mesh->tet_count);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "the original order is that of the finest level, not of one of %u tetrahedra", mesh->tet_count);
     uint32_t *vertices = array_new(mesh->vertex_count, sizeof *vertices), *tets = array_new(mesh->tet_count, sizeof *tets);
     uint8_t *places = array_new(mesh->tet_count, 4);
     enum tetlod_status status;
@@ -239,10 +250,12 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
     return status;
 }
 
-enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original,
+                                     const uint32_t *vertices,
                                      struct tetmesh *out, struct tetlod_error *error)
 {
-    *out = (struct tetmesh){.vertex_count = finest->vertex_count, .tet_count = finest->tet_count, .position_type = original->position_type};
+    *out = (struct tetmesh){.vertex_count = finest->vertex_count, .tet_count = finest->tet_count,
+                            .position_type = original->position_type};
     out->positions = array_new(finest->vertex_count, 3 * sizeof(double));
     out->corners = array_new(finest->tet_count, 4 * sizeof(uint32_t));
     if (!out->positions || !out->corners)
@@ -261,19 +274,24 @@ enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct 
 }
 
 /* Has the original the finest level's tetrahedra, by the order that the stream keeps? */
-static enum tetlod_status check_order(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+static enum tetlod_status check_order(const struct tetmesh *finest, const struct tetmesh *original,
+                                      const uint32_t *vertices,
                                       const uint32_t *tets, const uint8_t *places, struct tetlod_error *error)
 {
     for (size_t i = 0; i < 4 * (size_t)finest->tet_count; i++)
-        if (original->corners[4 * (size_t)tets[i / 4] + i % 4] != vertices[finest->corners[(i & ~(size_t)3) + places[i]]])
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "tetrahedron %u of the input is another one in the stream", tets[i / 4]);
+        if (original->corners[4 * (size_t)tets[i / 4] +
+                              i % 4] != vertices[finest->corners[(i & ~(size_t)3) + places[i]]])
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "tetrahedron %u of the input is another one in the stream",
+                                tets[i / 4]);
     return TETLOD_OK;
 }
 
-enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest, const struct tetmesh *original,
+enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest,
+                                       const struct tetmesh *original,
                                        struct tetmesh *out, struct tetlod_error *error)
 {
-    uint32_t n = finest->vertex_count, m = finest->tet_count, *vertices = array_new(n, sizeof *vertices), *tets = array_new(m, sizeof *tets);
+    uint32_t n = finest->vertex_count, m = finest->tet_count, *vertices = array_new(n,
+                                                                                    sizeof *vertices), *tets = array_new(m, sizeof *tets);
     uint8_t *places = array_new(m, 4);
     enum tetlod_status status;
     *out = (struct tetmesh){.vertex_count = n, .tet_count = m, .position_type = original->position_type};
@@ -281,7 +299,8 @@ enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const str
     if (!vertices || !tets || !places)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the original order", (uint64_t)m * 8));
     if (original->vertex_count != n || original->tet_count != m)
-        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the finest level has %u vertices and %u tetrahedra, the input %u and %u",
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_MISMATCH,
+                                     "the finest level has %u vertices and %u tetrahedra, the input %u and %u",
                                      n, m, original->vertex_count, original->tet_count));
     TETLOD_TRY_DONE(tetlod_order(file, vertices, tets, places, error));
     TETLOD_TRY_DONE(check_permutation(vertices, n, error));

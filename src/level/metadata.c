@@ -108,7 +108,8 @@ static json_t *make_list(struct json_text *text, char close, bool *strange)
         return list;
     do {
         json_skip_space(text);
-        good = close == '}' ? add_member(text, list, strange) : json_array_append_new(list, make_value(text, strange)) == 0;
+        good = close == '}' ? add_member(text, list, strange) : json_array_append_new(list,
+                                                                                      make_value(text, strange)) == 0;
     } while (good && json_take(text, ','));
     if (good && json_take(text, close))
         return list;
@@ -116,8 +117,8 @@ static json_t *make_list(struct json_text *text, char close, bool *strange)
     return NULL;
 }
 
-/* Of a text that is known to be good. *strange: it has what Jansson has not, a number above DBL_MAX or a key with NUL. NULL: memory is
- * out. (Jansson's own reader can take a lack of memory for a wrong text, or end the program.) */
+/* Of a text that is known to be good. *strange: it has what Jansson has not, a number above DBL_MAX or a key with NUL.
+ * NULL: memory is out. (Jansson's own reader can take a lack of memory for a wrong text, or end the program.) */
 static json_t *make_value(struct json_text *text, bool *strange)
 {
     json_t *value = NULL;

@@ -11,7 +11,8 @@
 /* The metadata as a new object, an empty one where they are anything else; NULL if memory is out. */
 json_t *metadata_json(const struct tetlod_info *info);
 
-/* Do the metadata say that the stream holds the coarse levels of another one ("part_of")? Then figures of the original are that one's. */
+/* Do the metadata say that the stream holds the coarse levels of another one ("part_of")? Then figures of the original
+ * are that one's. */
 bool metadata_is_part(const struct tetlod_info *info);
 
 /* May the stream lack fields of its input: by the option "carry" of its build, or because no options are said? */

@@ -10,7 +10,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-static const char *const phase_names[BUILD_PHASES] = {[BUILD_CONTRACT] = "contract", [BUILD_MEASURE] = "measure", [BUILD_ENCODE] = "encode"};
+static const char *const phase_names[BUILD_PHASES] = {[BUILD_CONTRACT] = "contract", [BUILD_MEASURE] = "measure",
+                                                      [BUILD_ENCODE] = "encode"};
 
 void tetlod_build_defaults(struct tetlod_build_options *options)
 {
@@ -52,18 +53,22 @@ static bool value_at(const void *values, enum tetlod_cell_type type, size_t i, d
     return false;
 }
 
-static enum tetlod_status check_array(const struct tetlod_build_array *array, const char *what, enum tetlod_cell_type last,
+static enum tetlod_status check_array(const struct tetlod_build_array *array, const char *what,
+                                      enum tetlod_cell_type last,
                                       struct tetlod_error *error)
 {
     if (!array->name || !*array->name || !array->values || array->components < 1)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "values of %s need a name, at least one component, and an array", what);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "values of %s need a name, at least one component, and an array", what);
     if ((unsigned)array->type > (unsigned)last)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.60s': values of %s cannot have type %d", array->name, what, (int)array->type);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.60s': values of %s cannot have type %d", array->name, what,
+                            (int)array->type);
     return TETLOD_OK;
 }
 
 /* Fills the field that was added for an array. */
-static enum tetlod_status copy_values(struct point_field *field, const struct tetlod_build_array *array, size_t rows, struct tetlod_error *error)
+static enum tetlod_status copy_values(struct point_field *field, const struct tetlod_build_array *array, size_t rows,
+                                      struct tetlod_error *error)
 {
     field->is_integer = array->type > TETLOD_CELL_FLOAT64;
     for (size_t i = 0; i < rows * array->components; i++)
@@ -77,7 +82,8 @@ static enum tetlod_type type_of(const struct tetlod_build_array *array)
     return array->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
 }
 
-static enum tetlod_status copy_fields(struct tetmesh *mesh, const struct tetlod_build_mesh *given, struct tetlod_error *error)
+static enum tetlod_status copy_fields(struct tetmesh *mesh, const struct tetlod_build_mesh *given,
+                                      struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < given->field_count; f++) {
         const struct tetlod_build_array *array = &given->fields[f];
@@ -98,11 +104,14 @@ static enum tetlod_status copy_fields(struct tetmesh *mesh, const struct tetlod_
     return TETLOD_OK;
 }
 
-static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_build_mesh *given, struct tetlod_error *error)
+static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_build_mesh *given,
+                                    struct tetlod_error *error)
 {
     size_t points = 3 * (size_t)given->vertices, corners = 4 * (size_t)given->tets;
-    if (!given->positions || !given->corners || (given->position_type != TETLOD_FLOAT32 && given->position_type != TETLOD_FLOAT64))
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a mesh needs positions of type float32 or float64, and corners");
+    if (!given->positions || !given->corners ||
+        (given->position_type != TETLOD_FLOAT32 && given->position_type != TETLOD_FLOAT64))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "a mesh needs positions of type float32 or float64, and corners");
     mesh->positions = array_new(points, sizeof *mesh->positions);
     mesh->corners = array_new(corners, sizeof *mesh->corners);
     if (!mesh->positions || !mesh->corners)
@@ -146,7 +155,8 @@ static enum tetlod_status check_options(const struct build_options *options, str
     struct build_range bad;
     if (!build_options_out_of_range(options, &bad))
         return TETLOD_OK;
-    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s is %g .. %g, not %g; tetlod_build_defaults sets what is usual", bad.member, bad.least,
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s is %g .. %g, not %g; tetlod_build_defaults sets what is usual",
+                        bad.member, bad.least,
                         bad.most, bad.value);
 }
 
@@ -162,7 +172,8 @@ static struct build_options options_of(const struct tetlod_build_options *option
     build.certify_all = options->certify_all;
     build.local_bound = options->local_bound;
     build.keep_order = options->keep_order;
-    build.quantise = (struct quantise_options){options->position_bits, options->field_bits, options->position_error, options->field_error};
+    build.quantise = (struct quantise_options){options->position_bits, options->field_bits, options->position_error,
+                                               options->field_error};
     build.threads = options->threads ? options->threads : parallel_cores();
     build.memory = options->memory;
     build.metadata = options->metadata ? options->metadata : "{\"program\":\"libtetlod-build " TETLOD_VERSION_STRING "\"}";

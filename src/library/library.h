@@ -15,9 +15,10 @@ TETLOD_CHECKED enum tetlod_status library_options(const struct tetlod_build_opti
 TETLOD_CHECKED enum tetlod_status library_copy_mesh(struct tetmesh *out, const struct tetlod_build_mesh *mesh,
                                                     struct tetlod_error *error);
 
-/* The controlled fields, which the caller frees also after a failure, and the one of regions. `has_steps`: it is the first
- * step of a series. */
-TETLOD_CHECKED enum tetlod_status library_choose(struct tetmesh *mesh, const struct tetlod_build_options *given, bool has_steps,
+/* The controlled fields, which the caller frees also after a failure, and the one of regions. `has_steps`: it is the
+ * first step of a series. */
+TETLOD_CHECKED enum tetlod_status library_choose(struct tetmesh *mesh, const struct tetlod_build_options *given,
+                                                 bool has_steps,
                                                  struct build_options *build, struct build_control **out_controls,
                                                  struct tetlod_error *error);
 

@@ -60,7 +60,8 @@ struct tetlod_build_mesh {
     const struct tetlod_build_array *cell_fields; /* values of the tetrahedra, stored exactly */
 };
 
-/* tetlod_build_defaults sets what `tetlod build` does without options. `tetlod help build` says more about each of them. */
+/* tetlod_build_defaults sets what `tetlod build` does without options. `tetlod help build` says more about each of
+ * them. */
 struct tetlod_build_options {
     size_t struct_size;
     const char *const
@@ -75,7 +76,8 @@ struct tetlod_build_options {
     double growth;               /* vertices of a level / vertices of the one below */
     int certify_exact;           /* 1: the exact maximum is the limit: fewer tetrahedra, more time */
     int certify_all;             /* 1: a certified error for every field */
-    int local_bound;             /* 1: a field "NAME bound" of each controlled one: how far off it is at most at each point */
+    /* 1: a field "NAME bound" of each controlled one: how far off it is at most at each point */
+    int local_bound;
     unsigned position_bits, field_bits;   /* round to so many bits; 0: lossless */
     double position_error, field_error;   /* as many bits as keep this error; 0: lossless */
     int keep_order;              /* 1: store the numbering of the arrays, too */
@@ -83,10 +85,12 @@ struct tetlod_build_options {
     unsigned threads;            /* 1 .. 64; 0: all cores; the bytes do not depend on it */
     uint64_t memory;             /* refuse what needs more bytes; 0: no limit */
     const char *metadata;        /* a JSON object; NULL: which program made the stream */
-    /* Called now and then, always by the calling thread; `done` is a fraction of the phase. Returns 0 to cancel. May be NULL. */
+    /* Called now and then, always by the calling thread; `done` is a fraction of the phase. Returns 0 to cancel. May be
+     * NULL. */
     int (*progress)(void *opaque, const char *phase, double done);
     void *progress_opaque;
-    /* Called with what the build found in the mesh: inverted tetrahedra, say. A line without its end, valid for the call. May be NULL. */
+    /* Called with what the build found in the mesh: inverted tetrahedra, say. A line without its end, valid for the
+     * call. May be NULL. */
     void (*warn)(void *opaque, const char *line);
     void *warn_opaque;
     const char *const *without; /* fields that are not controlled: names, lists, patterns */
@@ -95,11 +99,13 @@ struct tetlod_build_options {
 
 TETLOD_API void tetlod_build_defaults(struct tetlod_build_options *options);
 
-/* Builds the stream of a mesh and passes its bytes on in order: `write` returns TETLOD_OK, or a status that ends the build.
- * `options` NULL: the defaults. TETLOD_ERR_MESH and TETLOD_ERR_FIELD name what is wrong with the arrays; TETLOD_ERR_ARGUMENT an
- * option; TETLOD_ERR_CANCELLED if progress returned 0; TETLOD_ERR_LIMIT and TETLOD_ERR_NOMEM. */
-TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
-                                                          enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size),
+/* Builds the stream of a mesh and passes its bytes on in order: `write` returns TETLOD_OK, or a status that ends the
+ * build. `options` NULL: the defaults. TETLOD_ERR_MESH and TETLOD_ERR_FIELD name what is wrong with the arrays;
+ * TETLOD_ERR_ARGUMENT an option; TETLOD_ERR_CANCELLED if progress returned 0; TETLOD_ERR_LIMIT and TETLOD_ERR_NOMEM. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh,
+                                                          const struct tetlod_build_options *options,
+                                                          enum tetlod_status (*write)(void *opaque, const void *bytes,
+                                                                                      size_t size),
                                                           void *opaque, struct tetlod_error *error);
 
 /*

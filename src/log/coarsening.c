@@ -45,12 +45,14 @@ static bool copy_fields(struct coarsening *coarsening, const struct tetmesh *mes
         if (!coarsening->fields[f].values)
             return false;
         for (size_t i = 0; i < count; i++)
-            coarsening->fields[f].values[i] = field->grid.bits ? grid_round(&field->grid, field->type, field->values[i]) : field->values[i];
+            coarsening->fields[f].values[i] = field->grid.bits ? grid_round(&field->grid, field->type,
+                                                                            field->values[i]) : field->values[i];
     }
     return coarsening->fields;
 }
 
-enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct tetmesh *mesh, const struct contraction_log *log,
+enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct tetmesh *mesh,
+                                   const struct contraction_log *log,
                                    struct tetlod_error *error)
 {
     size_t n = mesh->vertex_count, m = mesh->tet_count;
@@ -160,8 +162,8 @@ static void update_corners(void *context, unsigned worker, size_t begin, size_t 
     }
 }
 
-/* Through a tetrahedron that died: by the face `slot` one comes in and, as that face has three different corners, exactly one of
- * them is the corner across it as well. The faces across these two corners have become one. */
+/* Through a tetrahedron that died: by the face `slot` one comes in and, as that face has three different corners,
+ * exactly one of them is the corner across it as well. The faces across these two corners have become one. */
 static uint32_t pass_through(const struct coarsening *coarsening, uint32_t slot)
 {
     const uint32_t *corners = coarsening->corners + (slot & ~UINT32_C(3));
@@ -217,7 +219,8 @@ static void offer_changed(void *context, unsigned worker, size_t begin, size_t e
 
 void coarsening_step(struct coarsening *coarsening, unsigned threads)
 {
-    void (*const passes[])(void *, unsigned, size_t, size_t) = {update_corners, join_neighbours, forget_dead, offer_changed};
+    void (*const passes[])(void *, unsigned, size_t, size_t) = {update_corners, join_neighbours, forget_dead,
+                                                                offer_changed};
     coarsening->touched_count = coarsening->in_step ? coarsening->touched_count : 0;
     follow_merges(coarsening);
     for (int pass = 0; pass < 4; pass++)
@@ -271,7 +274,8 @@ void coarse_numbers_fini(struct coarse_numbers *numbers)
     *numbers = (struct coarse_numbers){0};
 }
 
-static enum tetlod_status number_living(const struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error)
+static enum tetlod_status number_living(const struct coarsening *coarsening, struct coarse_numbers *out,
+                                        struct tetlod_error *error)
 {
     size_t words = ((size_t)coarsening->stored + 63) / 64;
     uint32_t count = 0;
@@ -290,7 +294,8 @@ static enum tetlod_status number_living(const struct coarsening *coarsening, str
     return TETLOD_OK;
 }
 
-enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error)
+enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out,
+                                      struct tetlod_error *error)
 {
     size_t count = 0;
     TETLOD_TRY(number_living(coarsening, out, error));

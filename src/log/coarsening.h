@@ -2,9 +2,10 @@
 /*
  * The mesh at a moment of a contraction log, carried from fine to coarse in place.
  *
- * Vertices live in slots: at first slot v holds the original's vertex v; a contraction puts its result into the slot of its first
- * child. Tetrahedra keep their number until coarsening_compact. A step is a number of merges and moves, made known one by
- * one, and then coarsening_step, which finds what they did to the tetrahedra: it visits each that is left once.
+ * Vertices live in slots: at first slot v holds the original's vertex v; a contraction puts its result into the slot of
+ * its first child. Tetrahedra keep their number until coarsening_compact. A step is a number of merges and moves, made
+ * known one by one, and then coarsening_step, which finds what they did to the tetrahedra: it visits each that is left
+ * once.
  */
 #ifndef TETLOD_COARSENING_H
 #define TETLOD_COARSENING_H
@@ -63,8 +64,8 @@ uint64_t coarsening_bytes(const struct tetmesh *mesh);
 /* In the step at hand `slot` merges into another, which may merge as well. */
 void coarsening_merge(struct coarsening *coarsening, uint32_t slot, uint32_t into);
 
-/* In the step at hand the vertex in `slot` gets the position and the values: row `row` of `positions` and of each field's values
- * (values[field]). */
+/* In the step at hand the vertex in `slot` gets the position and the values: row `row` of `positions` and of each
+ * field's values (values[field]). */
 void coarsening_move(struct coarsening *coarsening, uint32_t slot, const double *positions, const double *const *values,
                      size_t row);
 
@@ -81,7 +82,8 @@ uint32_t coarsening_heir(const struct coarsening *coarsening, uint32_t tet);
 /* The face, 4 * tet + face, that is where this one is or was, or TETLOD_NONE: it collapsed. Not for COARSE_GONE. */
 uint32_t coarsening_heir_face(const struct coarsening *coarsening, uint32_t face);
 
-/* The numbers that living tetrahedra get, by bits and counts: a table of them would be as large as an array of the mesh. */
+/* The numbers that living tetrahedra get, by bits and counts: a table of them would be as large as an array of the
+ * mesh. */
 struct coarse_numbers {
     uint64_t *living; /* [old / 64] a bit each */
     uint32_t *before; /* [old / 64] living ones of less number */
@@ -94,9 +96,10 @@ static inline uint32_t coarse_number(const struct coarse_numbers *numbers, uint3
     return word & bit ? numbers->before[old / 64] + (uint32_t)__builtin_popcountll(word & (bit - 1)) : TETLOD_NONE;
 }
 
-/* Renumbers the living tetrahedra 0 .. tets-1 in their order and gives back the room of the others. coarse_numbers_fini ends *out.
- * ERR_NOMEM leaves all as it was. */
-TETLOD_CHECKED enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error);
+/* Renumbers the living tetrahedra 0 .. tets-1 in their order and gives back the room of the others. coarse_numbers_fini
+ * ends *out. ERR_NOMEM leaves all as it was. */
+TETLOD_CHECKED enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out,
+                                                     struct tetlod_error *error);
 void coarse_numbers_fini(struct coarse_numbers *numbers);
 
 #endif

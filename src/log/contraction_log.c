@@ -113,7 +113,8 @@ void log_finish(struct contraction_log *log)
     log->children = array_shrink(log->children, log->count, 4 * sizeof *log->children);
     log->positions = array_shrink(log->positions, log->count, 3 * sizeof *log->positions);
     for (uint32_t f = 0; f < log->field_count; f++)
-        log->fields[f].values = array_shrink(log->fields[f].values, log->count, log->fields[f].components * sizeof(double));
+        log->fields[f].values = array_shrink(log->fields[f].values, log->count,
+                                             log->fields[f].components * sizeof(double));
     for (uint32_t c = 0; c < log->component_count && log->components[c].bounds; c++)
         log->components[c].bounds = array_shrink(log->components[c].bounds, log->count, sizeof(double));
 }

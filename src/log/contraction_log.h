@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The contraction log: what a simplification did, and the only thing that leaves it. Ancestry, measuring and the stream's
- * writer read it; none of them knows how it was made.
+ * The contraction log: what a simplification did, and the only thing that leaves it. Ancestry, measuring and the
+ * stream's writer read it; none of them knows how it was made.
  *
- * Nodes 0 .. vertex_count-1 are the vertices of the original mesh, in the original's numbering. Contraction c makes node
- * vertex_count + c out of two to four nodes that are alive. A level is the mesh after the first m contractions; a mark names
- * such an m and says what the errors are there.
+ * Nodes 0 .. vertex_count-1 are the vertices of the original mesh, in the original's numbering. Contraction c makes
+ * node vertex_count + c out of two to four nodes that are alive. A level is the mesh after the first m contractions; a
+ * mark names such an m and says what the errors are there.
  *
  * How to fill it:
  *   log_init, log_control        once, before the first contraction; log_keep_bounds behind them, where local bounds are asked for
@@ -15,10 +15,10 @@
  *   log_mark                     between rounds, when all records before it are written
  *   log_finish                   gives back the room that was not used
  *
- * A parallel round counts its contractions, extends the log once, and gives each contraction the record first + (its place in
- * the round by a prefix sum): the places decide the bytes, so they must not depend on threads. Within a round no contraction
- * may use a node that another one of the round makes. Records of a round are made in the order of their numbers, as if one
- * after the other.
+ * A parallel round counts its contractions, extends the log once, and gives each contraction the record first + (its
+ * place in the round by a prefix sum): the places decide the bytes, so they must not depend on threads. Within a round
+ * no contraction may use a node that another one of the round makes. Records of a round are made in the order of their
+ * numbers, as if one after the other.
  */
 #ifndef TETLOD_CONTRACTION_LOG_H
 #define TETLOD_CONTRACTION_LOG_H
@@ -35,7 +35,9 @@ struct log_mark {
 struct log_component {
     uint32_t field, component;
     double scale; /* 1 / the field's range; 0 for a constant field */
-    double *bounds; /* [contraction] of the node that it made: largest of U - s and s - L (PROOF.md, 2), in the field's units; NULL: not kept */
+    /* [contraction] of the node that it made: largest of U - s and s - L (PROOF.md, 2), in the field's units; NULL: not
+     * kept */
+    double *bounds;
 };
 
 struct log_field {
@@ -68,7 +70,8 @@ struct contraction_log {
     double *predicted;      /* [component_count * mark] running maximum of the prediction, fraction of the range */
     size_t mark_capacity, certified_capacity, predicted_capacity;
     uint64_t refused[LOG_REFUSALS]; /* [enum log_refusal] */
-    uint64_t degenerate_tets, inverted_tets, folded_tets; /* of the original; folded: on one side of a face with a neighbour */
+    /* of the original; folded: on one side of a face with a neighbour */
+    uint64_t degenerate_tets, inverted_tets, folded_tets;
 };
 
 /* An empty log of a mesh: room for vertex_count records. ERR_NOMEM; *log is then empty. */
@@ -86,8 +89,8 @@ TETLOD_CHECKED enum tetlod_status log_keep_bounds(struct contraction_log *log, s
 /* Adds `count` records, which the caller fills, and returns the first one's number. */
 uint32_t log_extend(struct contraction_log *log, uint32_t count);
 
-/* Adds a mark of all records so far. `certified` and `predicted` have component_count running maxima. A mark with as many
- * contractions as the last one adds nothing. ERR_NOMEM. */
+/* Adds a mark of all records so far. `certified` and `predicted` have component_count running maxima. A mark with as
+ * many contractions as the last one adds nothing. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint32_t tets, double moved,
                                            const double *certified, const double *predicted, struct tetlod_error *error);
 

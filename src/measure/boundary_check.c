@@ -30,7 +30,8 @@ struct boundary_check {
     const uint32_t *bodies;
     unsigned threads;
     struct mesh_surface surface; /* of the original */
-    uint32_t *witnesses;         /* [WITNESSES * face of it] vertices of the level's faces that are near to what was looked at of it; TETLOD_NONE */
+    /* [WITNESSES * face of it] vertices of the level's faces that are near to what was looked at of it; TETLOD_NONE */
+    uint32_t *witnesses;
     double rounding, limit;      /* limit: of the level before */
 };
 
@@ -55,7 +56,8 @@ struct look {
     double distance, found; /* of the last point; the largest above the limit */
 };
 
-/* Beside faces that are almost lines doubles say anything: before a distance is too much it is taken in 113 bits, of all faces. */
+/* Beside faces that are almost lines doubles say anything: before a distance is too much it is taken in 113 bits, of
+ * all faces. */
 static double exact_distance(const struct look *look, const double p[3])
 {
     const struct mesh_surface *to = look->way->to;
@@ -63,7 +65,10 @@ static double exact_distance(const struct look *look, const double p[3])
     for (size_t f = 0; f < to->count; f++) {
         const uint32_t *v = to->triangles + 3 * f;
         if (!to->bodies || to->bodies[v[0]] == look->body)
-            best = smaller(best, exact_triangle_distance2(p, (const double *const[3]){to->positions + 3 * (size_t)v[0], to->positions + 3 * (size_t)v[1],
+            best = smaller(best,
+                           exact_triangle_distance2(p,
+                                                    (const double *const[3]){to->positions + 3 * (size_t)v[0],
+                                                                             to->positions + 3 * (size_t)v[1],
                                                                                       to->positions + 3 * (size_t)v[2]}));
     }
     return sqrt(best);
@@ -206,7 +211,8 @@ static void look_at_faces(void *context, unsigned worker, size_t begin, size_t e
         way->found[f] = 0;
         if (is_known(way, f))
             continue;
-        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0, .most = most_parts(way)};
+        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0,
+                            .most = most_parts(way)};
         for (int k = 0; k < 3; k++) {
             p[k] = way->from->positions + 3 * (size_t)v[k];
             test_point(&look, p[k], &face);
@@ -246,7 +252,8 @@ done:
     return status;
 }
 
-enum tetlod_status boundary_check_level(struct boundary_check *check, const struct tetmesh *level, const uint8_t *touched,
+enum tetlod_status boundary_check_level(struct boundary_check *check, const struct tetmesh *level,
+                                        const uint8_t *touched,
                                         double limit, double *out_distance, struct tetlod_error *error)
 {
     struct mesh_surface surface = {0};
@@ -255,7 +262,8 @@ enum tetlod_status boundary_check_level(struct boundary_check *check, const stru
         touched = NULL;
     check->limit = limit;
     TETLOD_TRY(make_surface(&surface, level, check->bodies, error));
-    struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners, .touched = touched, .forth = true};
+    struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners,
+                        .touched = touched, .forth = true};
     forth.limit = limit * (1 + 1e-9) + check->rounding;
     struct way back = forth;
     back.from = &surface;
@@ -269,7 +277,8 @@ enum tetlod_status boundary_check_level(struct boundary_check *check, const stru
     return status;
 }
 
-enum tetlod_status boundary_check_new(struct boundary_check **out, const struct tetmesh *original, const uint32_t *bodies,
+enum tetlod_status boundary_check_new(struct boundary_check **out, const struct tetmesh *original,
+                                      const uint32_t *bodies,
                                       unsigned threads, struct tetlod_error *error)
 {
     struct boundary_check *check = array_zero(1, sizeof *check);
@@ -284,7 +293,8 @@ enum tetlod_status boundary_check_new(struct boundary_check **out, const struct 
     TETLOD_TRY_DONE(make_surface(&check->surface, original, bodies, error));
     check->witnesses = array_new(check->surface.count, WITNESSES * sizeof *check->witnesses);
     if (!check->witnesses)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", check->surface.count * (uint64_t)(WITNESSES * sizeof *check->witnesses)));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary",
+                                           check->surface.count * (uint64_t)(WITNESSES * sizeof *check->witnesses)));
     memset(check->witnesses, 0xff, WITNESSES * (size_t)check->surface.count * sizeof *check->witnesses);
     *out = check;
 done:

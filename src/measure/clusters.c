@@ -7,7 +7,8 @@
 #include "src/util/array.h"
 
 /* Numbers the vertices of the tetrahedra at these places of the order. Their count is returned. */
-static uint32_t number_vertices(struct clusters *clusters, const uint32_t *corners, uint32_t first, uint32_t end, uint32_t *vertices)
+static uint32_t number_vertices(struct clusters *clusters, const uint32_t *corners, uint32_t first, uint32_t end,
+                                uint32_t *vertices)
 {
     uint32_t count = 0;
     for (uint32_t i = first; i < end; i++)
@@ -37,7 +38,8 @@ enum tetlod_status clusters_build(struct clusters *clusters, const struct tetmes
     for (uint32_t cluster = 0; cluster < count; cluster++) {
         uint32_t first = cluster * CLUSTER_TETS, left = tets - first;
         clusters->begin[cluster] = used;
-        used += number_vertices(clusters, mesh->corners, first, first + (left < CLUSTER_TETS ? left : CLUSTER_TETS), clusters->vertices + used);
+        used += number_vertices(clusters, mesh->corners, first, first + (left < CLUSTER_TETS ? left : CLUSTER_TETS),
+                                clusters->vertices + used);
     }
     clusters->begin[count] = used;
     clusters->vertices = array_shrink(clusters->vertices, used, sizeof *clusters->vertices);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The tetrahedra of a mesh in clusters of up to sixteen that lie together, and the vertices that each cluster has: about as many, where the
- * tetrahedra have sixty-four corners. What is asked of all corners is asked of the vertices.
+ * The tetrahedra of a mesh in clusters of up to sixteen that lie together, and the vertices that each cluster has:
+ * about as many, where the tetrahedra have sixty-four corners. What is asked of all corners is asked of the vertices.
  */
 #ifndef TETLOD_CLUSTERS_H
 #define TETLOD_CLUSTERS_H
@@ -19,7 +19,8 @@ struct clusters {
 };
 
 /* Positions are read now only. ERR_NOMEM. O(n log n). */
-TETLOD_CHECKED enum tetlod_status clusters_build(struct clusters *clusters, const struct tetmesh *mesh, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status clusters_build(struct clusters *clusters, const struct tetmesh *mesh,
+                                                 struct tetlod_error *error);
 void clusters_fini(struct clusters *clusters);
 
 /* About what they take for so many tetrahedra. */

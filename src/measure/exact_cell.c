@@ -7,7 +7,8 @@
 /* By weights: intersections that are thinner are contacts. */
 static const double THIN = 1e-9;
 
-/* Which tetrahedra hold an end is asked this much inside the intersection: on the face itself neighbours hold it, too. */
+/* Which tetrahedra hold an end is asked this much inside the intersection: on the face itself neighbours hold it,
+ * too. */
 static const double INWARDS = 1e-7;
 
 /* Of the intersection's size: ends that are nearer are one corner of it, found by several edges. */
@@ -59,7 +60,8 @@ void exact_weights(const struct exact_map *map, const quad x[3], quad weights[4]
     }
 }
 
-/* The part of the edge from a to b of tetrahedron m that is inside the other one, in which its corners have the weights `in`. */
+/* The part of the edge from a to b of tetrahedron m that is inside the other one, in which its corners have the weights
+ * `in`. */
 static void clip_edge(struct exact_cell *cell, int m, int a, int b, quad in[4][4])
 {
     quad range[2] = {0, 1};
@@ -79,7 +81,8 @@ static void clip_edge(struct exact_cell *cell, int m, int a, int b, quad in[4][4
         }
 }
 
-/* How often a corner was found hangs on the order of the tetrahedra's corners: one of each is kept, so that the middle does not. */
+/* How often a corner was found hangs on the order of the tetrahedra's corners: one of each is kept, so that the middle
+ * does not. */
 static void merge_ends(struct exact_cell *cell)
 {
     int found = cell->count;
@@ -143,7 +146,8 @@ static quad value_at(const struct exact_map *map, const quad x[3], const double 
     return sum;
 }
 
-static quad difference(const struct exact_cell *cell, const struct exact_map *map, const quad x[3], const double values[2][4])
+static quad difference(const struct exact_cell *cell, const struct exact_map *map, const quad x[3],
+                       const double values[2][4])
 {
     return magnitude(value_at(map, x, values[1], values[0][0]) - value_at(&cell->maps[0], x, values[0], values[0][0]));
 }
@@ -153,7 +157,8 @@ quad exact_cell_difference(const struct exact_cell *cell, int end, const double 
     return difference(cell, &cell->maps[1], cell->ends[end], values);
 }
 
-uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out)
+uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4],
+                          const double values[2][4], quad *out)
 {
     struct exact_map map;
     uint32_t held = 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The intersection of two tetrahedra in arithmetic of 113 bits: for the few pairs on which a verdict hangs. Positions are doubles,
- * so that even tetrahedra that are almost flat are located to more digits than a double has.
+ * The intersection of two tetrahedra in arithmetic of 113 bits: for the few pairs on which a verdict hangs. Positions
+ * are doubles, so that even tetrahedra that are almost flat are located to more digits than a double has.
  */
 #ifndef TETLOD_EXACT_CELL_H
 #define TETLOD_EXACT_CELL_H
@@ -36,9 +36,11 @@ bool exact_cell_clip(struct exact_cell *cell);
 /* The difference of two linear functions at an end: values[m] are those at the corners of tetrahedron m. */
 quad exact_cell_difference(const struct exact_cell *cell, int end, const double values[2][4]);
 
-/* The same with another tetrahedron in the second one's place. Returned is on which sides of the end, of `count`, that one is: bit k is
- * set if it holds the place a hair inside the intersection, towards half way between its middle and end k. */
-uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out);
+/* The same with another tetrahedron in the second one's place. Returned is on which sides of the end, of `count`, that
+ * one is: bit k is set if it holds the place a hair inside the intersection, towards half way between its middle and
+ * end k. */
+uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4],
+                          const double values[2][4], quad *out);
 
 /* The square of the distance of p from a triangle, which may have no area. */
 double exact_triangle_distance2(const double p[3], const double *const corners[3]);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Colour refinement. A vertex's colour is a hash of its position and values; in each round it becomes one of itself and of the colours of its
- * tetrahedra, which are those of their corners and values, in no order. When no round tells more vertices apart, one of those that are alike is
- * given a colour of its own, in both meshes: with that the rounds go on. In the end each colour is one vertex of either mesh. Whether that is
- * right is checked: the tetrahedra of both must then be the same.
+ * Colour refinement. A vertex's colour is a hash of its position and values; in each round it becomes one of itself and
+ * of the colours of its tetrahedra, which are those of their corners and values, in no order. When no round tells more
+ * vertices apart, one of those that are alike is given a colour of its own, in both meshes: with that the rounds go on.
+ * In the end each colour is one vertex of either mesh. Whether that is right is checked: the tetrahedra of both must
+ * then be the same.
  */
 #include "src/measure/match.h"
 
@@ -98,7 +99,8 @@ static int compare_coloured(const void *left, const void *right)
     return a->vertex < b->vertex ? -1 : a->vertex > b->vertex;
 }
 
-/* Sorts the vertices by their colours; gives how many colours there are, and the place of the first that several vertices have. */
+/* Sorts the vertices by their colours; gives how many colours there are, and the place of the first that several
+ * vertices have. */
 static uint32_t sort_colours(const struct side *side, uint32_t *out_alike)
 {
     uint32_t count = side->mesh->vertex_count, different = 0;
@@ -166,15 +168,18 @@ static enum tetlod_status compare_tets(struct side sides[2], bool *found, struct
     return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the comparison", 16 * (uint64_t)tets);
 }
 
-enum tetlod_status mesh_match(const struct tetmesh *a, const struct tetmesh *b, uint32_t *out, bool *found, struct tetlod_error *error)
+enum tetlod_status mesh_match(const struct tetmesh *a, const struct tetmesh *b, uint32_t *out, bool *found,
+                              struct tetlod_error *error)
 {
     struct side sides[2] = {{.mesh = a}, {.mesh = b}};
     enum tetlod_status status = TETLOD_OK;
     *found = a->vertex_count == b->vertex_count && a->tet_count == b->tet_count;
     for (int m = 0; m < 2 && *found; m++) {
         const struct tetmesh *mesh = sides[m].mesh;
-        sides[m] = (struct side){mesh, array_new(mesh->vertex_count, sizeof(uint64_t)), array_new(mesh->vertex_count, sizeof(uint64_t)),
-                                 array_new(mesh->tet_count, sizeof(uint64_t)), array_new(mesh->vertex_count, sizeof(struct coloured))};
+        sides[m] = (struct side){mesh, array_new(mesh->vertex_count, sizeof(uint64_t)),
+                                 array_new(mesh->vertex_count, sizeof(uint64_t)),
+                                 array_new(mesh->tet_count, sizeof(uint64_t)), array_new(mesh->vertex_count,
+                                                                                         sizeof(struct coloured))};
         if (!sides[m].colours || !sides[m].sums || !sides[m].cells || !sides[m].sorted)
             TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the comparison", 40 * (uint64_t)mesh->vertex_count));
         hash_values(&sides[m], b);

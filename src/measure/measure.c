@@ -67,8 +67,8 @@ double mesh_diagonal(const struct tetmesh *mesh)
 
 /* ---- one sample */
 
-/* The difference at a place of the original and one of the level, largest over components, for each field: taken if it is
- * the least so far, for where a mesh overlaps itself or is double valued any of its values will do. */
+/* The difference at a place of the original and one of the level, largest over components, for each field: taken if it
+ * is the least so far, for where a mesh overlaps itself or is double valued any of its values will do. */
 static void compare_places(const struct comparison *c, const struct place *original, const struct place *level,
                            bool first, double *errors)
 {
@@ -124,7 +124,8 @@ static void compare_samples(void *context, unsigned worker, size_t begin, size_t
 {
     const struct comparison *c = context;
     uint32_t near = 0, fields = c->measure->field_count;
-    double *errors = c->errors + (size_t)worker * fields * (TALLY_CHUNK + 1), *one = errors + fields * (size_t)TALLY_CHUNK;
+    double *errors = c->errors + (size_t)worker * fields * (TALLY_CHUNK +
+                                                            1), *one = errors + fields * (size_t)TALLY_CHUNK;
     memset(errors, 0, (size_t)fields * TALLY_CHUNK * sizeof *errors);
     for (size_t sample = begin; sample < end; sample++) {
         if (!c->measure->counts[sample])
@@ -134,7 +135,8 @@ static void compare_samples(void *context, unsigned worker, size_t begin, size_t
             errors[f * TALLY_CHUNK + sample - begin] = one[f];
     }
     for (uint32_t f = 0; f < fields; f++)
-        tally_add_up(errors + f * TALLY_CHUNK, end - begin, c->scales[f], &c->tallies[f * c->chunks + begin / TALLY_CHUNK]);
+        tally_add_up(errors + f * TALLY_CHUNK, end - begin, c->scales[f],
+                     &c->tallies[f * c->chunks + begin / TALLY_CHUNK]);
 }
 
 static void summarise(const struct comparison *c, struct measured *out)
@@ -155,11 +157,13 @@ static void measure_distances(void *context, unsigned worker, size_t begin, size
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        c->distances[i] = mesh_surface_distance(c->to, 0, c->from->positions + 3 * (size_t)c->points[i], c->enough, &face);
+        c->distances[i] = mesh_surface_distance(c->to, 0, c->from->positions + 3 * (size_t)c->points[i], c->enough,
+                                                &face);
 }
 
 /* Appends the vertices of a mesh's boundary, once each. */
-static enum tetlod_status boundary_vertices(const struct tetmesh *mesh, const struct mesh_surface *surface, uint32_t *out,
+static enum tetlod_status boundary_vertices(const struct tetmesh *mesh, const struct mesh_surface *surface,
+                                            uint32_t *out,
                                             uint32_t *out_count, struct tetlod_error *error)
 {
     uint8_t *seen = array_zero(mesh->vertex_count, 1);
@@ -177,7 +181,8 @@ static enum tetlod_status boundary_vertices(const struct tetmesh *mesh, const st
 }
 
 /* Raises *io_most to the largest distance of a mesh's boundary vertices from the other's boundary. */
-static enum tetlod_status largest_distance(struct comparison *c, const struct tetmesh *from, const struct mesh_surface *of,
+static enum tetlod_status largest_distance(struct comparison *c, const struct tetmesh *from,
+                                           const struct mesh_surface *of,
                                            const struct mesh_surface *to, unsigned threads, double *io_most,
                                            struct tetlod_error *error)
 {
@@ -224,7 +229,8 @@ static void find_counting(struct measure *measure)
     }
 }
 
-/* Vertices that are well inside a tetrahedron; samples inside one that are well inside another, too, or in none well. */
+/* Vertices that are well inside a tetrahedron; samples inside one that are well inside another, too, or in none
+ * well. */
 static void look_for_overlap(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct measure *measure = context;
@@ -247,12 +253,13 @@ static void look_for_overlap(void *context, unsigned worker, size_t begin, size_
     }
 }
 
-/* Ambiguous are samples where the original overlaps itself, and all around tetrahedra without an interpolant, across which its
- * field may jump. */
+/* Ambiguous are samples where the original overlaps itself, and all around tetrahedra without an interpolant, across
+ * which its field may jump. */
 static void find_ambiguous(struct measure *measure, unsigned threads)
 {
     const struct tetmesh *mesh = measure->original;
-    parallel_for(threads, mesh->vertex_count + SAMPLES_PER_TET * (size_t)mesh->tet_count, CHUNK, look_for_overlap, measure);
+    parallel_for(threads, mesh->vertex_count + SAMPLES_PER_TET * (size_t)mesh->tet_count, CHUNK, look_for_overlap,
+                 measure);
     uint8_t *of_tets = measure->ambiguous + mesh->vertex_count, *counts = measure->counts + mesh->vertex_count;
     for (int round = 0; round < 3; round++) // from tetrahedra to vertices to tetrahedra to vertices
         for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++) {
@@ -314,17 +321,21 @@ enum tetlod_status measure_mesh(const struct measure *measure, const struct tetm
                            .level_fields = fields,
                            .scales = array_new(measure->field_count, sizeof(double)),
                            .chunks = tally_chunks(sample_count(original)),
-                           .errors = array_new(threads * (size_t)measure->field_count, (TALLY_CHUNK + 1) * sizeof(double))};
+                           .errors = array_new(threads * (size_t)measure->field_count,
+                                               (TALLY_CHUNK + 1) * sizeof(double))};
     c.tallies = array_new(c.chunks * measure->field_count, sizeof(struct tally));
     enum tetlod_status status = TETLOD_OK;
     *out_domain = 0;
     if (!c.scales || !c.tallies || !c.errors)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "sums", threads * (uint64_t)measure->field_count * sizeof(struct tally)));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "sums",
+                                           threads * (uint64_t)measure->field_count * sizeof(struct tally)));
     set_scales(&c);
-    TETLOD_TRY_DONE(locator_init(&c.locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, error));
+    TETLOD_TRY_DONE(locator_init(&c.locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count,
+                                 error));
     parallel_for(threads, sample_count(original), TALLY_CHUNK, compare_samples, &c);
     summarise(&c, out);
-    TETLOD_TRY_DONE(largest_distance(&c, original, &measure->locator.surface, &c.locator.surface, threads, out_domain, error));
+    TETLOD_TRY_DONE(largest_distance(&c, original, &measure->locator.surface, &c.locator.surface, threads, out_domain,
+                                     error));
     status = largest_distance(&c, mesh, &c.locator.surface, &measure->locator.surface, threads, out_domain, error);
 done:
     locator_fini(&c.locator);

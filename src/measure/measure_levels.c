@@ -5,8 +5,8 @@
  *   else a walk from there, or from where a tetrahedron that died has gone, finds the one that holds it now;
  *   where the walk leaves the mesh, the closest point of the boundary decides: the sample is inside if the straight line from there
  *   leads to it through the mesh, else its error is the difference from the value at the closest point.
- * Errors are kept per sample; sums are exact (tally.h). The domain error is the largest distance of a boundary vertex of either mesh
- * from the other's boundary; only vertices that are new, or whose nearest face changed, are looked at.
+ * Errors are kept per sample; sums are exact (tally.h). The domain error is the largest distance of a boundary vertex
+ * of either mesh from the other's boundary; only vertices that are new, or whose nearest face changed, are looked at.
  */
 #include "src/measure/measure_levels.h"
 
@@ -30,7 +30,8 @@
 #define HOST_OUTSIDE UINT32_C(0xfffffffd) /* the level does not hold it */
 #define HOST_SPECIAL HOST_OUTSIDE
 
-/* A sample that walks have not found. While it is outside: the face of the level's boundary that is closest, and how far that is. */
+/* A sample that walks have not found. While it is outside: the face of the level's boundary that is closest, and how
+ * far that is. */
 struct stray {
     size_t sample;
     uint32_t face; /* 4 * tet + face, or TETLOD_NONE: not known */
@@ -114,7 +115,8 @@ static void load_source(const struct measure_levels *m, struct source *source, s
         hashes[i] = m->hashes[source->corners[i]];
     sample_sort(hashes, source->corners);
     for (int i = 0; i < 4; i++)
-        memcpy(source->positions[i], m->original->positions + 3 * (size_t)source->corners[i], sizeof source->positions[i]);
+        memcpy(source->positions[i], m->original->positions + 3 * (size_t)source->corners[i],
+               sizeof source->positions[i]);
     sample_weights_of_hashes(hashes, source->random);
 }
 
@@ -147,9 +149,11 @@ static const double *source_values(const struct measure_levels *m, struct worker
     return source->values;
 }
 
-/* The difference from the original, largest over components, for each field: `level` as walk_gather makes it. What is above the first
- * corner's values is combined: rounding is then about what varies, not about how far from zero it does. */
-static void file_error(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point, const double *level,
+/* The difference from the original, largest over components, for each field: `level` as walk_gather makes it. What is
+ * above the first corner's values is combined: rounding is then about what varies, not about how far from zero it
+ * does. */
+static void file_error(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point,
+                       const double *level,
                        const double weights[4])
 {
     const double *original = source_values(m, worker, sample), *u = point->weights, *w = weights;
@@ -191,8 +195,8 @@ static uint32_t find_sample(struct measure_levels *m, struct worker *worker, siz
     return cell->tet;
 }
 
-/* Where to begin to look for a sample whose error may have changed, or TETLOD_NONE: it is what it was. A vertex that merged is looked
- * for from where it merged into. */
+/* Where to begin to look for a sample whose error may have changed, or TETLOD_NONE: it is what it was. A vertex that
+ * merged is looked for from where it merged into. */
 static uint32_t begin_at(const struct measure_levels *m, size_t sample)
 {
     const struct coarsening *mesh = m->mesh;
@@ -231,7 +235,8 @@ static void file_rounding(struct measure_levels *m, struct worker *worker, size_
     file_error(m, worker, sample, &point, worker->values, point.weights);
 }
 
-/* What held a sample and its predecessor holds them close together: the second is looked for where the first was found. */
+/* What held a sample and its predecessor holds them close together: the second is looked for where the first was
+ * found. */
 static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
 {
     size_t end = (chunk + 1) * TALLY_CHUNK < m->samples ? (chunk + 1) * TALLY_CHUNK : m->samples;
@@ -269,7 +274,8 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
     const struct coarsening *mesh = m->mesh;
     if (m->surface.triangles)
         return TETLOD_OK;
-    TETLOD_TRY(mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_SAME,
+    TETLOD_TRY(mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored,
+                                 mesh->states, COARSE_SAME,
                                  COARSE_CHANGED, error));
     m->surface.bodies = m->bodies;
     return TETLOD_OK;
@@ -312,8 +318,8 @@ static void find_strays(void *context, unsigned number, size_t begin, size_t end
             find_stray(m, &m->workers[number], &m->strays[i]);
 }
 
-/* A sample stays outside, with its error, while the face that was closest is as it was and no face that changed is as close: to
- * come inside, the boundary would have to pass between. Of the others the face is forgotten. */
+/* A sample stays outside, with its error, while the face that was closest is as it was and no face that changed is as
+ * close: to come inside, the boundary would have to pass between. Of the others the face is forgotten. */
 static void check_strays(void *context, unsigned number, size_t begin, size_t end)
 {
     struct measure_levels *m = context;
@@ -326,7 +332,8 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
         if (stray->face == TETLOD_NONE)
             continue;
         find_point(m, &m->workers[number], stray->sample, &point);
-        if (mesh_surface_distance(&m->changed, body_of(m, stray->sample), point.p, stray->distance, &face) <= stray->distance)
+        if (mesh_surface_distance(&m->changed, body_of(m, stray->sample), point.p, stray->distance,
+                                  &face) <= stray->distance)
             stray->face = TETLOD_NONE;
     }
 }
@@ -334,7 +341,8 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
 static enum tetlod_status need_changed(struct measure_levels *m, struct tetlod_error *error)
 {
     const struct coarsening *mesh = m->mesh;
-    TETLOD_TRY(mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states,
+    TETLOD_TRY(mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored,
+                                 mesh->states,
                                  COARSE_CHANGED, COARSE_CHANGED, error));
     m->changed.bodies = m->bodies;
     return TETLOD_OK;
@@ -363,7 +371,8 @@ static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_
     for (unsigned i = 0; i < m->threads; i++) {
         struct worker *worker = &m->workers[i];
         void *strays = m->strays;
-        if (worker->failed || !array_reserve(&strays, &m->stray_capacity, m->stray_count + worker->stray_count, sizeof *m->strays))
+        if (worker->failed || !array_reserve(&strays, &m->stray_capacity, m->stray_count + worker->stray_count,
+                                             sizeof *m->strays))
             return tetlodi_fail_nomem(error, "samples outside", m->stray_count * sizeof *m->strays);
         m->strays = strays;
         for (size_t k = 0; k < worker->stray_count; k++)
@@ -411,7 +420,8 @@ static void guess_distances(void *context, unsigned worker, size_t begin, size_t
         if (face != TETLOD_NONE && m->mesh->states[face / 4] == COARSE_SAME)
             continue; // or what it was at the last level
         m->nearest[i] = face = face == TETLOD_NONE ? face : coarsening_heir_face(m->mesh, face);
-        m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, m->original->positions + 3 * (size_t)v, face);
+        m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, m->original->positions + 3 * (size_t)v,
+                                                                         face);
     }
 }
 
@@ -431,7 +441,8 @@ static void made_distances(void *context, unsigned worker, size_t begin, size_t 
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        m->distances[i] = mesh_surface_distance(&m->boundary, m->bodies[m->list[i]], m->mesh->positions + 3 * (size_t)m->list[i],
+        m->distances[i] = mesh_surface_distance(&m->boundary, m->bodies[m->list[i]],
+                                                m->mesh->positions + 3 * (size_t)m->list[i],
                                                 m->enough, &face);
 }
 
@@ -616,7 +627,8 @@ static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_e
     m->components = array_new(m->width, sizeof *m->components);
     for (uint32_t f = 0; f < m->field_count && m->components; f++)
         for (uint32_t k = 0; k < m->original->fields[f].components; k++)
-            m->components[at++] = (struct walk_component){m->original->fields[f].values + k, m->original->fields[f].components};
+            m->components[at++] = (struct walk_component){m->original->fields[f].values + k,
+                                                          m->original->fields[f].components};
     m->workers = array_zero(m->threads, sizeof *m->workers);
     for (unsigned i = 0; i < m->threads && m->workers; i++) {
         struct worker *worker = &m->workers[i];
@@ -629,7 +641,8 @@ static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_e
     return m->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the threads", m->threads * sizeof *m->workers);
 }
 
-enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original, struct coarsening *coarsening,
+enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original,
+                                      struct coarsening *coarsening,
                                       unsigned threads, struct tetlod_error *error)
 {
     size_t samples = sample_count(original), chunks = tally_chunks(samples), fields = original->field_count;
@@ -659,7 +672,8 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
     if (!m->bodies || !m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     for (uint32_t f = 0; f < original->field_count; f++) {
-        struct point_field level = {.components = coarsening->fields[f].components, .values = coarsening->fields[f].values};
+        struct point_field level = {.components = coarsening->fields[f].components,
+                                    .values = coarsening->fields[f].values};
         double ranges[2][2];
         point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
         point_field_range(&level, original->vertex_count, ranges[1]);
@@ -688,7 +702,8 @@ void measure_levels_free(struct measure_levels *m)
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
-    void *const owned[] = {m->components, m->bodies, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers, m->strays, m->dirty,
+    void *const owned[] = {m->components, m->bodies, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers,
+                           m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);

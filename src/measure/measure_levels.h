@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The errors of a mesh's levels, from fine to coarse, by what changed: each sample knows the tetrahedron that holds it and its
- * error; only samples of tetrahedra that changed are looked for again. What comes out is what measure_mesh would say of each
- * level, but for the rounding of where samples lie, and rounded up by up to 1.2e-7 of itself: a sample's error is kept as a float.
+ * The errors of a mesh's levels, from fine to coarse, by what changed: each sample knows the tetrahedron that holds it
+ * and its error; only samples of tetrahedra that changed are looked for again. What comes out is what measure_mesh
+ * would say of each level, but for the rounding of where samples lie, and rounded up by up to 1.2e-7 of itself: a
+ * sample's error is kept as a float.
  */
 #ifndef TETLOD_MEASURE_LEVELS_H
 #define TETLOD_MEASURE_LEVELS_H
@@ -12,8 +13,8 @@
 
 struct measure_levels;
 
-/* Prepares to measure levels against `original` (borrowed) on `coarsening` (borrowed, at its finest): the same vertices and
- * tetrahedra, with positions and values that may be rounded. ERR_NOMEM, ERR_LIMIT. */
+/* Prepares to measure levels against `original` (borrowed) on `coarsening` (borrowed, at its finest): the same vertices
+ * and tetrahedra, with positions and values that may be rounded. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original,
                                                      struct coarsening *coarsening, unsigned threads,
                                                      struct tetlod_error *error);
@@ -22,10 +23,12 @@ void measure_levels_free(struct measure_levels *measure);
 /* Bytes that it takes beside the coarsening, about. */
 uint64_t measure_levels_bytes(const struct tetmesh *original);
 
-/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count]. *io_domain
- * comes in as what the domain error is known to be at least (0: nothing), which spares the search for boundary points that are nearer, and is raised to the largest of this and
- * all finer levels. May compact the coarsening. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out, double *io_domain,
+/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count].
+ * *io_domain comes in as what the domain error is known to be at least (0: nothing), which spares the search for
+ * boundary points that are nearer, and is raised to the largest of this and all finer levels. May compact the
+ * coarsening. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out,
+                                                      double *io_domain,
                                                       struct tetlod_error *error);
 
 #endif

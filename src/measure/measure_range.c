@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Where a sample is has the same bits in whatever order a mesh lists its corners (sample_points.h). It is in a tetrahedron whatever its
- * weights, computed in doubles, may say so. Every tetrahedron, or else every closest face, that may be the one gives a difference and
- * how far off that may be: the sample's error is between the least and the greatest of these.
+ * Where a sample is has the same bits in whatever order a mesh lists its corners (sample_points.h). It is in a
+ * tetrahedron whatever its weights, computed in doubles, may say so. Every tetrahedron, or else every closest face,
+ * that may be the one gives a difference and how far off that may be: the sample's error is between the least and the
+ * greatest of these.
  *
- * Where sheets of the level lie over each other, the straight way from the closest point of the boundary may not lead to the sample:
- * a search may then say that it is outside, and the closest faces are asked, too.
+ * Where sheets of the level lie over each other, the straight way from the closest point of the boundary may not lead
+ * to the sample: a search may then say that it is outside, and the closest faces are asked, too.
  */
 #include "src/measure/measure_range.h"
 
@@ -53,7 +54,8 @@ struct ranges {
     struct locator locator;
     struct coarsening mesh; /* the level */
     double size; /* of the level: its diagonal */
-    bool in_place; /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
+    /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
+    bool in_place;
     struct sums *sums; /* [chunk][field] */
     double *scales;    /* [field] so that no square is too large or too small (tally.h) */
     struct worker *workers;
@@ -74,7 +76,8 @@ static void add_choice(struct worker *worker, uint32_t field, double difference,
 }
 
 /* The sample takes the values of the level at a place, whose weights are wrong by `doubt` each at most. */
-static void add_place(const struct ranges *r, struct worker *worker, const struct sample *sample, const struct place *place, double doubt)
+static void add_place(const struct ranges *r, struct worker *worker, const struct sample *sample,
+                      const struct place *place, double doubt)
 {
     for (uint32_t f = 0; f < r->original->field_count; f++) {
         const struct point_field *a = &r->original->fields[f], *b = &r->level->fields[f];
@@ -98,8 +101,9 @@ static const double *position(const struct ranges *r, uint32_t v)
     return r->level->positions + 3 * (size_t)v;
 }
 
-/* Has the tetrahedron of the level all corners that the sample's place in the original is made of, where they were? Then the sample is
- * in it, though far from the origin, where a place has few digits, its position may say otherwise. */
+/* Has the tetrahedron of the level all corners that the sample's place in the original is made of, where they were?
+ * Then the sample is in it, though far from the origin, where a place has few digits, its position may say
+ * otherwise. */
 static bool is_own(const struct ranges *r, const struct sample *sample, const uint32_t corners[4])
 {
     for (int c = 0; c < 4; c++) {
@@ -152,7 +156,8 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
 }
 
 /* The closest point of a face, if that may be the closest of all. */
-static bool is_closest(const struct ranges *r, const struct sample *sample, uint32_t triangle, double distance, struct place *out)
+static bool is_closest(const struct ranges *r, const struct sample *sample, uint32_t triangle, double distance,
+                       struct place *out)
 {
     const uint32_t *v = r->locator.surface.triangles + 3 * (size_t)triangle;
     *out = (struct place){{v[0], v[1], v[2], v[0]}, {0}};
@@ -162,15 +167,18 @@ static bool is_closest(const struct ranges *r, const struct sample *sample, uint
 }
 
 /* The faces that may be the closest. */
-static void try_faces(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance, uint32_t count)
+static void try_faces(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance,
+                      uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {
         struct place place;
         double normal[3], u[3], v[3];
         if (!is_closest(r, sample, worker->near[i], distance, &place))
             continue;
-        const double *q[3] = {position(r, place.vertices[0]), position(r, place.vertices[1]), position(r, place.vertices[2])};
-        double size2 = larger(larger(distance_squared(q[0], q[1]), distance_squared(q[1], q[2])), distance_squared(q[2], q[0]));
+        const double *q[3] = {position(r, place.vertices[0]), position(r, place.vertices[1]),
+                              position(r, place.vertices[2])};
+        double size2 = larger(larger(distance_squared(q[0], q[1]), distance_squared(q[1], q[2])),
+                              distance_squared(q[2], q[0]));
         subtract(q[1], q[0], u);
         subtract(q[2], q[0], v);
         cross(u, v, normal);
@@ -181,7 +189,8 @@ static void try_faces(const struct ranges *r, struct worker *worker, const struc
 }
 
 /* Does the straight way from every point of the boundary that may be the closest lead to the sample? */
-static bool is_reached(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance, uint32_t count)
+static bool is_reached(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance,
+                       uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {
         struct place closest;
@@ -200,7 +209,8 @@ static bool is_reached(const struct ranges *r, struct worker *worker, const stru
     return true;
 }
 
-static bool find_near(const struct bvh *bvh, struct worker *worker, const double p[3], double reach, uint32_t *out_count)
+static bool find_near(const struct bvh *bvh, struct worker *worker, const double p[3], double reach,
+                      uint32_t *out_count)
 {
     double box[6];
     for (int d = 0; d < 3; d++) {
@@ -310,7 +320,8 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
     uint32_t fields = original->field_count;
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
-    struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level), .in_place = is_in_place(original, level)};
+    struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level),
+                       .in_place = is_in_place(original, level)};
     uint8_t *counts = array_new(original->tet_count, 1);
     enum tetlod_status status = TETLOD_OK;
     r.vertex_counts = array_zero(original->vertex_count, 1);
@@ -329,7 +340,8 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
         r.scales[f] = tally_scale(ranges[0], ranges[1]);
     }
     size_t counted = find_counting(&r, counts);
-    TETLOD_TRY_DONE(locator_init(&r.locator, level->positions, level->vertex_count, level->corners, level->tet_count, error));
+    TETLOD_TRY_DONE(locator_init(&r.locator, level->positions, level->vertex_count, level->corners, level->tet_count,
+                                 error));
     r.locator.surface.bodies = bodies;
     TETLOD_TRY_DONE(coarsening_init(&r.mesh, level, NULL, error));
     for (unsigned i = 0; i < threads; i++)

@@ -38,7 +38,8 @@ struct compared {
 /* One thread's. */
 struct worker {
     double *own;  /* [field_count] */
-    double *most; /* [field_count] what was found already: `own`, or that of the tetrahedron which is being compared (`each`) */
+    /* [field_count] what was found already: `own`, or that of the tetrahedron which is being compared (`each`) */
+    double *most;
     uint64_t cells;
 };
 
@@ -130,9 +131,10 @@ static inline void weigh_at(const struct weights_map *map, const four r[3], int 
     weights[k] = k ? row[0] * r[0] + row[1] * r[1] + row[2] * r[2] : 1 - weights[1] - weights[2] - weights[3];
 }
 
-/* Weights in a tetrahedron, whose map is given, of the corners of another one, and what rounding may make of them. False if they all lie
- * on or behind one of its faces: most pairs, so that is asked face by face. */
-static bool weigh_corners(const struct weights_map *map, const struct tetmesh *mesh, uint32_t tet, double out[4][4], double *slack)
+/* Weights in a tetrahedron, whose map is given, of the corners of another one, and what rounding may make of them.
+ * False if they all lie on or behind one of its faces: most pairs, so that is asked face by face. */
+static bool weigh_corners(const struct weights_map *map, const struct tetmesh *mesh, uint32_t tet, double out[4][4],
+                          double *slack)
 {
     double largest = 1;
     const double *p[4];
@@ -155,8 +157,8 @@ static bool weigh_corners(const struct weights_map *map, const struct tetmesh *m
     return true;
 }
 
-/* Clips the edges of the cell's tetrahedron of mesh m to the other one, in which its corners have the weights `in`, and to what is so near to
- * it that rounding may have put it there: the ends that there are lie between those. */
+/* Clips the edges of the cell's tetrahedron of mesh m to the other one, in which its corners have the weights `in`, and
+ * to what is so near to it that rounding may have put it there: the ends that there are lie between those. */
 static void clip_edges(struct cell *cell, int m, double in[4][4])
 {
     double room = 2 * cell->slack;
@@ -182,9 +184,10 @@ static void clip_edges(struct cell *cell, int m, double in[4][4])
     }
 }
 
-/* The values of a component at the corners of the cell's tetrahedra, less one of them: so that rounding is about what varies, not
- * about how far from zero it does. The largest of them is returned. */
-static double gather_values(const struct overlay *overlay, const struct compared *compared, const struct cell *cell, double out[2][4])
+/* The values of a component at the corners of the cell's tetrahedra, less one of them: so that rounding is about what
+ * varies, not about how far from zero it does. The largest of them is returned. */
+static double gather_values(const struct overlay *overlay, const struct compared *compared, const struct cell *cell,
+                            double out[2][4])
 {
     double base = value_of(overlay, compared, 0, cell->tets[0], 0), most = 0;
     for (int m = 0; m < 2; m++)
@@ -200,8 +203,8 @@ static double weigh(const double weights[4], const double values[4])
     return weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
 }
 
-/* Is a linear function above a bound somewhere in the part of a tetrahedron that is before face k of the other? `at`: the function at the
- * corners; `in`: their weights, which decide with `room`. */
+/* Is a linear function above a bound somewhere in the part of a tetrahedron that is before face k of the other? `at`:
+ * the function at the corners; `in`: their weights, which decide with `room`. */
 static bool exceeds_before(double in[4][4], int k, const double at[4], double room, double bound)
 {
     for (int i = 0; i < 4; i++)
@@ -216,9 +219,10 @@ static bool exceeds_before(double in[4][4], int k, const double at[4], double ro
     return false;
 }
 
-/* May the pair have a difference above what was found? In the intersection it is at most what it is in the part of either tetrahedron
- * that is before one face of the other: of the finer mesh's, or of both. */
-static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], bool both)
+/* May the pair have a difference above what was found? In the intersection it is at most what it is in the part of
+ * either tetrahedron that is before one face of the other: of the finer mesh's, or of both. */
+static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell,
+                         double in[2][4][4], bool both)
 {
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
@@ -303,9 +307,10 @@ static bool in_box(const double box[6], const double x[3])
     return true;
 }
 
-/* The difference at an end that is above what was found: it counts only if, on one side of the end, no other tetrahedron of b that is
- * there, too, is nearer to a's value. All are asked, which is rare. */
-static quad best_difference(const struct overlay *overlay, const struct compared *compared, const struct exact_cell *exact,
+/* The difference at an end that is above what was found: it counts only if, on one side of the end, no other
+ * tetrahedron of b that is there, too, is nearer to a's value. All are asked, which is rare. */
+static quad best_difference(const struct overlay *overlay, const struct compared *compared,
+                            const struct exact_cell *exact,
                             const struct cell *cell, int end, double values[2][4], quad found)
 {
     const quad *x = exact->ends[end];
@@ -334,13 +339,14 @@ static quad best_difference(const struct overlay *overlay, const struct compared
 
 /* ---- one sheet of b
  *
- * Where b overlaps itself, a tetrahedron of a meets other sheets of b, whose values are of other places: each end of each intersection would
- * have to be asked for a better value. But where the tetrahedra of b that cover it are found one from another, across faces that it reaches
- * through, and all differ from it by little, no other one matters. */
+ * Where b overlaps itself, a tetrahedron of a meets other sheets of b, whose values are of other places: each end of
+ * each intersection would have to be asked for a better value. But where the tetrahedra of b that cover it are found
+ * one from another, across faces that it reaches through, and all differ from it by little, no other one matters. */
 
 enum cover { COVER_UNKNOWN, COVERED, NOT_COVERED };
 
-/* Does a face of the cell's tetrahedron of b, the one opposite `corner`, reach inside that of a? in: weights there of b's corners. */
+/* Does a face of the cell's tetrahedron of b, the one opposite `corner`, reach inside that of a? in: weights there of
+ * b's corners. */
 static bool reaches_through(double in[4][4], int corner, double slack)
 {
     double polygon[2][MAX_POLYGON][4], least = THIN - 2 * slack;
@@ -382,7 +388,8 @@ static bool sheet_add(struct sheet *sheet, uint32_t tet)
 }
 
 /* Goes on across a face of b, if there is another tetrahedron, on the other side of it. */
-static bool cross_face(const struct overlay *overlay, const struct weights_map *map, uint32_t tet, uint32_t face, struct sheet *sheet)
+static bool cross_face(const struct overlay *overlay, const struct weights_map *map, uint32_t tet, uint32_t face,
+                       struct sheet *sheet)
 {
     uint32_t across = overlay->neighbours[4 * (size_t)tet + face];
     if (across == TETLOD_NONE || !overlay->usable[1][across / 4])
@@ -396,8 +403,10 @@ static bool cross_face(const struct overlay *overlay, const struct weights_map *
     return weights[face][0] < 0 && sheet_add(sheet, across / 4);
 }
 
-/* Is the difference small where tetrahedron `tet` of a is in one of b, and can the sheet go on wherever a's reaches through a face of it? */
-static bool extend_sheet(const struct overlay *overlay, const struct worker *worker, uint32_t tet, uint32_t other, struct sheet *sheet)
+/* Is the difference small where tetrahedron `tet` of a is in one of b, and can the sheet go on wherever a's reaches
+ * through a face of it? */
+static bool extend_sheet(const struct overlay *overlay, const struct worker *worker, uint32_t tet, uint32_t other,
+                         struct sheet *sheet)
 {
     struct cell cell = {.tets = {tet, other}};
     struct weights_map maps[2];
@@ -408,7 +417,8 @@ static bool extend_sheet(const struct overlay *overlay, const struct worker *wor
         if (!weigh_corners(&maps[!m], overlay->meshes[m], cell.tets[m], in[m], &slacks[m]))
             return false; // they touch at most: what is beyond is not known
     cell.slack = larger(slacks[0], slacks[1]);
-    if (2 * cell.slack > THIN || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+    if (2 * cell.slack > THIN ||
+        (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
         return false;
     for (int f = 0; f < 4; f++)
         if (reaches_through(in[1], f, cell.slack) && !cross_face(overlay, &maps[1], other, (uint32_t)f, sheet))
@@ -416,8 +426,8 @@ static bool extend_sheet(const struct overlay *overlay, const struct worker *wor
     return true;
 }
 
-/* Is there a sheet of b that covers a tetrahedron of a with values that differ by no more than what was found? It has a place near the middle
- * of it, which is on no face of b but by accident. */
+/* Is there a sheet of b that covers a tetrahedron of a with values that differ by no more than what was found? It has a
+ * place near the middle of it, which is on no face of b but by accident. */
 static bool find_cover(const struct overlay *overlay, const struct worker *worker, uint32_t tet)
 {
     static const double weights_there[4] = {0.31, 0.27, 0.23, 0.19};
@@ -428,7 +438,8 @@ static bool find_cover(const struct overlay *overlay, const struct worker *worke
     for (uint32_t first = 0; first < overlay->meshes[1]->tet_count; first++) {
         struct sheet sheet = {.tets = {first}, .count = 1};
         struct weights_map map;
-        bool good = overlay->usable[1][first] && in_box(overlay->boxes + 6 * (size_t)first, middle) && same_body(overlay, tet, first);
+        bool good = overlay->usable[1][first] && in_box(overlay->boxes + 6 * (size_t)first,
+                                                        middle) && same_body(overlay, tet, first);
         if (!good)
             continue;
         const double *const places[4] = {middle, middle, middle, middle};
@@ -504,7 +515,8 @@ static bool looked_at(const struct overlay *overlay, int m, uint32_t tet)
 struct reach {
     double box[6];
     struct weights_map map;
-    double at_origin[4], rows[3][4], sizes[3][4]; /* weight k is at_origin[k] + sum over i of rows[i][k] r[i]; their absolute values */
+    /* weight k is at_origin[k] + sum over i of rows[i][k] r[i]; their absolute values */
+    double at_origin[4], rows[3][4], sizes[3][4];
 };
 
 static void reach_set(struct reach *reach, const struct tetmesh *mesh, uint32_t tet)
@@ -539,8 +551,8 @@ static inline double weights_in(const struct reach *reach, const float own[6], d
     return 2 * reach->map.noise * (size[0] + size[1] + size[2]); // no weight in the box is larger than that sum
 }
 
-/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which all corners in
- * it were then found to be? */
+/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which
+ * all corners in it were then found to be? */
 static inline bool reaches(const void *context, const float own[6])
 {
     const struct reach *reach = context;
@@ -561,7 +573,8 @@ struct weighed {
 };
 
 /* Four vertices at a time; the last ones may be the same. */
-static void weigh_cluster(const struct overlay *overlay, const struct reach *reach, uint32_t cluster, struct weighed *out)
+static void weigh_cluster(const struct overlay *overlay, const struct reach *reach, uint32_t cluster,
+                          struct weighed *out)
 {
     const struct clusters *clusters = overlay->clusters;
     const struct weights_map *map = &reach->map;
@@ -585,9 +598,10 @@ static void weigh_cluster(const struct overlay *overlay, const struct reach *rea
     }
 }
 
-/* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
- * than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
-static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse, const uint32_t tets[2],
+/* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it,
+ * or differ by less than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
+static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse,
+                         const uint32_t tets[2],
                          const struct weighed *weighed, const uint8_t corners[4])
 {
     struct cell cell; // its ends are not to be cleared, which would cost more than most pairs do
@@ -611,7 +625,8 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
     cell.slack = larger(cell.slack, slack);
     worker->cells++;
     bool hopeless = cell.slack > HOPELESS;
-    if (!hopeless && !(may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+    if (!hopeless && !(may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) &&
+                       is_worse(overlay, worker, &cell)))
         return;
     if (is_covered(overlay, worker, tets[0]))
         return;
@@ -622,7 +637,8 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
 }
 
 /* The tetrahedra of a cluster with one of the coarser mesh. */
-static void compare_cluster(const struct overlay *overlay, struct worker *worker, const struct reach *reach, uint32_t tet,
+static void compare_cluster(const struct overlay *overlay, struct worker *worker, const struct reach *reach,
+                            uint32_t tet,
                             uint32_t first, uint32_t end)
 {
     const struct clusters *clusters = overlay->clusters;
@@ -718,7 +734,8 @@ static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t
         if (overlay->options->floors && overlay->options->floors[f] == INFINITY)
             continue; // nothing is above that
         for (uint32_t k = 0; k < a->components; k++)
-            overlay->compared[overlay->compared_count++] = (struct compared){{a->values + k, b->values + k}, a->components, f};
+            overlay->compared[overlay->compared_count++] = (struct compared){{a->values + k, b->values + k},
+                                                                             a->components, f};
     }
     return TETLOD_OK;
 }
@@ -770,7 +787,8 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
                                const uint32_t *b_fields, uint32_t count, const struct overlay_options *options,
                                double *out, struct overlay_report *report, struct tetlod_error *error)
 {
-    struct overlay overlay = {.meshes = {a, b}, .finer = !options->each && b->tet_count > a->tet_count, .field_count = count, .options = options};
+    struct overlay overlay = {.meshes = {a, b}, .finer = !options->each && b->tet_count > a->tet_count,
+                              .field_count = count, .options = options};
     enum tetlod_status status;
     unsigned threads = options->threads;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;

@@ -27,7 +27,8 @@ struct overlay_levels {
 
 uint64_t overlay_levels_bytes(const struct tetmesh *original)
 {
-    return (uint64_t)original->tet_count * (16 + 3 + 48 + 2) + clusters_bytes(original->tet_count) + (uint64_t)original->vertex_count * 4;
+    return (uint64_t)original->tet_count * (16 + 3 + 48 +
+                                            2) + clusters_bytes(original->tet_count) + (uint64_t)original->vertex_count * 4;
 }
 
 void overlay_levels_free(struct overlay_levels *levels)
@@ -60,13 +61,15 @@ enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct 
                                       .fields = array_zero(fields, sizeof(struct point_field)),
                                       .numbers = array_new(fields, sizeof(uint32_t)),
                                       .most = array_new(fields, sizeof(double))};
-    if (!levels->bodies || !levels->promised || !levels->corners || !levels->usable || !levels->wanted || !levels->fields ||
+    if (!levels->bodies || !levels->promised || !levels->corners || !levels->usable || !levels->wanted ||
+        !levels->fields ||
         !levels->numbers || !levels->most) {
         overlay_levels_free(levels);
         return tetlodi_fail_nomem(error, "the overlay", overlay_levels_bytes(original));
     }
     sheets_bodies(original->corners, original->tet_count, original->vertex_count, levels->bodies);
-    levels->orientation = sheets_promised(original->positions, original->corners, coarsening->neighbours, original->tet_count,
+    levels->orientation = sheets_promised(original->positions, original->corners, coarsening->neighbours,
+                                          original->tet_count,
                                           levels->promised);
     for (uint32_t f = 0; f < fields; f++)
         levels->numbers[f] = f;
@@ -96,7 +99,8 @@ static void take_level(struct overlay_levels *levels, const struct coarsening *m
         out->tet_count++;
     }
     for (uint32_t f = 0; f < mesh->field_count; f++)
-        levels->fields[f] = (struct point_field){.components = mesh->fields[f].components, .values = mesh->fields[f].values};
+        levels->fields[f] = (struct point_field){.components = mesh->fields[f].components,
+                                                 .values = mesh->fields[f].values};
 }
 
 /* Is the finest level the original to the last bit? Then it has no difference. */
@@ -113,11 +117,13 @@ static bool is_original(const struct overlay_levels *levels, const struct coarse
     return same;
 }
 
-enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const struct coarsening *coarsening, double *io_most,
+enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const struct coarsening *coarsening,
+                                       double *io_most,
                                        struct tetlod_error *error)
 {
     const struct tetmesh *original = levels->original;
-    struct tetmesh level = {.vertex_count = coarsening->slot_count, .positions = coarsening->positions, .corners = levels->corners,
+    struct tetmesh level = {.vertex_count = coarsening->slot_count, .positions = coarsening->positions,
+                            .corners = levels->corners,
                             .field_count = coarsening->field_count, .fields = levels->fields};
     if (!levels->started && is_original(levels, coarsening)) {
         levels->started = true;
@@ -131,7 +137,8 @@ enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const stru
                                             .clusters = &levels->clusters,
                                             .floors = io_most};
     struct overlay_report report;
-    TETLOD_TRY(overlay_max(original, levels->numbers, &level, levels->numbers, original->field_count, &options, levels->most,
+    TETLOD_TRY(overlay_max(original, levels->numbers, &level, levels->numbers, original->field_count, &options,
+                           levels->most,
                            &report, error));
     memcpy(io_most, levels->most, original->field_count * sizeof *io_most);
     levels->started = true;

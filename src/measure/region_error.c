@@ -4,11 +4,11 @@
  *   1. a guess: the largest difference at a finest vertex inside a tetrahedron of the transition;
  *   2. the finest tetrahedra that may differ by more than the guess (transition.h);
  *   3. the overlay of these with the transition.
- * What is above the guess is the maximum. If nothing is, the region overlaps itself and the guess was the worse of two values: then all is
- * measured without a guess.
+ * What is above the guess is the maximum. If nothing is, the region overlaps itself and the guess was the worse of two
+ * values: then all is measured without a guess.
  *
- * A local bound b holds in a tetrahedron if neither s + (M - b) nor s - (M - b) is further than M from the original there, with s the field and
- * M the largest value of b: what they are further off is what b lacks.
+ * A local bound b holds in a tetrahedron if neither s + (M - b) nor s - (M - b) is further than M from the original
+ * there, with s the field and M the largest value of b: what they are further off is what b lacks.
  */
 #include "src/measure/region_error.h"
 
@@ -101,7 +101,8 @@ static void guess_at(struct measuring *m, const uint32_t *corners, const struct 
     }
 }
 
-/* The finest vertices in the cells that a tetrahedron of the transition touches. Along the last axis the cells lie in a row. */
+/* The finest vertices in the cells that a tetrahedron of the transition touches. Along the last axis the cells lie in a
+ * row. */
 static void guess_tet(struct measuring *m, uint32_t number)
 {
     const struct transition *t = m->transition;
@@ -137,7 +138,8 @@ static enum tetlod_status overlay_above(const struct measuring *m, double *most,
     const struct overlay_options options = {
         .threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted = t->wanted, .floors = m->guess};
     if (status == TETLOD_OK)
-        status = overlay_max(&far.mesh, t->fields.places, &t->near, t->fields.fields, t->fields.count, &options, most, &report, error);
+        status = overlay_max(&far.mesh, t->fields.places, &t->near, t->fields.fields, t->fields.count, &options, most,
+                             &report, error);
     finest_part_fini(&far);
     room_back_to(t->room, held);
     return status;
@@ -180,7 +182,8 @@ static double round_up(enum tetlod_type type, double x)
 }
 
 /* s + (M - b) and s - (M - b), at the region's vertices. */
-static void shift(const struct tetmesh *region, const struct point_field *s, const double *bounds, double most, double *out)
+static void shift(const struct tetmesh *region, const struct point_field *s, const double *bounds, double most,
+                  double *out)
 {
     size_t components = s->components, count = components * region->vertex_count;
     for (size_t i = 0; i < count; i++) {
@@ -190,8 +193,10 @@ static void shift(const struct tetmesh *region, const struct point_field *s, con
     }
 }
 
-/* Adds to the bounds at the corners of each tetrahedron what they lack in it: [tet of `near`][2], as far as it is above the floor. */
-static void raise_corners(const struct transition *t, const double *found, double floor, double most, struct point_field *bound, double *lack)
+/* Adds to the bounds at the corners of each tetrahedron what they lack in it: [tet of `near`][2], as far as it is above
+ * the floor. */
+static void raise_corners(const struct transition *t, const double *found, double floor, double most,
+                          struct point_field *bound, double *lack)
 {
     memset(lack, 0, t->region->vertex_count * sizeof *lack);
     for (size_t i = 0; i < t->near.tet_count; i++) {
@@ -215,7 +220,8 @@ static double largest_bound(const struct tetmesh *region, const struct point_fie
 }
 
 /* The local bound of compared field i. */
-static enum tetlod_status raise_bound(const struct measuring *m, const struct finest_part *all, uint32_t i, struct point_field *bound,
+static enum tetlod_status raise_bound(const struct measuring *m, const struct finest_part *all, uint32_t i,
+                                      struct point_field *bound,
                                       struct tetlod_error *error)
 {
     const struct transition *t = m->transition;
@@ -244,7 +250,8 @@ static enum tetlod_status raise_bound(const struct measuring *m, const struct fi
     fields[1].values = values + count;
     near.fields = fields;
     near.field_count = 2;
-    const struct overlay_options options = {.threads = m->threads, .bodies = {all->bodies, t->bodies}, .wanted = t->wanted, .each = found};
+    const struct overlay_options options = {.threads = m->threads, .bodies = {all->bodies, t->bodies},
+                                            .wanted = t->wanted, .each = found};
     TETLOD_TRY_DONE(overlay_max(&all->mesh, both, &near, shifted, 2, &options, unused, &report, error));
     raise_corners(t, found, floor, most - own, bound, lack);
 done:
@@ -267,7 +274,8 @@ static enum tetlod_status raise_bounds(const struct measuring *m, struct tetmesh
         any |= info->fields[f].bounds != TETLOD_NONE;
     for (uint32_t i = 0; all && i < compared->count; i++)
         all[i] = -1;
-    enum tetlod_status status = all ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's local bounds", compared->count * sizeof *all);
+    enum tetlod_status status = all ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's local bounds",
+                                                                     compared->count * sizeof *all);
     if (status == TETLOD_OK && any)
         status = transition_far(m->transition, all, &near, error);
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -288,7 +296,8 @@ static enum tetlod_status measure(struct measuring *m, struct tetmesh *region, d
     const struct tetlod_info *info = forest_info(m->transition->forest);
     double *most = array_zero(compared->count, sizeof *most);
     m->guess = array_zero(compared->count, sizeof *m->guess);
-    enum tetlod_status status = most && m->guess ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's error", compared->count * sizeof *most);
+    enum tetlod_status status = most && m->guess ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's error",
+                                                                                  compared->count * sizeof *most);
     if (status == TETLOD_OK)
         status = find_maximum(m, most, error);
     for (uint32_t i = 0; status == TETLOD_OK && i < compared->count; i++)

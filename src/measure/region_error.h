@@ -5,12 +5,14 @@
 
 #include "src/forest/region.h"
 
-/* out[f]: the largest difference of field f from the original over the transition of `region`, which region_mesh made (`tets` too), in the
- * field's units: that from the finest level, and what the finest level is off; 0 where there is no transition, and of a field that is not
- * controlled. Each body is compared with itself; where it overlaps itself, the best of the region's values counts for each of the original's.
+/* out[f]: the largest difference of field f from the original over the transition of `region`, which region_mesh made
+ * (`tets` too), in the field's units: that from the finest level, and what the finest level is off; 0 where there is no
+ * transition, and of a field that is not controlled. Each body is compared with itself; where it overlaps itself, the
+ * best of the region's values counts for each of the original's.
  *
- * The local bounds of the region (SPEC 3.3) are raised where they do not hold in a tetrahedron of the transition: at its four corners by the
- * most that they lack in it. Of a body that overlaps itself they then hold for every value of the original at a place.
+ * The local bounds of the region (SPEC 3.3) are raised where they do not hold in a tetrahedron of the transition: at
+ * its four corners by the most that they lack in it. Of a body that overlaps itself they then hold for every value of
+ * the original at a place.
  *
  * The forest has the finest level. The same on any number of threads. The room (NULL: no limit), which counts one
  * thread, is asked for memory as it goes on, and holds afterwards what it held before. ERR_NOMEM, and what the room

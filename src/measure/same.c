@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Vertices of both meshes are ranked together by position and values; a tetrahedron is then its four sorted ranks, the
- * parity of the sorting, and the rank of its own values. What has the same bits has the same rank: nothing distinguishes it. */
+ * parity of the sorting, and the rank of its own values. What has the same bits has the same rank: nothing
+ * distinguishes it. */
 #include "src/measure/same.h"
 
 #include <stdlib.h>
@@ -36,7 +37,8 @@ static int compare_keys(const void *left, const void *right)
 }
 
 /* Rows of vertices: position and values; of tetrahedra: values. Those of the fields that `names` has. */
-static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, bool cell, double *numbers, uint32_t width)
+static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, bool cell, double *numbers,
+                      uint32_t width)
 {
     const struct point_field *fields = cell ? mesh->cell_fields : mesh->fields;
     uint32_t field_count = cell ? names->cell_field_count : names->field_count, at = cell ? 0 : 3;
@@ -47,13 +49,15 @@ static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, b
         const struct point_field *field = cell ? &fields[tetmesh_find_cell_field(mesh, names->cell_fields[f].name)]
                                                : &fields[tetmesh_find_field(mesh, names->fields[f].name)];
         for (size_t i = 0; i < count; i++)
-            memcpy(numbers + i * width + at, field->values + i * field->components, field->components * sizeof *numbers);
+            memcpy(numbers + i * width + at, field->values + i * field->components,
+                   field->components * sizeof *numbers);
         at += field->components;
     }
 }
 
 /* The rank of every vertex, or of every tetrahedron's values, a's then b's, among the different rows. */
-static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmesh *b, bool cell, uint32_t width, uint32_t *ranks,
+static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmesh *b, bool cell, uint32_t width,
+                                    uint32_t *ranks,
                                     struct tetlod_error *error)
 {
     size_t first = cell ? a->tet_count : a->vertex_count, count = first + (cell ? b->tet_count : b->vertex_count);
@@ -103,10 +107,12 @@ static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks, 
 }
 
 /* `values`: the ranks of the tetrahedra's own values, or NULL. */
-static enum tetlod_status compare_tets(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks, const uint32_t *values,
+static enum tetlod_status compare_tets(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks,
+                                       const uint32_t *values,
                                        struct tetlod_error *error)
 {
-    struct key *in_a = make_keys(a, ranks, values), *in_b = make_keys(b, ranks + a->vertex_count, values ? values + a->tet_count : NULL);
+    struct key *in_a = make_keys(a, ranks, values), *in_b = make_keys(b, ranks + a->vertex_count,
+                                                                      values ? values + a->tet_count : NULL);
     enum tetlod_status status = TETLOD_OK;
     uint32_t missing = 0;
     if (!in_a || !in_b)
@@ -133,7 +139,8 @@ static enum tetlod_status check_fields(const struct tetmesh *a, const struct tet
         const struct point_field *other = found == TETLOD_NONE ? NULL : cell ? &a->cell_fields[found] : &a->fields[found];
         if (!other || other->components != field->components ||
             (field->is_integer ? !other->is_integer : other->type != field->type))
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the input has no field '%.100s'%s of that type", field->name,
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the input has no field '%.100s'%s of that type",
+                                field->name,
                                 cell ? " of cells" : "");
         *width += field->components;
     }

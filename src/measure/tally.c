@@ -62,7 +62,8 @@ void tally_add_up_kept(const float *errors, size_t count, double scale, struct t
     out->most /= scale;
 }
 
-void tally_result(const struct tally *tallies, size_t chunks, double scale, size_t counted, double *out_most, double *out_rms)
+void tally_result(const struct tally *tallies, size_t chunks, double scale, size_t counted, double *out_most,
+                  double *out_rms)
 {
     double squares = 0, most = 0;
     for (size_t i = 0; i < chunks; i++) {

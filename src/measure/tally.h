@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The largest error and the sum of squares over samples, by chunks of their numbers: the order of additions is fixed, so threads do not
- * change it, and a chunk in which an error changed is added up anew. Measuring by what changed gives the same bits as measuring
- * all of it.
+ * The largest error and the sum of squares over samples, by chunks of their numbers: the order of additions is fixed,
+ * so threads do not change it, and a chunk in which an error changed is added up anew. Measuring by what changed gives
+ * the same bits as measuring all of it.
  */
 #ifndef TETLOD_TALLY_H
 #define TETLOD_TALLY_H
@@ -25,8 +25,8 @@ struct tally {
     double most;
 };
 
-/* A power of two that brings errors of a field below 1, so that no square overflows: of two meshes whose values are in these
- * ranges. */
+/* A power of two that brings errors of a field below 1, so that no square overflows: of two meshes whose values are in
+ * these ranges. */
 double tally_scale(const double a[2], const double b[2]);
 
 /* An error times the scale, rounded up to what a float holds: it may be kept for every sample. */
@@ -46,6 +46,7 @@ void tally_add_up_kept(const float *errors, size_t count, double scale, struct t
 void tally_add_up(const double *errors, size_t count, double scale, struct tally *out);
 
 /* The largest of all, and the root of the mean square over `counted` samples. */
-void tally_result(const struct tally *tallies, size_t chunks, double scale, size_t counted, double *out_most, double *out_rms);
+void tally_result(const struct tally *tallies, size_t chunks, double scale, size_t counted, double *out_most,
+                  double *out_rms);
 
 #endif

@@ -18,7 +18,8 @@ void finest_part_fini(struct finest_part *part)
 
 void transition_fini(struct transition *t)
 {
-    void *const owned[] = {t->fields.fields, t->fields.places, t->fields.of,      t->tets.corners,   t->near.corners, t->wanted,
+    void *const owned[] = {t->fields.fields, t->fields.places, t->fields.of,      t->tets.corners,   t->near.corners,
+                           t->wanted,
                            t->bodies,        t->finest.cells,  t->finest.corners, t->finest.bodies, t->finest.values, t->finest.positions};
     value_grid_fini(&t->grid);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
@@ -114,7 +115,8 @@ static enum tetlod_status make_grid(struct transition *t, struct tetlod_error *e
 
 /* ---- the finest level ---- */
 
-static void read_vertices(struct transition *t, const struct forest_view *view, uint32_t first, size_t count, double *block)
+static void read_vertices(struct transition *t, const struct forest_view *view, uint32_t first, size_t count,
+                          double *block)
 {
     const struct tetlod_info *info = forest_info(t->forest);
     uint32_t width = t->fields.width;
@@ -159,7 +161,8 @@ static enum tetlod_status take_finest(struct transition *t, struct tetlod_error 
     const struct finest *f = &t->finest;
     if (!block || !f->positions || !f->values || !f->cells || !f->corners || !f->bodies) {
         free(block);
-        return tetlodi_fail_nomem(error, "a region's error", vertices * (uint64_t)(8 * width + 31) + level->tets * (uint64_t)16);
+        return tetlodi_fail_nomem(error, "a region's error",
+                                  vertices * (uint64_t)(8 * width + 31) + level->tets * (uint64_t)16);
     }
     enum tetlod_status status = forest_view_new(&view, t->forest, info->level_count - 1, error);
     for (uint32_t first = 0; status == TETLOD_OK && first < vertices; first += BLOCK)
@@ -185,8 +188,10 @@ static struct span span_of(const uint8_t cells[4][3])
 {
     struct span span;
     for (int i = 0; i < 3; i++) {
-        int low[2] = {cells[0][i] < cells[1][i] ? cells[0][i] : cells[1][i], cells[2][i] < cells[3][i] ? cells[2][i] : cells[3][i]};
-        int high[2] = {cells[0][i] > cells[1][i] ? cells[0][i] : cells[1][i], cells[2][i] > cells[3][i] ? cells[2][i] : cells[3][i]};
+        int low[2] = {cells[0][i] < cells[1][i] ? cells[0][i] : cells[1][i],
+                      cells[2][i] < cells[3][i] ? cells[2][i] : cells[3][i]};
+        int high[2] = {cells[0][i] > cells[1][i] ? cells[0][i] : cells[1][i],
+                       cells[2][i] > cells[3][i] ? cells[2][i] : cells[3][i]};
         span.from[i] = low[0] < low[1] ? low[0] : low[1];
         span.to[i] = high[0] > high[1] ? high[0] : high[1];
     }
@@ -208,7 +213,9 @@ static bool is_near(const struct transition *t, size_t tet)
     uint8_t cells[4][3];
     for (size_t c = 0; c < 4; c++)
         for (int i = 0; i < 3; i++)
-            cells[c][i] = grid_coordinate(&t->grid, t->region->positions[3 * (size_t)t->region->corners[4 * tet + c] + (size_t)i], i);
+            cells[c][i] = grid_coordinate(&t->grid,
+                                          t->region->positions[3 * (size_t)t->region->corners[4 * tet + c] +
+                                                               (size_t)i], i);
     struct span span = span_of((const uint8_t(*)[3])cells);
     return touches(t, &span);
 }
@@ -289,7 +296,8 @@ static bool may_be_far(const struct transition *t, const uint32_t corners[4], co
 }
 
 /* Numbers the part's vertices in the order in which they are met. */
-static enum tetlod_status take_far(const struct transition *t, const double *limits, uint32_t *numbers, struct tetmesh *out, struct tetlod_error *error)
+static enum tetlod_status take_far(const struct transition *t, const double *limits, uint32_t *numbers,
+                                   struct tetmesh *out, struct tetlod_error *error)
 {
     size_t capacity = 0;
     memset(numbers, 0xff, t->finest.vertices * sizeof *numbers);
@@ -310,7 +318,8 @@ static enum tetlod_status take_far(const struct transition *t, const double *lim
     return TETLOD_OK;
 }
 
-static enum tetlod_status take_vertices(const struct transition *t, const uint32_t *numbers, struct finest_part *out, struct tetlod_error *error)
+static enum tetlod_status take_vertices(const struct transition *t, const uint32_t *numbers, struct finest_part *out,
+                                        struct tetlod_error *error)
 {
     struct tetmesh *mesh = &out->mesh;
     TETLOD_TRY(room_take(t->room,
@@ -333,19 +342,22 @@ static enum tetlod_status take_vertices(const struct transition *t, const uint32
         memcpy(mesh->positions + 3 * (size_t)to, t->finest.positions + 3 * (size_t)v, 3 * sizeof *mesh->positions);
         out->bodies[to] = t->finest.bodies[v];
         for (uint32_t i = 0; i < mesh->field_count; row += mesh->fields[i++].components)
-            memcpy(mesh->fields[i].values + (size_t)to * mesh->fields[i].components, row, mesh->fields[i].components * sizeof *row);
+            memcpy(mesh->fields[i].values + (size_t)to * mesh->fields[i].components, row,
+                   mesh->fields[i].components * sizeof *row);
     }
     return TETLOD_OK;
 }
 
-enum tetlod_status transition_far(const struct transition *t, const double *limits, struct finest_part *out, struct tetlod_error *error)
+enum tetlod_status transition_far(const struct transition *t, const double *limits, struct finest_part *out,
+                                  struct tetlod_error *error)
 {
     const uint64_t numbering = t->finest.vertices * sizeof(uint32_t);
     *out = (struct finest_part){0};
     TETLOD_TRY(room_take(t->room, numbering, error));
     uint32_t *numbers = array_new(t->finest.vertices, sizeof *numbers);
     enum tetlod_status status = numbers ? take_far(t, limits, numbers, &out->mesh, error)
-                                        : tetlodi_fail_nomem(error, "a region's error", t->finest.vertices * (uint64_t)4);
+                                        : tetlodi_fail_nomem(error, "a region's error",
+                                                             t->finest.vertices * (uint64_t)4);
     if (status == TETLOD_OK)
         status = take_vertices(t, numbers, out, error);
     free(numbers);

@@ -73,7 +73,8 @@ struct component {
     double reach; /* how far its gradient goes from the middle of a cell; INFINITY: not known */
 };
 
-static void set_component(const struct value_grid *grid, const struct grid_tet *tet, const double *const rows[4], uint32_t c, struct component *out)
+static void set_component(const struct value_grid *grid, const struct grid_tet *tet, const double *const rows[4],
+                          uint32_t c, struct component *out)
 {
     double *values = out->values;
     for (int k = 0; k < 4; k++)
@@ -102,7 +103,8 @@ static void widen(const struct component *component, const struct part *part, do
 }
 
 /* `components` has room for [width]. */
-static void mark(struct value_grid *grid, const struct grid_tet *tet, const double *const values[4], struct component *components)
+static void mark(struct value_grid *grid, const struct grid_tet *tet, const double *const values[4],
+                 struct component *components)
 {
     int first[3], last[3], at[3];
     for (uint32_t c = 0; c < grid->width; c++)
@@ -161,7 +163,8 @@ enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh
 {
     const int side = choose_side(mesh->tet_count, width);
     size_t cells = (size_t)side * (size_t)side * (size_t)side, ranges = cells * width;
-    *grid = (struct value_grid){.side = side, .cell_count = cells, .width = width, .ranges = array_new(ranges, 2 * sizeof *grid->ranges),
+    *grid = (struct value_grid){.side = side, .cell_count = cells, .width = width,
+                                .ranges = array_new(ranges, 2 * sizeof *grid->ranges),
                                 .marked = array_zero(cells, 1)};
     struct component *components = array_new(width, sizeof *components);
     if (!grid->ranges || !grid->marked || !components) {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A grid over a mesh that knows which values the mesh has where: for each cell and component the range of what the tetrahedra that meet
- * the cell have in it. So most tetrahedra of another mesh are known to differ by little without a look at pairs.
+ * A grid over a mesh that knows which values the mesh has where: for each cell and component the range of what the
+ * tetrahedra that meet the cell have in it. So most tetrahedra of another mesh are known to differ by little without a
+ * look at pairs.
  */
 #ifndef TETLOD_VALUE_GRID_H
 #define TETLOD_VALUE_GRID_H
@@ -17,7 +18,8 @@ struct value_grid {
     unsigned char *marked; /* [cell_count] something is there */
 };
 
-/* A tetrahedron as linear functions: weights[1 + i] = rows[i] . (p - origin). Not known of thin ones, where rounding says anything. */
+/* A tetrahedron as linear functions: weights[1 + i] = rows[i] . (p - origin). Not known of thin ones, where rounding
+ * says anything. */
 struct grid_tet {
     bool known;
     const double *corners[4];
@@ -27,7 +29,8 @@ struct grid_tet {
 void grid_tet_set(struct grid_tet *tet, const struct tetmesh *mesh, uint32_t number);
 
 /* values: [width] for each vertex of the mesh. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh *mesh, const double *values, uint32_t width,
+TETLOD_CHECKED enum tetlod_status value_grid_init(struct value_grid *grid, const struct tetmesh *mesh,
+                                                  const double *values, uint32_t width,
                                                   struct tetlod_error *error);
 void value_grid_fini(struct value_grid *grid);
 

@@ -10,8 +10,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A point this far outside by a barycentric weight is on the face, if nothing is behind it; this far it is inside. The rounding of
- * well shaped tetrahedra is far below either. */
+/* A point this far outside by a barycentric weight is on the face, if nothing is behind it; this far it is inside. The
+ * rounding of well shaped tetrahedra is far below either. */
 static const double ON_FACE = -1e-9, INSIDE = -1e-13;
 
 /* Of the volume of a box with the same edges: weights in a thinner tetrahedron have few digits that are right. */
@@ -188,7 +188,8 @@ static bool meets(const struct walk_cell *cell, const double start[3], const dou
         size = larger(size, fabs(start[i % 3]));
         steep += fabs(cell->rows[i / 3][i % 3]);
     }
-    double room = -ON_FACE + DBL_EPSILON * size * steep; // by how much rounding of its coordinates may put the start beside the face
+    // by how much rounding of its coordinates may put the start beside the face
+    double room = -ON_FACE + DBL_EPSILON * size * steep;
     for (int i = 0; i < 4; i++) {
         double at = a[i] + room, end = b[i] + room; // >= 0 inside
         if (at < 0 && end < 0)

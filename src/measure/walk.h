@@ -38,18 +38,20 @@ struct walker {
 /* out [4][width]: the values at the first of four vertices, and what those at the others are above it. */
 void walk_gather(const struct walk_component *components, size_t width, const uint32_t vertices[4], double *out);
 
-TETLOD_CHECKED enum tetlod_status walker_init(struct walker *walker, const struct coarsening *mesh, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status walker_init(struct walker *walker, const struct coarsening *mesh,
+                                              struct tetlod_error *error);
 void walker_fini(struct walker *walker);
 
 /* After a step the cells are not what they were. */
 void walker_reset(struct walker *walker);
 
-/* From `from` across the face that p is furthest behind. The cell that holds p (weights >= -1e-9), or NULL if the walk leaves the
- * mesh, comes to a flat tetrahedron, or does not end soon: that decides nothing. */
+/* From `from` across the face that p is furthest behind. The cell that holds p (weights >= -1e-9), or NULL if the walk
+ * leaves the mesh, comes to a flat tetrahedron, or does not end soon: that decides nothing. */
 const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const double p[3], double weights[4]);
 
-/* Through all tetrahedra, face to face, that the straight line from `start`, a point of the tetrahedron `from`, to p meets. Where
- * `start` is the boundary's closest point to p, NULL says that p is outside. *out_room is false if memory was short. */
+/* Through all tetrahedra, face to face, that the straight line from `start`, a point of the tetrahedron `from`, to p
+ * meets. Where `start` is the boundary's closest point to p, NULL says that p is outside. *out_room is false if memory
+ * was short. */
 const struct walk_cell *walk_along(struct walker *walker, uint32_t from, const double start[3], const double p[3],
                                    double weights[4], bool *out_room);
 

@@ -102,7 +102,8 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
     }
     if (faces)
         overfull = match_buckets(corners, slots, bucket, vertex_count, faces, neighbours);
-    enum tetlod_status status = faces ? TETLOD_OK : tetlodi_fail_nomem(error, "the adjacency", slot_count * sizeof *slots);
+    enum tetlod_status status = faces ? TETLOD_OK : tetlodi_fail_nomem(error, "the adjacency",
+                                                                       slot_count * sizeof *slots);
     free(bucket);
     free(slots);
     free(faces);

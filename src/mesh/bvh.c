@@ -81,7 +81,8 @@ static int longest_axis(const struct item *items, size_t count)
     return longest;
 }
 
-/* Items of a node with so many leaves below it: as many as the first half of them holds go there, the least along one axis. */
+/* Items of a node with so many leaves below it: as many as the first half of them holds go there, the least along one
+ * axis. */
 static void order_items(struct item *items, size_t count, uint32_t leaves, uint32_t leaf)
 {
     for (; count > leaf; leaves /= 2) {
@@ -110,7 +111,8 @@ static void join_boxes(float *out, const float *a, const float *b)
     }
 }
 
-static void fill_leaf(struct bvh *bvh, uint32_t leaf, const double *positions, const uint32_t *primitives, unsigned vertices)
+static void fill_leaf(struct bvh *bvh, uint32_t leaf, const double *positions, const uint32_t *primitives,
+                      unsigned vertices)
 {
     double box[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY}, one[6];
     uint64_t first = (uint64_t)leaf * bvh->leaf;

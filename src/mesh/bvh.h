@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A balanced hierarchy of boxes over primitives, halved along the longest axis: implicit, a node's children are 2i+1 and 2i+2. */
+/* A balanced hierarchy of boxes over primitives, halved along the longest axis: implicit, a node's children are 2i+1
+ * and 2i+2. */
 #ifndef TETLOD_BVH_H
 #define TETLOD_BVH_H
 
@@ -17,9 +18,10 @@ struct bvh {
 
 enum { BVH_LEAF = 4, BVH_DEPTH = 40 };
 
-/* Over `count` primitives with the given corner points each (1, 3 or 4 vertices), `leaf` of them in a leaf: BVH_LEAF, where nothing is
- * known of more. ERR_NOMEM. O(n log n). */
-TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
+/* Over `count` primitives with the given corner points each (1, 3 or 4 vertices), `leaf` of them in a leaf: BVH_LEAF,
+ * where nothing is known of more. ERR_NOMEM. O(n log n). */
+TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives,
+                                            uint32_t count,
                                             unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error);
 void bvh_fini(struct bvh *bvh);
 
@@ -49,8 +51,10 @@ static inline bool bvh_boxes_meet(const double box[6], const float own[6])
     return meets;
 }
 
-/* The next leaf whose own box, and those of all nodes above it, `meets` says true of: it holds order[*out_first .. *out_end). */
-static inline bool bvh_next_leaf_where(struct bvh_walk *walk, bool (*meets)(const void *context, const float own[6]), const void *context,
+/* The next leaf whose own box, and those of all nodes above it, `meets` says true of: it holds order[*out_first ..
+ * *out_end). */
+static inline bool bvh_next_leaf_where(struct bvh_walk *walk, bool (*meets)(const void *context, const float own[6]),
+                                       const void *context,
                                        uint32_t *out_first, uint32_t *out_end)
 {
     const struct bvh *bvh = walk->bvh;
@@ -83,8 +87,8 @@ static inline bool bvh_next_leaf(struct bvh_walk *walk, const double box[6], uin
     return bvh_next_leaf_where(walk, bvh_meets_box, box, out_first, out_end);
 }
 
-/* Primitives of the leaves that meet a box (lower corner, upper corner): all that meet it, and some near it. Their number is
- * returned, of which the first `most` are written. */
+/* Primitives of the leaves that meet a box (lower corner, upper corner): all that meet it, and some near it. Their
+ * number is returned, of which the first `most` are written. */
 uint32_t bvh_find_box(const struct bvh *bvh, const double box[6], uint32_t *out, uint32_t most);
 
 #endif

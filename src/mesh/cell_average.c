@@ -12,8 +12,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* Adds a component's values times the volumes at the points; a degenerate tetrahedron has a weight that only counts where
- * all around a point are so. */
+/* Adds a component's values times the volumes at the points; a degenerate tetrahedron has a weight that only counts
+ * where all around a point are so. */
 static void gather(const struct tetmesh *mesh, const struct point_field *from, uint32_t component, double *sums,
                    double *weights)
 {
@@ -23,7 +23,8 @@ static void gather(const struct tetmesh *mesh, const struct point_field *from, u
         double value = from->values[t * from->components + component];
         if (!isfinite(value))
             continue;
-        double weight = fabs(tet_volume6(p + 3 * (size_t)c[0], p + 3 * (size_t)c[1], p + 3 * (size_t)c[2], p + 3 * (size_t)c[3]));
+        double weight = fabs(tet_volume6(p + 3 * (size_t)c[0], p + 3 * (size_t)c[1], p + 3 * (size_t)c[2],
+                                         p + 3 * (size_t)c[3]));
         weight = weight > 0 ? weight : DBL_MIN;
         for (int k = 0; k < 4; k++) {
             sums[c[k]] += weight * value;

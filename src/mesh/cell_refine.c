@@ -13,7 +13,8 @@ static const struct edge hexahedron_edges[] = {{0, 1, 8},  {1, 2, 9},  {2, 3, 10
                                                {6, 7, 14}, {7, 4, 15}, {0, 4, 16}, {1, 5, 17}, {2, 6, 18}, {3, 7, 19}};
 static const struct edge wedge_edges[] = {{0, 1, 6},  {1, 2, 7},  {2, 0, 8},  {3, 4, 9}, {4, 5, 10},
                                           {5, 3, 11}, {0, 3, 12}, {1, 4, 13}, {2, 5, 14}};
-static const struct edge pyramid_edges[] = {{0, 1, 5}, {1, 2, 6}, {2, 3, 7}, {3, 0, 8}, {0, 4, 9}, {1, 4, 10}, {2, 4, 11}, {3, 4, 12}};
+static const struct edge pyramid_edges[] = {{0, 1, 5}, {1, 2, 6}, {2, 3, 7}, {3, 0, 8}, {0, 4, 9}, {1, 4, 10},
+                                            {2, 4, 11}, {3, 4, 12}};
 
 static const struct {
     const struct edge *edges;

@@ -83,7 +83,8 @@ void cell_tets_turn(uint32_t (*tets)[4], size_t count, const double *positions)
         cell_tet_turn(tets[t]);
 }
 
-/* The cone from `apex` over the triangles of a face that it is not a corner of; the face is fanned from its smallest vertex. */
+/* The cone from `apex` over the triangles of a face that it is not a corner of; the face is fanned from its smallest
+ * vertex. */
 static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32_t tets[][4])
 {
     unsigned least = 0, count = 0;
@@ -102,8 +103,8 @@ static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32
     return count;
 }
 
-/* The cell as a cone from one of its corners; *least is the least volume of a tetrahedron as a fraction of the cell's: negative if
- * one is inverted. */
+/* The cell as a cone from one of its corners; *least is the least volume of a tetrahedron as a fraction of the cell's:
+ * negative if one is inverted. */
 static unsigned cone_from(const struct shape *s, const uint32_t *corners, uint32_t apex, const double *positions,
                           uint32_t tets[CELL_MOST_TETS][4], double *least)
 {
@@ -137,7 +138,8 @@ unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double
         apex = corners[c] < apex ? corners[c] : apex;
     unsigned count = cone_from(s, corners, apex, positions, tets, &least);
     best = least;
-    for (unsigned c = 0; c < s->corners && best < -NOISE; c++) { // from another corner: other diagonals inside, the same on the faces
+    // from another corner: other diagonals inside, the same on the faces
+    for (unsigned c = 0; c < s->corners && best < -NOISE; c++) {
         unsigned other = cone_from(s, corners, corners[c], positions, trial, &least);
         if (least <= best)
             continue;
@@ -162,7 +164,8 @@ static const uint8_t five_tets[2][5][4] = {
     {{0, 5, 2, 7}, {1, 2, 0, 5}, {3, 0, 2, 7}, {4, 7, 5, 0}, {6, 5, 7, 2}},
 };
 
-/* With the cells that have i + j + k even split in the first way or in the second. Gives how many tetrahedra are inverted. */
+/* With the cells that have i + j + k even split in the first way or in the second. Gives how many tetrahedra are
+ * inverted. */
 static size_t split_by_parity(const uint32_t dims[3], const double *positions, unsigned parity, uint32_t *corners)
 {
     uint32_t row = dims[0], slab = dims[0] * dims[1];

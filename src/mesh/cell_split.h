@@ -6,8 +6,8 @@
 #include "format/tetlod.h"
 
 /*
- * Corners as in VTK: hexahedron 0 1 2 3 the bottom counter-clockwise seen from above, 4 5 6 7 above them; pyramid 0 1 2 3
- * the base, 4 the apex; prisms the bottom polygon, then the top one.
+ * Corners as in VTK: hexahedron 0 1 2 3 the bottom counter-clockwise seen from above, 4 5 6 7 above them; pyramid 0 1 2
+ * 3 the base, 4 the apex; prisms the bottom polygon, then the top one.
  */
 enum cell_shape {
     CELL_TET,
@@ -27,10 +27,10 @@ unsigned cell_corners(enum cell_shape shape);
 const uint8_t *cell_face(enum cell_shape shape, unsigned face, unsigned *out_sides);
 
 /* The tetrahedra of a cell other than a tetrahedron; returns their number. Every face is fanned from its vertex of
- * smallest id and the cell is the cone over them from its own smallest one, so two cells that share a face cut it the same
- * way. Where that inverts a tetrahedron, because the cell is bent, it is the cone from the corner that inverts none, or whose
- * least volume is the largest. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned as a whole to positive
- * volume. */
+ * smallest id and the cell is the cone over them from its own smallest one, so two cells that share a face cut it the
+ * same way. Where that inverts a tetrahedron, because the cell is bent, it is the cone from the corner that inverts
+ * none, or whose least volume is the largest. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned
+ * as a whole to positive volume. */
 unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
                     uint32_t tets[CELL_MOST_TETS][4]);
 

@@ -27,17 +27,20 @@ bool displacement_moves(const struct tetmesh *mesh, const struct tetmesh *first)
     return memcmp(mesh->positions, first->positions, 24 * (size_t)first->vertex_count) != 0;
 }
 
-enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh *first, uint64_t *io_rounded, struct tetlod_error *error)
+enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh *first, uint64_t *io_rounded,
+                                     struct tetlod_error *error)
 {
     size_t count = 3 * (size_t)first->vertex_count;
     if (tetmesh_find_field(mesh, DISPLACEMENT_FIELD) != TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "its points move, which takes a field '" DISPLACEMENT_FIELD "', and there is one already: rename it");
+        return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                            "its points move, which takes a field '" DISPLACEMENT_FIELD "', and there is one already: rename it");
     TETLOD_TRY(tetmesh_add_field(mesh, DISPLACEMENT_FIELD, 3, TETLOD_FLOAT64, error));
     double *values = mesh->fields[mesh->field_count - 1].values;
     for (size_t i = 0; i < count; i++) {
         double from = first->positions[i], to = mesh->positions[i], by = to - from, single = (double)(float)by;
         if (!isfinite(by))
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu moves from %g to %g, too far for a number", i / 3, from, to);
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu moves from %g to %g, too far for a number", i / 3,
+                                from, to);
         values[i] = tetlodi_round(first->position_type, from + single) == to ? single : by; // as decoders add it
         *io_rounded += tetlodi_round(first->position_type, from + values[i]) != to;
     }
@@ -49,7 +52,8 @@ enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh 
 
 static int orientation(const double *positions, const uint32_t *corners)
 {
-    return tet_orientation(positions + 3 * (size_t)corners[0], positions + 3 * (size_t)corners[1], positions + 3 * (size_t)corners[2],
+    return tet_orientation(positions + 3 * (size_t)corners[0], positions + 3 * (size_t)corners[1],
+                           positions + 3 * (size_t)corners[2],
                            positions + 3 * (size_t)corners[3]);
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The grid that a stream's numbers lie on: (type)(origin + step * k), 0 <= k <= most < 2^bits. bits = 0: there is none, and every
- * number of the type will do. */
+/* The grid that a stream's numbers lie on: (type)(origin + step * k), 0 <= k <= most < 2^bits. bits = 0: there is none,
+ * and every number of the type will do. */
 #ifndef TETLOD_GRID_H
 #define TETLOD_GRID_H
 

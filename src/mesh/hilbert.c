@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Skilling's transposed form of the curve (Programming the Hilbert curve, 2004), then a stable radix sort of the keys. */
+/* Skilling's transposed form of the curve (Programming the Hilbert curve, 2004), then a stable radix sort of the
+ * keys. */
 #include "src/mesh/hilbert.h"
 
 #include <stdlib.h>
@@ -96,5 +97,6 @@ enum tetlod_status hilbert_order(const double *positions, uint32_t count, uint32
     free(keys);
     free(other);
     free(starts);
-    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the order of the vertices", (uint64_t)count * 2 * sizeof *keys);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the order of the vertices",
+                                                 (uint64_t)count * 2 * sizeof *keys);
 }

@@ -10,7 +10,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A point this far outside by a barycentric weight is on the face: the rounding of well shaped tetrahedra is far below. */
+/* A point this far outside by a barycentric weight is on the face: the rounding of well shaped tetrahedra is far
+ * below. */
 static const double ON_FACE = -1e-9;
 
 enum tetlod_status locator_init(struct locator *locator, const double *positions, uint32_t vertex_count,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * All is read off the links. The link of vertex v has a triangle for each tetrahedron of its star; a link edge (a, b)
- * stands for the face (v, a, b), a link vertex for the edge from v to it. Faces are counted where v is their least vertex,
- * edges at both ends.
+ * stands for the face (v, a, b), a link vertex for the edge from v to it. Faces are counted where v is their least
+ * vertex, edges at both ends.
  *
  * A link whose edges have at most two triangles, that is connected across edges, and that is closed with Euler
  * characteristic 2 or has a boundary and characteristic 1, is a sphere or a disc: a vertex at which such a surface
@@ -131,7 +131,8 @@ static void count_duplicates(struct check *c, uint32_t v, uint32_t count)
         c->report->duplicate_tets += compare_triangles(c->triangles[t - 1], c->triangles[t]) == 0;
 }
 
-/* Sorts ids and gives how many different ones there are; *out_not_twice, how many of them are not there exactly twice. */
+/* Sorts ids and gives how many different ones there are; *out_not_twice, how many of them are not there exactly
+ * twice. */
 static uint32_t count_different(uint32_t *ids, size_t count, uint32_t *out_not_twice)
 {
     uint32_t different = 0;
@@ -188,7 +189,8 @@ static void check_link(struct check *c, uint32_t v)
         }
     }
     report->boundary_vertices += boundary_ends > 0;
-    report->boundary_edges += count_different(c->ends, boundary_ends, &not_twice); // each edge twice, from both its ends
+    // each edge twice, from both its ends
+    report->boundary_edges += count_different(c->ends, boundary_ends, &not_twice);
     report->boundary_singular_edges += not_twice;
     for (size_t i = 0; i < sides; i++) {
         c->ends[edge_ends++] = c->edges[i].low;

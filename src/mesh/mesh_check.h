@@ -12,7 +12,8 @@ struct mesh_report {
 
     int orientation;           /* of the majority by volume: +1, -1, or 0 if the volumes cancel out */
     uint32_t degenerate_tets;  /* by TET_DEGENERATE */
-    uint32_t turned_tets;      /* numbered against those that they share faces with (orient.h); all that follows is without that */
+    /* numbered against those that they share faces with (orient.h); all that follows is without that */
+    uint32_t turned_tets;
     uint32_t inverted_tets;    /* against the majority */
     uint32_t duplicate_tets;   /* with the same four vertices as another one, which is not counted */
     double volume;             /* the absolute value of the sum of signed volumes */

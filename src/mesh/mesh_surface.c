@@ -27,10 +27,12 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
     for (size_t s = 0; s < slots; s++)
         if (neighbours[s] == TETLOD_NONE && (!states || (states[s / 4] >= least && states[s / 4] <= most))) {
             for (int i = 0; i < 3; i++)
-                surface->triangles[3 * (size_t)surface->count + (size_t)i] = corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
+                surface->triangles[3 * (size_t)surface->count + (size_t)i] = corners[(s & ~(size_t)3) +
+                                                                                     tet_faces[s & 3][i]];
             surface->faces[surface->count++] = (uint32_t)s;
         }
-    enum tetlod_status status = bvh_build(&surface->boxes, positions, surface->triangles, surface->count, 3, BVH_LEAF, error);
+    enum tetlod_status status = bvh_build(&surface->boxes, positions, surface->triangles, surface->count, 3, BVH_LEAF,
+                                          error);
     if (status != TETLOD_OK)
         mesh_surface_fini(surface);
     return status;
@@ -45,7 +47,8 @@ void mesh_surface_fini(struct mesh_surface *surface)
 }
 
 /* The square of the distance; what is within the square `enough` ends the search. */
-static double search(const struct mesh_surface *surface, uint32_t body, const double p[3], double enough, struct place *out,
+static double search(const struct mesh_surface *surface, uint32_t body, const double p[3], double enough,
+                     struct place *out,
                      uint32_t *out_triangle)
 {
     const struct bvh *bvh = &surface->boxes;

@@ -59,7 +59,8 @@ static void drop_repeated(struct holes *holes)
     holes->first[holes->count] = kept;
 }
 
-static bool find_holes(const struct tetmesh *mesh, const struct point_field *field, uint32_t component, struct holes *out)
+static bool find_holes(const struct tetmesh *mesh, const struct point_field *field, uint32_t component,
+                       struct holes *out)
 {
     uint32_t k = field->components, *number = array_new(mesh->vertex_count, sizeof *number); /* the hole of a vertex */
     out->vertices = array_new(mesh->vertex_count, sizeof *out->vertices);
@@ -110,7 +111,8 @@ static bool fill_ring(struct point_field *field, uint32_t component, const struc
     return any;
 }
 
-static enum tetlod_status fill_from_neighbours(const struct tetmesh *mesh, struct point_field *field, uint32_t component, uint64_t *io_count,
+static enum tetlod_status fill_from_neighbours(const struct tetmesh *mesh, struct point_field *field,
+                                               uint32_t component, uint64_t *io_count,
                                                struct tetlod_error *error)
 {
     struct holes holes = {0};
@@ -118,7 +120,8 @@ static enum tetlod_status fill_from_neighbours(const struct tetmesh *mesh, struc
     while (room && fill_ring(field, component, &holes, io_count))
         ;
     holes_fini(&holes);
-    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the values that are filled", mesh->vertex_count * (uint64_t)24);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the values that are filled",
+                                                 mesh->vertex_count * (uint64_t)24);
 }
 
 enum tetlod_status nan_fill(struct tetmesh *mesh, const struct nan_fill *fill, uint64_t *out_count,

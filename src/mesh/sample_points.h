@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The points at which the error of a level is sampled: every vertex of the original, and in each of its tetrahedra the centroid
- * and a point at random, which follows from the positions of the corners: a mesh is sampled alike in whatever order it lists
- * its vertices, tetrahedra and corners. Samples 0 .. vertices-1 are the vertices; tetrahedron t has SAMPLES_PER_TET more.
+ * The points at which the error of a level is sampled: every vertex of the original, and in each of its tetrahedra the
+ * centroid and a point at random, which follows from the positions of the corners: a mesh is sampled alike in whatever
+ * order it lists its vertices, tetrahedra and corners. Samples 0 .. vertices-1 are the vertices; tetrahedron t has
+ * SAMPLES_PER_TET more.
  */
 #ifndef TETLOD_SAMPLE_POINTS_H
 #define TETLOD_SAMPLE_POINTS_H
@@ -22,7 +23,8 @@ static inline size_t sample_count(const struct tetmesh *mesh)
 /* A number that depends on a position only. */
 uint64_t sample_hash(const double p[3]);
 
-/* Sorts a tetrahedron's corners by their hashes: what is added up in this order has the same bits however a mesh lists them. */
+/* Sorts a tetrahedron's corners by their hashes: what is added up in this order has the same bits however a mesh lists
+ * them. */
 void sample_sort(uint64_t hashes[4], uint32_t corners[4]);
 
 /* Weights of the point at random in a tetrahedron whose corners have these hashes. */
@@ -47,7 +49,8 @@ static inline double place_value(const double *values, uint32_t width, uint32_t 
 }
 
 /* The same less a value: so that rounding is about what varies, not about how far from zero it does. */
-static inline double place_rise(const double *values, uint32_t width, uint32_t component, const struct place *place, double base)
+static inline double place_rise(const double *values, uint32_t width, uint32_t component, const struct place *place,
+                                double base)
 {
     double sum = 0;
     for (int i = 0; i < 4; i++)

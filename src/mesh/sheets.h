@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Which points of a mesh are to be compared with which. Bodies are parts that share no vertex: where two touch or overlap, each
- * is compared with itself. Tetrahedra that are degenerate, inverted, or folded over a neighbour have no promise.
+ * Which points of a mesh are to be compared with which. Bodies are parts that share no vertex: where two touch or
+ * overlap, each is compared with itself. Tetrahedra that are degenerate, inverted, or folded over a neighbour have no
+ * promise.
  */
 #ifndef TETLOD_SHEETS_H
 #define TETLOD_SHEETS_H
@@ -11,8 +12,9 @@
 /* out[v]: the least vertex of v's body. */
 void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, uint32_t *out);
 
-/* out[t]: 1, or 0 for a tetrahedron without a promise. Returns the mesh's orientation, +1 or -1. `neighbours` as adjacency_build makes them. The orientation of most of the
- * volume is the mesh's; two neighbours that are both oriented so and lie on one side of their common face are folded. */
+/* out[t]: 1, or 0 for a tetrahedron without a promise. Returns the mesh's orientation, +1 or -1. `neighbours` as
+ * adjacency_build makes them. The orientation of most of the volume is the mesh's; two neighbours that are both
+ * oriented so and lie on one side of their common face are folded. */
 int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
                     uint8_t *out);
 
@@ -24,7 +26,8 @@ struct sheets {
 };
 
 /* On failure *out is empty. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh,
+                                              struct tetlod_error *error);
 void sheets_fini(struct sheets *sheets);
 
 /* The orientation of tetrahedron t, as it is numbered, where it is not inverted. */

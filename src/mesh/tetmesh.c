@@ -160,7 +160,8 @@ enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetl
 {
     if (mesh->tet_count == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no tetrahedron in it");
-    size_t count = 4 * (size_t)mesh->tet_count, outside = tetmesh_find_outside(mesh->corners, count, mesh->vertex_count);
+    size_t count = 4 * (size_t)mesh->tet_count, outside = tetmesh_find_outside(mesh->corners, count,
+                                                                               mesh->vertex_count);
     if (outside < count)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu refers to point %u, but there are only %u points",
                             outside / 4, mesh->corners[outside], mesh->vertex_count);
@@ -183,7 +184,8 @@ enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct te
 {
     size_t count = 3 * (size_t)mesh->vertex_count, i = find_infinite(mesh->positions, count);
     if (i < count)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3, "xyz"[i % 3]);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,
+                            "xyz"[i % 3]);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
         count = (size_t)mesh->vertex_count * field->components;

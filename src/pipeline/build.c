@@ -23,11 +23,12 @@
 #include "src/util/json_text.h"
 #include "src/util/parallel.h"
 
-/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
- * speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
+/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the
+ * limit speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
 static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 
-/* Up to this domain error, the default, the proved bound is stored as it is; above, the exact maximum is taken as well (PROOF.md, 5). */
+/* Up to this domain error, the default, the proved bound is stored as it is; above, the exact maximum is taken as well
+ * (PROOF.md, 5). */
 static const double DOMAIN_ERROR_SMALL = 0.001;
 
 /* Exact maxima up to this fraction of the range are not looked for. */
@@ -70,7 +71,8 @@ static bool is_controlled(const struct build *build, uint32_t field)
     return false;
 }
 
-/* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
+/* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md,
+ * 7). */
 static enum tetlod_status check_ranges(const struct build *build)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
@@ -130,8 +132,10 @@ static enum tetlod_status contract(struct build *build)
         .progress_opaque = build,
     };
     enum tetlod_status status =
-        build->series ? series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options, build->error)
-                      : simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights, &simplify_options,
+        build->series ? series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options,
+                                        build->error)
+                      : simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
+                                 &simplify_options,
                                  build->error);
     if (status == TETLOD_OK && finds_cost(options))
         status = field_cost_find(&build->cost, build->mesh, &build->log, limits.fields, options->control_count,
@@ -140,8 +144,8 @@ static enum tetlod_status contract(struct build *build)
     return status;
 }
 
-/* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
- * does not drive. */
+/* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst
+ * component's. NaN if it does not drive. */
 static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
 {
     const struct contraction_log *log = &build->log;
@@ -151,7 +155,8 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (log->components[d].field != field)
             continue;
         size_t i = (size_t)mark * log->component_count + d;
-        double rounding = build->rounding ? range_fraction(range, build->rounding[field]) : 0, certified = log->certified[i];
+        double rounding = build->rounding ? range_fraction(range,
+                                                           build->rounding[field]) : 0, certified = log->certified[i];
         if (build->rounding && log->components[d].scale > 0) // is relative to the rounded field's range
             certified = range_fraction(range, certified / log->components[d].scale);
         if (build->precision.tail) // vertices that are left are rounded
@@ -161,7 +166,8 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
     }
 }
 
-/* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger error. */
+/* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger
+ * error. */
 static void file_errors(const struct build *build, uint32_t mark, const struct measured *measured)
 {
     uint32_t fields = build->mesh->field_count;
@@ -172,10 +178,12 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
         errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
         if (build->precision.tail) { // what has not been contracted is not measured
-            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], range_fraction(range, build->precision.rounding[f]));
+            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED],
+                                            range_fraction(range, build->precision.rounding[f]));
             errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], range_fraction(range, build->precision.rounding_rms[f]));
         }
-        if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
+        // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
+        if (!isnan(errors[TETLOD_MAX]))
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
@@ -212,15 +220,18 @@ static void copy_components(struct build *build)
     }
 }
 
-/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones have come to and
- * what the level is certified for in any case (less a hair, which taking fractions of the range may add). */
+/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones
+ * have come to and what the level is certified for in any case (less a hair, which taking fractions of the range may
+ * add). */
 static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
         const double *range = build->ranges[f];
         double finer = NO_DIFFERENCE, own[TETLOD_MEASURES];
         if (mark)
-            finer = larger(finer, build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES + TETLOD_MAX]);
+            finer = larger(finer,
+                           build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES +
+                                         TETLOD_MAX]);
         mark_errors(build, mark, f, own);
         finer = fmax(finer, own[TETLOD_MAX] * (1 - 4 * DBL_EPSILON));
         bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
@@ -229,7 +240,8 @@ static enum tetlod_status find_exact(struct build *build, const struct coarsenin
     return overlay_levels_next(build->overlay, coarsening, build->exact, build->error);
 }
 
-/* `max` becomes no less than the exact maximum: where it is proved for another point than the one at the same place, or not at all. */
+/* `max` becomes no less than the exact maximum: where it is proved for another point than the one at the same place, or
+ * not at all. */
 static void raise_max(const struct build *build, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
@@ -238,7 +250,8 @@ static void raise_max(const struct build *build, uint32_t mark)
         double exact = range_fraction(range, build->exact[f]);
         if (isfinite(build->exact[f]) && exact > NO_DIFFERENCE)
             errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));
-        else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all && (range[0] == range[1] || range_has_scale(range)))
+        else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all &&
+                 (range[0] == range[1] || range_has_scale(range)))
             errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
     }
 }
@@ -284,7 +297,8 @@ bool build_asks_overlay(const struct build_options *options)
            options->domain_error > DOMAIN_ERROR_SMALL || quantise->position_bits || quantise->position_error > 0;
 }
 
-static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening, struct measure_levels *measure,
+static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening,
+                                       struct measure_levels *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
 {
     const struct log_mark *at = &build->log.marks[mark];
@@ -322,7 +336,8 @@ static enum tetlod_status measure_marks(struct build *build)
     struct measure_levels *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
     build->exact = array_new(fields, sizeof *build->exact);
-    double diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh)); // the stream knows the rounded one's
+    // the stream knows the rounded one's
+    double diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh));
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
@@ -331,7 +346,8 @@ static enum tetlod_status measure_marks(struct build *build)
     TETLOD_TRY_DONE(coarsening_init(&coarsening, build->mesh, &build->log, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
     if (build_asks_overlay(build->options))
-        TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads, build->error));
+        TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads,
+                                           build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
         if (build->options->progress &&
@@ -366,7 +382,8 @@ static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const 
         cells[f] = (struct tetlodi_write_cells){.name = field->name,
                                                 .components = field->components,
                                                 .type = stored_cell_type(options->series, mesh, f),
-                                                .region = options->regions && strcmp(options->regions, field->name) == 0,
+                                                .region = options->regions && strcmp(options->regions,
+                                                                                     field->name) == 0,
                                                 .values = field->values};
     }
     return cells;
@@ -418,7 +435,8 @@ static enum tetlod_status list_sections(struct build *build, struct tetlodi_buff
                             build->log.mark_count + build->precision.tail, build->error));
     tetlodi_summary_encode(&summary, bytes);
     tetlodi_summary_fini(&summary);
-    (*out)[(*count)++] = (struct tetlodi_write_section){.tag = TAG_SUMMARY, .early = 1, .bytes = bytes->bytes, .size = bytes->size};
+    (*out)[(*count)++] = (struct tetlodi_write_section){.tag = TAG_SUMMARY, .early = 1, .bytes = bytes->bytes,
+                                                        .size = bytes->size};
     return bytes->failed ? tetlodi_fail_nomem(build->error, "the sums of the fields", bytes->size) : TETLOD_OK;
 }
 
@@ -489,7 +507,8 @@ static enum tetlod_status fit_precision(struct build *build)
     return TETLOD_OK;
 }
 
-/* Why there can be no local bounds, or NULL. Where `max` is the exact maximum at the same position, nodes' bounds do not hold it. */
+/* Why there can be no local bounds, or NULL. Where `max` is the exact maximum at the same position, nodes' bounds do
+ * not hold it. */
 static const char *against_local_bound(const struct build_options *options)
 {
     if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
@@ -519,7 +538,8 @@ static enum tetlod_status add_local_bounds(struct build *build)
 }
 
 /* What the writer would refuse after the contraction is refused before it. */
-static enum tetlod_status check_written(const struct tetmesh *mesh, const struct build_options *options, struct tetlod_error *error)
+static enum tetlod_status check_written(const struct tetmesh *mesh, const struct build_options *options,
+                                        struct tetlod_error *error)
 {
     uint32_t fields = mesh->field_count + (options->local_bound ? options->control_count : 0);
     const char *wrong = tetlodi_field_count_wrong(fields, mesh->cell_field_count);
@@ -550,7 +570,8 @@ static enum tetlod_status quantise(struct build *build)
 /* Contraction and errors are about orientation, what is stored about numbering. */
 static enum tetlod_status orient_mesh(struct build *build, const struct tetmesh *mesh)
 {
-    TETLOD_TRY(orient(&build->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, build->error));
+    TETLOD_TRY(orient(&build->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL,
+                      build->error));
     if (!build->oriented.corners)
         return TETLOD_OK;
     build->turned = *mesh; // borrows all the rest

@@ -48,7 +48,8 @@ struct build_options {
     const char *regions;     /* the cell field that tells regions, or NULL */
     const struct tetlodi_write_section *sections; /* further ones of the stream */
     uint32_t section_count;
-    const struct build_series *series; /* the mesh's other steps in time (build_series.h), or NULL; with the default metric, lossless */
+    /* the mesh's other steps in time (build_series.h), or NULL; with the default metric, lossless */
+    const struct build_series *series;
     bool (*progress)(void *opaque, enum build_phase phase, double done); /* false cancels; may be NULL */
     void *progress_opaque;
 };
@@ -103,11 +104,13 @@ TETLOD_CHECKED enum tetlod_status build_control_coordinate(struct tetmesh *mesh,
 TETLOD_CHECKED enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out,
                                                        struct tetlod_error *error);
 
-/* Of which field is this one the magnitude (*component is TETLOD_NONE) or a component, by name and value? TETLOD_NONE: of none. */
+/* Of which field is this one the magnitude (*component is TETLOD_NONE) or a component, by name and value? TETLOD_NONE:
+ * of none. */
 uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32_t *component);
 
-/* Where a magnitude is controlled, its vector becomes so as well, each component within the share of the limit that keeps the vector, and thus
- * every magnitude of it, within the magnitude's limit. `controls` has room for twice as many. */
+/* Where a magnitude is controlled, its vector becomes so as well, each component within the share of the limit that
+ * keeps the vector, and thus every magnitude of it, within the magnitude's limit. `controls` has room for twice as
+ * many. */
 void build_controls_add_vectors(const struct tetmesh *mesh, struct build_control *controls, uint32_t *count);
 
 #endif

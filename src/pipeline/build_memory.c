@@ -6,10 +6,11 @@
 #include "src/measure/overlay_levels.h"
 #include "src/simplify/simplify.h"
 
-/* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records, and goes before a field's
- * exact tail, and what that takes; and what the program takes with its libraries and the compressor's tables: measured. Of the rest the
- * allocator wastes one part in ALLOCATOR. */
-enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
+/* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records,
+ * and goes before a field's exact tail, and what that takes; and what the program takes with its libraries and the
+ * compressor's tables: measured. Of the rest the allocator wastes one part in ALLOCATOR. */
+enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
+      PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
 static uint64_t component_count(const struct tetmesh *mesh)
 {
@@ -24,7 +25,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     const struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify,
                                                       .contract = options->contract, .threads = options->threads};
     uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count, components = component_count(mesh);
-    uint64_t held = vertices * (24 + 8 * components) + tets * 16, bounds = options->local_bound ? options->control_count : 0;
+    uint64_t held = vertices * (24 + 8 *
+                                components) + tets * 16, bounds = options->local_bound ? options->control_count : 0;
     uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options) + 8 * vertices * bounds;
     components += bounds; // a field more of each: in the log, where levels are measured, and in the stream
     uint64_t log = vertices * (40 + 8 * components);
@@ -38,7 +40,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     return PROGRAM + sum + sum / ALLOCATOR;
 }
 
-enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options, struct tetlod_error *error)
+enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options,
+                                      struct tetlod_error *error)
 {
     uint64_t needed = build_bytes(mesh, options);
     if (!options->memory || needed <= options->memory)

@@ -4,7 +4,8 @@
 
 #include "src/pipeline/build.h"
 
-/* Bytes that building a stream takes at its peak, the mesh included, about: each phase frees what is its own before the next. */
+/* Bytes that building a stream takes at its peak, the mesh included, about: each phase frees what is its own before the
+ * next. */
 uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *options);
 
 /* ERR_LIMIT, with the figure, if that is more than options->memory (0: no limit). */

@@ -16,9 +16,9 @@
 /* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
 enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
 
-/* Bytes. A component that drives takes DRIVING_BYTES a vertex (its values here, in the working mesh and in the log, U, L, the prediction) and
- * STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the frame at hand take ENCODING_BYTES a vertex. The last
- * two are measured. */
+/* Bytes. A component that drives takes DRIVING_BYTES a vertex (its values here, in the working mesh and in the log, U,
+ * L, the prediction) and STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the frame
+ * at hand take ENCODING_BYTES a vertex. The last two are measured. */
 enum { DRIVING_BYTES = 56, STAR_BYTES = 3 << 10, ENCODING_BYTES = 400 };
 
 /* ---- values */
@@ -34,15 +34,18 @@ static size_t control_bytes(const struct series_build *series, uint32_t control)
     return width * series_components(series, control) * series->mesh->vertex_count;
 }
 
-enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out, struct tetlod_error *error)
+enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,
+                               struct tetlod_error *error)
 {
-    size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count, size = control_bytes(series, control);
+    size_t count = (size_t)series_components(series,
+                                             control) * series->mesh->vertex_count, size = control_bytes(series, control);
     uint64_t offset = 0, row = 0;
     for (uint32_t i = 0; i < series->options->control_count; i++) {
         offset += i < control ? control_bytes(series, i) : 0;
         row += control_bytes(series, i);
     }
-    unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size; // floats come at the end, and become doubles from there
+    // floats come at the end, and become doubles from there
+    unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size;
     const struct tetlod_source *values = &series->input->values;
     if (values->read(values->opaque, step * row + offset, bytes, size) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values cannot be read from a temporary file");
@@ -61,7 +64,8 @@ static enum tetlod_status find_control_range(struct series_build *series, uint32
 {
     size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count;
     double *values = array_new(count, sizeof *values), *range = series->ranges[control];
-    enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
+    enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, "a step's values",
+                                                                        count * sizeof *values);
     bool displacement = series_is_displacement(series, control);
     const double *given = series->input->ranges && !displacement ? series->input->ranges[control] : NULL;
     range[0] = given ? given[0] : INFINITY;
@@ -99,7 +103,8 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
         TETLOD_TRY(find_control_range(series, c, error));
         double width = series_width(series, c), *range = series->ranges[c];
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
+            return tetlodi_fail(error, TETLOD_ERR_MESH,
+                                "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
                                 series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
         choose_units(series, c);
     }
@@ -113,7 +118,8 @@ const double *build_series_bands(uint32_t *out_count)
     return usual;
 }
 
-enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh, const struct build_options *options,
+enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh,
+                              const struct build_options *options,
                               struct tetlod_error *error)
 {
     struct series_build *series = *out = array_zero(1, sizeof *series);
@@ -149,15 +155,18 @@ uint32_t series_key_count(const struct series_build *series)
     return series->key_count;
 }
 
-/* What is left of --memory: beside the build of one step a group of steps is retraced and encoded, whatever the number of steps. */
+/* What is left of --memory: beside the build of one step a group of steps is retraced and encoded, whatever the number
+ * of steps. */
 static uint64_t left_over(const struct series_build *series)
 {
-    uint64_t group = retrace_bytes(series->mesh, STEP_GROUP * series->component_count) + (uint64_t)series->mesh->vertex_count * ENCODING_BYTES;
+    uint64_t group = retrace_bytes(series->mesh,
+                                   STEP_GROUP * series->component_count) + (uint64_t)series->mesh->vertex_count * ENCODING_BYTES;
     uint64_t base = build_bytes(series->mesh, series->options) + group, memory = series->options->memory;
     return !memory ? UINT64_MAX : memory > base ? memory - base : 0;
 }
 
-/* As many keys as the memory has room for, on any number of threads; then as many threads as there is room for beside the first. */
+/* As many keys as the memory has room for, on any number of threads; then as many threads as there is room for beside
+ * the first. */
 static enum tetlod_status choose_keys(struct series_build *series, struct tetlod_error *error)
 {
     uint64_t star = (uint64_t)STAR_BYTES * series->component_count, one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count + star;
@@ -169,14 +178,16 @@ static enum tetlod_status choose_keys(struct series_build *series, struct tetlod
         series->simplify.threads = threads < series->simplify.threads ? (unsigned)threads : series->simplify.threads;
         return TETLOD_OK;
     }
-    return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room for %u",
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                        "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room for %u",
                         least, steps, (unsigned long long)(one >> 20) + 1, series->key_count);
 }
 
 static uint32_t key_step(const struct series_build *series, uint32_t key)
 {
     uint64_t last = series->input->step_count - 1;
-    return series->key_count < 2 ? 0 : (uint32_t)(((uint64_t)key * last + (series->key_count - 1) / 2) / (series->key_count - 1));
+    return series->key_count < 2 ? 0 : (uint32_t)(((uint64_t)key * last + (series->key_count - 1) / 2) /
+                                                  (series->key_count - 1));
 }
 
 uint32_t series_batch(const struct series_build *series)
@@ -196,7 +207,8 @@ struct step_fields {
     uint32_t given;      /* fields that are not freed */
 };
 
-static enum tetlod_status step_fields_init(struct step_fields *out, const struct series_build *series, const struct tetmesh *mesh, uint32_t given,
+static enum tetlod_status step_fields_init(struct step_fields *out, const struct series_build *series,
+                                           const struct tetmesh *mesh, uint32_t given,
                                            uint32_t count, struct tetlod_error *error)
 {
     size_t most = given + (size_t)count * series->options->control_count;
@@ -217,7 +229,8 @@ static void step_fields_fini(struct step_fields *fields)
     free(fields->mesh.fields);
 }
 
-static enum tetlod_status step_fields_add(struct step_fields *fields, const struct series_build *series, uint32_t step, struct tetlod_error *error)
+static enum tetlod_status step_fields_add(struct step_fields *fields, const struct series_build *series, uint32_t step,
+                                          struct tetlod_error *error)
 {
     for (uint32_t c = 0; c < series->options->control_count; c++) {
         size_t count = (size_t)series_components(series, c) * series->mesh->vertex_count;
@@ -235,7 +248,8 @@ static enum tetlod_status step_fields_add(struct step_fields *fields, const stru
 }
 
 enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
-                                  enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
+                                  enum tetlod_status (*visit)(void *opaque,
+                                                              const struct retrace_mark *mark), void *opaque,
                                   struct tetlod_error *error)
 {
     struct step_fields fields = {0};
@@ -271,7 +285,8 @@ double series_rounding(const struct series_build *series, uint32_t control, uint
     return units_in_last_place(series, control, band);
 }
 
-/* The largest bound of a level, a fraction of the unit, that leaves room for half a step of the band's grid, and for rounding. */
+/* The largest bound of a level, a fraction of the unit, that leaves room for half a step of the band's grid, and for
+ * rounding. */
 static double level_share(const struct series_build *series, uint32_t control, uint32_t band)
 {
     double tolerance = series->input->bands[band] * series_width(series, control), rounding = series_rounding(series, control, band);
@@ -280,8 +295,8 @@ static double level_share(const struct series_build *series, uint32_t control, u
     return rounding > HALF_STEP / 2 * tolerance ? 1 - HALF_STEP / 2 - rounding / tolerance : LEVEL_SHARE;
 }
 
-/* The least share of any band in which rounding leaves half of the error: the contraction has rungs at the bands, and a rung that is a little too
- * high for its band would leave it the one below. */
+/* The least share of any band in which rounding leaves half of the error: the contraction has rungs at the bands, and a
+ * rung that is a little too high for its band would leave it the one below. */
 static double contraction_share(const struct series_build *series, uint32_t control)
 {
     double least = LEVEL_SHARE;
@@ -321,11 +336,13 @@ static void note_keys(struct series_build *series, const struct contraction_log 
     for (uint32_t m = 0; m < log->mark_count; m++)
         for (uint32_t d = 0; d < log->component_count; d++) {
             uint32_t control = 0;
-            for (uint32_t first = series_components(series, 0); first <= d % own; first += series_components(series, control))
+            for (uint32_t first = series_components(series, 0); first <= d % own;
+                 first += series_components(series, control))
                 control++;
             double scale = log->components[d].scale;
             if (control < controls && scale > 0)
-                raise_worst(series, m, key_step(series, d / own), control, log->certified[(size_t)m * log->component_count + d] / scale);
+                raise_worst(series, m, key_step(series, d / own), control,
+                            log->certified[(size_t)m * log->component_count + d] / scale);
         }
 }
 
@@ -336,13 +353,16 @@ static void strip(struct contraction_log *log, uint32_t fields, uint32_t compone
         free(log->fields[f].values);
     log->field_count = fields;
     for (uint32_t m = 0; m < log->mark_count; m++) {
-        memmove(log->certified + (size_t)m * components, log->certified + (size_t)m * log->component_count, components * sizeof(double));
-        memmove(log->predicted + (size_t)m * components, log->predicted + (size_t)m * log->component_count, components * sizeof(double));
+        memmove(log->certified + (size_t)m * components, log->certified + (size_t)m * log->component_count,
+                components * sizeof(double));
+        memmove(log->predicted + (size_t)m * components, log->predicted + (size_t)m * log->component_count,
+                components * sizeof(double));
     }
     log->component_count = components;
 }
 
-static enum tetlod_status drive(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh, const double *weights,
+static enum tetlod_status drive(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh,
+                                const double *weights,
                                 struct tetlod_error *error)
 {
     uint32_t controls = series->options->control_count, count = controls * series->key_count;
@@ -358,7 +378,8 @@ static enum tetlod_status drive(struct series_build *series, struct contraction_
     for (uint32_t i = 0; i < count; i++) {
         controlled[i] = i < controls ? series->options->controls[i].field : mesh->field_count + i - controls;
         double unit = series_unit(series, key_step(series, i / controls), i % controls);
-        limits[i] = contraction_share(series, i % controls) * step_weight(&fields.mesh, controlled[i], unit, weights[i % controls]);
+        limits[i] = contraction_share(series, i % controls) * step_weight(&fields.mesh, controlled[i], unit,
+                                                                          weights[i % controls]);
     }
     status = simplify(log, &fields.mesh, controlled, count, limits, &series->simplify, error);
 done:
@@ -415,7 +436,8 @@ static void choose_marks(struct series_build *series)
         for (uint32_t m = series->log->mark_count; m-- > 0;) {
             bool within = true;
             for (uint32_t c = 0; c < controls; c++)
-                within &= series->worst[(size_t)m * controls + c] <= level_share(series, c, b) * series->input->bands[b] * (1 + 1e-9);
+                within &= series->worst[(size_t)m * controls + c] <= level_share(series, c,
+                                                                                 b) * series->input->bands[b] * (1 + 1e-9);
             if (!within && m)
                 continue;
             series->band_marks[b] = m;

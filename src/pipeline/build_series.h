@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A series in time over one mesh: the steps' values of the controlled fields drive one contraction, and are stored beside its levels
- * (format/SPEC.md, 3.7). Where not all steps fit the memory, key steps drive; the others are certified by retracing the sequence
- * (src/simplify/retrace.h). A band's level is the coarsest one that is within the band's error at every step.
+ * A series in time over one mesh: the steps' values of the controlled fields drive one contraction, and are stored
+ * beside its levels (format/SPEC.md, 3.7). Where not all steps fit the memory, key steps drive; the others are
+ * certified by retracing the sequence (src/simplify/retrace.h). A band's level is the coarsest one that is within the
+ * band's error at every step.
  */
 #ifndef TETLOD_BUILD_SERIES_H
 #define TETLOD_BUILD_SERIES_H
@@ -41,14 +42,18 @@ const double *build_series_bands(uint32_t *out_count);
 
 struct series_build;
 
-/* `mesh` is the one that is contracted: its positions have the type that new ones are rounded to. *out is to be freed in any case. Both are borrowed. ERR_NOMEM; ERR_MESH for a range that errors cannot be relative to. */
-TETLOD_CHECKED enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh, const struct build_options *options,
+/* `mesh` is the one that is contracted: its positions have the type that new ones are rounded to. *out is to be freed
+ * in any case. Both are borrowed. ERR_NOMEM; ERR_MESH for a range that errors cannot be relative to. */
+TETLOD_CHECKED enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh,
+                                             const struct build_options *options,
                                              struct tetlod_error *error);
 void series_free(struct series_build *series);
 
-/* simplify() with the steps' fields as well. `weights` [control] are limits of the controls' own (fields_init). The log is that of `mesh`: it
- * says of its marks what the first step's errors are. ERR_LIMIT if fewer steps fit than have to drive. */
-TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh,
+/* simplify() with the steps' fields as well. `weights` [control] are limits of the controls' own (fields_init). The log
+ * is that of `mesh`: it says of its marks what the first step's errors are. ERR_LIMIT if fewer steps fit than have to
+ * drive. */
+TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log,
+                                                  const struct tetmesh *mesh,
                                                   const double *weights, const struct simplify_options *options, struct tetlod_error *error);
 
 /* The writer's late sections (struct tetlodi_write_input): `opaque` is the series. */

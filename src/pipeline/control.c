@@ -58,7 +58,8 @@ uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32
     const char *colon = strrchr(derived->name, ':');
     for (uint32_t f = 0; f < mesh->field_count && colon && derived->components == 1; f++) {
         const struct point_field *from = &mesh->fields[f];
-        if (strlen(from->name) != (size_t)(colon - derived->name) || strncmp(from->name, derived->name, strlen(from->name)) != 0 ||
+        if (strlen(from->name) != (size_t)(colon - derived->name) ||
+            strncmp(from->name, derived->name, strlen(from->name)) != 0 ||
             !part_of(from, colon + 1, component))
             continue;
         bool same = true;
@@ -78,8 +79,8 @@ static double width_of(const struct tetmesh *mesh, uint32_t field)
     return range[1] - range[0];
 }
 
-/* An error e of every one of n components is one of sqrt(n) e of the vector at most. A constant magnitude leaves nothing to be a share of: then
- * the vector's own range counts. */
+/* An error e of every one of n components is one of sqrt(n) e of the vector at most. A constant magnitude leaves
+ * nothing to be a share of: then the vector's own range counts. */
 static double share_of_vector(const struct tetmesh *mesh, uint32_t magnitude, uint32_t vector)
 {
     double own = width_of(mesh, magnitude), whole = width_of(mesh, vector);
@@ -142,7 +143,8 @@ static bool looks_like_units(const struct tetmesh *mesh, const char *text)
     if (!colon || !isdigit((unsigned char)colon[1]) || (strtod(colon + 1, &end), *end))
         return false;
     for (uint32_t f = 0; f < mesh->field_count; f++)
-        if (strlen(mesh->fields[f].name) == (size_t)(colon - text) && strncmp(mesh->fields[f].name, text, (size_t)(colon - text)) == 0)
+        if (strlen(mesh->fields[f].name) == (size_t)(colon - text) &&
+            strncmp(mesh->fields[f].name, text, (size_t)(colon - text)) == 0)
             return true;
     return false;
 }
@@ -151,7 +153,8 @@ static enum tetlod_status unit_limit(const char *text, struct tetlod_error *erro
 {
     const char *colon = strrchr(text, ':');
     int length = (int)(colon - text);
-    return tetlodi_fail(error, TETLOD_ERR_FIELD, "'%.60s' has no component %.20s; a limit in its units is --field %.*s --abs-error %.20s, "
+    return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                        "'%.60s' has no component %.20s; a limit in its units is --field %.*s --abs-error %.20s, "
                         "one in the range %.*s:0.01 or %.*s:1%%", text, colon + 1, length, text, colon + 1, length, text, length, text);
 }
 
@@ -219,7 +222,8 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
         bool there = whole != TETLOD_NONE && part_of(&mesh->fields[whole], colon + 1, &component);
         *colon = ':';
         if (there && component == 0 && mesh->fields[whole].components == 1)
-            out->field = whole; // the only component of a scalar: a copy would leave the field itself without its error and its local bound
+            // the only component of a scalar: a copy would leave the field itself without its error and its local bound
+            out->field = whole;
         else if (there)
             status = derive(mesh, whole, component, name, &out->field, error);
     }
@@ -231,7 +235,8 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
     return status;
 }
 
-enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out, struct tetlod_error *error)
+enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out,
+                                        struct tetlod_error *error)
 {
     uint32_t field = TETLOD_NONE;
     *out = NULL;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * In batches of whole groups the steps are retraced. At the mark of each band the living nodes have L and U of every step: the values that
- * are stored lie where both are within the band's error, on the band's grid, and cost least to tell (format/step_code.h). Frames wait in a file
- * for each control and band, so that memory does not grow with the steps.
+ * In batches of whole groups the steps are retraced. At the mark of each band the living nodes have L and U of every
+ * step: the values that are stored lie where both are within the band's error, on the band's grid, and cost least to
+ * tell (format/step_code.h). Frames wait in a file for each control and band, so that memory does not grow with the
+ * steps.
  */
 #include <float.h>
 #include <math.h>
@@ -83,7 +84,8 @@ static uint32_t *find_ancestors(const struct contraction_log *log, uint32_t cont
 }
 
 /* The level's tetrahedra: those of the original whose corners have four different ancestors. Returns how many. */
-static size_t level_corners(const struct tetmesh *mesh, const uint32_t *number_of, const uint32_t *ancestor, uint32_t *out)
+static size_t level_corners(const struct tetmesh *mesh, const uint32_t *number_of, const uint32_t *ancestor,
+                            uint32_t *out)
 {
     size_t count = 0;
     for (size_t t = 0; t < mesh->tet_count; t++) {
@@ -101,7 +103,9 @@ static enum tetlod_status find_level(struct band_level *level, const struct batc
     const struct contraction_log *log = batch->series->log;
     const struct tetmesh *mesh = batch->series->mesh;
     uint32_t contractions = log->marks[mark].contractions;
-    uint32_t *ancestor = find_ancestors(log, contractions), *number_of = array_new((size_t)log->vertex_count + contractions, sizeof *number_of);
+    uint32_t *ancestor = find_ancestors(log,
+                                        contractions), *number_of = array_new((size_t)log->vertex_count + contractions,
+                                                                              sizeof *number_of);
     uint32_t *corners = array_new(mesh->tet_count, 4 * sizeof *corners);
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     level->vertices = log->marks[mark].vertices;
@@ -135,7 +139,8 @@ struct row {
     int64_t *allowed;
 };
 
-/* Its multiples are exact in the type: it has so few bits, or one, that no product has more bits than the type. 0: there is none. */
+/* Its multiples are exact in the type: it has so few bits, or one, that no product has more bits than the type. 0:
+ * there is none. */
 static double choose_quantum(const double range[2], double tolerance, enum tetlod_type type)
 {
     enum { BITS = 5 };
@@ -143,7 +148,8 @@ static double choose_quantum(const double range[2], double tolerance, enum tetlo
     if (!(tolerance > 0))
         return 0;
     double part = frexp(tolerance / GRID_STEPS, &exponent), quantum = ldexp(floor(ldexp(part, BITS)), exponent - BITS);
-    double size = larger(fabs(range[0]), fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
+    double size = larger(fabs(range[0]),
+                         fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
     if (type == TETLOD_FLOAT32 && !(ldexp(size / quantum + 1, BITS) < limit))
         quantum = ldexp(1, exponent - 1);
     bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-120 : 0x1p-1016);
@@ -198,8 +204,9 @@ static float float_up(double x)
     return x > 0 ? (float)ldexp(ceil(ldexp(mantissa, 10)), exponent - 10) : 0; // 10 bits: the table is packed
 }
 
-/* Where bands count in each step's own range, the table says no more than the band's error in it: the largest float that is no more, as a
- * fraction of the range over all steps. INFINITY: readers take the band's error where it is less. */
+/* Where bands count in each step's own range, the table says no more than the band's error in it: the largest float
+ * that is no more, as a fraction of the range over all steps. INFINITY: readers take the band's error where it is
+ * less. */
 static float most_said(const struct series_build *series, uint32_t step, uint32_t control, uint32_t band)
 {
     double most = series->input->bands[band] * series_unit(series, step, control) / series_width(series, control);
@@ -233,8 +240,9 @@ static void find_component_ranges(struct row *row)
     }
 }
 
-/* What L and U are at a vertex of the level; at the finest the value itself. A step whose whole range is within the tolerance has that range
- * for L and U everywhere. They are not cut to the range vertex by vertex: between the vertices that would not hold the original. */
+/* What L and U are at a vertex of the level; at the finest the value itself. A step whose whole range is within the
+ * tolerance has that range for L and U everywhere. They are not cut to the range vertex by vertex: between the vertices
+ * that would not hold the original. */
 static void bounds_at(const struct row *row, uint32_t step, uint32_t component, uint32_t v, double out[2])
 {
     const struct series_build *series = row->batch->series;
@@ -248,7 +256,8 @@ static void bounds_at(const struct row *row, uint32_t step, uint32_t component, 
         retrace_bounds(row->mark->state, level->nodes[v], (step - row->batch->first) * series->component_count + row->first + component, out);
 }
 
-/* Appends zero bytes to a frame, which change nothing, if all frames so far have fewer bytes than decoding them asks for. Its size. */
+/* Appends zero bytes to a frame, which change nothing, if all frames so far have fewer bytes than decoding them asks
+ * for. Its size. */
 static size_t pad_step(const struct row *row, size_t size, struct tetlodi_buffer *group)
 {
     struct series_encoding *encoding = row->batch->series->encoding;
@@ -281,7 +290,8 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
     for (size_t i = 0; i < (size_t)n * k; i++)
         worst = larger(worst, error_of(bounds[i], tetlodi_step_value(&row->steps.scale, row->steps.codes[i])));
     if (worst > row->tolerance * (1 + 1e-9) || size > UINT32_MAX)
-        return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst, row->tolerance);
+        return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst,
+                            row->tolerance);
     if (row->tolerance > 0)
         worst += series_rounding(series, row->control, row->band); // of the positions that a reader computes
     float error = width > 0 ? float_up(worst / width) : 0;
@@ -300,7 +310,8 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     for (uint32_t step = begin; step < end && status == TETLOD_OK; step++)
         status = encode_step(row, step, &group);
     if (status == TETLOD_OK) {
-        size_t at = time_row(&encoding->time, row->control, row->band) * encoding->time.group_count + begin / STEP_GROUP;
+        size_t at = time_row(&encoding->time, row->control,
+                             row->band) * encoding->time.group_count + begin / STEP_GROUP;
         tetlodi_digest(group.bytes, group.size, encoding->time.digests[at]);
         status = spool_write(spool, group.bytes, group.size, row->batch->error);
     }
@@ -308,8 +319,8 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     return status;
 }
 
-/* The error of which a grid's step is a part: less where rounding leaves less than half a step beside the level, and a hair less where the
- * table's floats do. */
+/* The error of which a grid's step is a part: less where rounding leaves less than half a step beside the level, and a
+ * hair less where the table's floats do. */
 static double grid_error(const struct series_build *series, uint32_t control, uint32_t band)
 {
     double least = INFINITY, rounding = series_rounding(series, control, band);
@@ -323,14 +334,17 @@ static double grid_error(const struct series_build *series, uint32_t control, ui
     return larger(least - rounding / HALF_STEP, least / 2);
 }
 
-static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control, uint32_t band)
+static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control,
+                                     uint32_t band)
 {
     struct series_build *series = batch->series;
     const struct band_level *level = &series->encoding->levels[band];
     struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     uint32_t k = series_components(series, control);
-    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], grid_error(series, control, band), series->input->types[control])};
+    struct tetlodi_step_scale scale = {series->input->types[control],
+                                       choose_quantum(series->ranges[control], grid_error(series, control, band),
+                                                      series->input->types[control])};
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t c = 0; c < control; c++)
         row.first += series_components(series, c);
@@ -339,7 +353,8 @@ static enum tetlod_status encode_row(const struct batch *batch, const struct ret
     row.ranges = array_new(k, sizeof *row.ranges);
     row.bounds = array_new((size_t)level->vertices * k, sizeof *row.bounds);
     row.allowed = array_new((size_t)level->vertices * k, 2 * sizeof *row.allowed);
-    if (!tetlodi_steps_init(&row.steps, &level->lower, &scale, k, &memory) || !row.values || !row.ranges || !row.bounds || !row.allowed)
+    if (!tetlodi_steps_init(&row.steps, &level->lower, &scale, k, &memory) || !row.values || !row.ranges ||
+        !row.bounds || !row.allowed)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(batch->error, "a band", (uint64_t)level->vertices * k * 56));
     for (uint32_t at = 0; at < batch->count; at += STEP_GROUP) {
         uint32_t begin = batch->first + at, left = batch->count - at;
@@ -395,7 +410,8 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
         encoding->time.fields[c] = (struct tetlodi_time_field){series->options->controls[c].field, input->types[c],
                                                                {series->ranges[c][0], series->ranges[c][1]}};
     for (uint32_t b = 0; b < input->band_count; b++)
-        encoding->time.bands[b] = (struct tetlod_band){.error = input->bands[b], .level = series->log->mark_count - 1 - series->band_marks[b]};
+        encoding->time.bands[b] = (struct tetlod_band){.error = input->bands[b],
+                                                       .level = series->log->mark_count - 1 - series->band_marks[b]};
     memcpy(encoding->time.times, input->times, input->step_count * sizeof *input->times);
     return TETLOD_OK;
 }
@@ -437,7 +453,8 @@ enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, co
 {
     struct series_build *series = opaque;
     uint32_t batch_steps = series_batch(series), *numbers = array_new(batch_steps, sizeof *numbers);
-    enum tetlod_status status = numbers ? start(series, error) : tetlodi_fail_nomem(error, "the steps", batch_steps * sizeof *numbers);
+    enum tetlod_status status = numbers ? start(series, error) : tetlodi_fail_nomem(error, "the steps",
+                                                                                    batch_steps * sizeof *numbers);
     for (uint32_t first = 0; first < series->input->step_count && status == TETLOD_OK; first += batch_steps) {
         uint32_t left = series->input->step_count - first;
         struct batch batch = {series, original_of, first, left < batch_steps ? left : batch_steps, error};

@@ -18,7 +18,8 @@ struct field_choice {
     uint32_t without_count;
     const char *among;          /* without texts: only fields of this list, unless there are none; NULL: all */
     bool first_only;            /* without texts: the first field alone */
-    bool has_steps;             /* whole numbers at the first step of a series say nothing, unless `later` has them, too */
+    /* whole numbers at the first step of a series say nothing, unless `later` has them, too */
+    bool has_steps;
     const struct tetmesh *later; /* another step of the series: ids are whole numbers there, too; may be NULL */
 };
 

@@ -214,7 +214,8 @@ static enum tetlod_status try_without(const struct cost_search *search, uint32_t
             rest[count++] = i;
         }
     if (status == TETLOD_OK) {
-        const struct further further = {&search->level, bounds, (const double(*)[2])ranges, FIRST_RUNG * FIELD_COST_ERROR};
+        const struct further further = {&search->level, bounds, (const double(*)[2])ranges,
+                                        FIRST_RUNG * FIELD_COST_ERROR};
         collect_bounds(search, without, bounds);
         status = simplify_further(out_tets, &further, rest, count, &search->trial, search->error);
     }

@@ -33,7 +33,8 @@ static double limit_of(const struct build_options *options, uint32_t i, double w
 }
 
 /* What rounding leaves of a field's limit. Without a limit there is nothing to be inside of. */
-static enum tetlod_status take_off(double *limit, const struct build_options *options, const struct point_field *field, uint32_t vertices,
+static enum tetlod_status take_off(double *limit, const struct build_options *options, const struct point_field *field,
+                                   uint32_t vertices,
                                    double rounding, double widest, struct tetlod_error *error)
 {
     double range[2];
@@ -62,7 +63,8 @@ enum tetlod_status limits_set(struct limits *out, const struct build_options *op
         uint32_t f = out->fields[i] = options->controls[i].field;
         out->weights[i] = limit_of(options, i, widest);
         if (rounding)
-            status = take_off(&out->weights[i], options, &original->fields[f], original->vertex_count, rounding[f], widest, error);
+            status = take_off(&out->weights[i], options, &original->fields[f], original->vertex_count, rounding[f],
+                              widest, error);
         out->max_error = larger(out->max_error, out->weights[i]);
     }
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)

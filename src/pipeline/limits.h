@@ -11,9 +11,10 @@ struct limits {
     double max_error; /* fraction of the range */
 };
 
-/* `rounding` [field]: what rounding the mesh changed at most, in the field's units; NULL: nothing. ERR_ARGUMENT, with the figure, if that
- * alone is a field's limit. ERR_NOMEM. On failure *out is empty. */
-TETLOD_CHECKED enum tetlod_status limits_set(struct limits *out, const struct build_options *options, const struct tetmesh *original,
+/* `rounding` [field]: what rounding the mesh changed at most, in the field's units; NULL: nothing. ERR_ARGUMENT, with
+ * the figure, if that alone is a field's limit. ERR_NOMEM. On failure *out is empty. */
+TETLOD_CHECKED enum tetlod_status limits_set(struct limits *out, const struct build_options *options,
+                                             const struct tetmesh *original,
                                              const double *rounding, struct tetlod_error *error);
 void limits_fini(struct limits *limits);
 

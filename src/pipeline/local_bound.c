@@ -15,8 +15,9 @@
 /* The largest bound has so many steps of its field's grid at least. */
 static const double MIN_STEPS = 1 << 15;
 
-/* A step is the range divided by this, by powers of ten, and by powers of two: so multiples of 0.01 % of the range, and of a hundredth of that
- * and so on, are multiples of it, and a level of a round error does not pass that by its bounds being rounded up. */
+/* A step is the range divided by this, by powers of ten, and by powers of two: so multiples of 0.01 % of the range, and
+ * of a hundredth of that and so on, are multiples of it, and a level of a round error does not pass that by its bounds
+ * being rounded up. */
 static const double STEPS_OF_RANGE = 40000;
 
 /* A tie with a multiple (ladder.h), which the promise allows. */
@@ -78,7 +79,8 @@ static double round_up(const struct grid *grid, double bound)
     return grid->origin + grid->step * larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0);
 }
 
-/* `max` of each level is no less than the largest value that is stored of it, up to a tie: the bounds are what it comes from. */
+/* `max` of each level is no less than the largest value that is stored of it, up to a tie: the bounds are what it comes
+ * from. */
 static void raise_max(struct contraction_log *log, uint32_t source, double origin, const double *values)
 {
     double most = origin;
@@ -94,7 +96,8 @@ static void raise_max(struct contraction_log *log, uint32_t source, double origi
 }
 
 /* The local bound of `source` becomes the last field. */
-static enum tetlod_status add(struct local_bounds *out, struct precision *precision, struct contraction_log *log, uint32_t source,
+static enum tetlod_status add(struct local_bounds *out, struct precision *precision, struct contraction_log *log,
+                              uint32_t source,
                               struct tetlod_error *error)
 {
     uint32_t f = out->original.field_count;
@@ -125,10 +128,12 @@ static enum tetlod_status add(struct local_bounds *out, struct precision *precis
 }
 
 /* Room for one more field for each controlled one. The mesh's fields are copied; the others' rows grow. */
-static bool make_room(struct local_bounds *out, const struct tetmesh *original, struct precision *precision, struct contraction_log *log)
+static bool make_room(struct local_bounds *out, const struct tetmesh *original, struct precision *precision,
+                      struct contraction_log *log)
 {
     size_t room = (size_t)original->field_count + log->component_count;
-    struct point_field *own = array_new(room, sizeof *own), *coded = array_resize(precision->mesh.fields, room, sizeof *coded);
+    struct point_field *own = array_new(room, sizeof *own), *coded = array_resize(precision->mesh.fields, room,
+                                                                                  sizeof *coded);
     struct log_field *logged = array_resize(log->fields, room, sizeof *logged);
     double *rounding = array_resize(precision->rounding, room, sizeof *rounding);
     double *rms = array_resize(precision->rounding_rms, room, sizeof *rms);
@@ -143,7 +148,8 @@ static bool make_room(struct local_bounds *out, const struct tetmesh *original, 
     return own && coded && logged && rounding && rms && out->zeros;
 }
 
-enum tetlod_status local_bounds_add(struct local_bounds *out, const struct tetmesh *original, struct precision *precision,
+enum tetlod_status local_bounds_add(struct local_bounds *out, const struct tetmesh *original,
+                                    struct precision *precision,
                                     struct contraction_log *log, struct tetlod_error *error)
 {
     *out = (struct local_bounds){.first = original->field_count, .original = *original};

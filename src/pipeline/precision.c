@@ -9,8 +9,8 @@
 #include "format/round.h"
 #include "src/util/array.h"
 
-/* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error that most
- * ask for. */
+/* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error
+ * that most ask for. */
 enum { STEP_BITS = 15, MOST_GRID_BITS = 30 };
 
 bool precision_is_narrow(const double *values, size_t count)
@@ -21,9 +21,9 @@ bool precision_is_narrow(const double *values, size_t count)
     return true;
 }
 
-/* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends inside the
- * range. bits 0: there is no grid, every value is exact at once.
- * The step of ids is 1 at most, so that they are exact. */
+/* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends
+ * inside the range. bits 0: there is no grid, every value is exact at once. The step of ids is 1 at most, so that they
+ * are exact. */
 static struct grid choose_grid(const double range[2], enum tetlod_type type, bool ids)
 {
     struct grid none = {0, 0, 0, 0};
@@ -56,7 +56,8 @@ static void weigh_rounding(struct precision *precision, uint32_t f)
     for (size_t i = 0; i < count; i++) {
         double change = fabs(grid_round(&field->grid, field->type, field->values[i]) - field->values[i]);
         most = fmax(most, change);
-        sum += change / field->grid.step * (change / field->grid.step); // the step is a power of two: no square overflows, and no digit is lost
+        // the step is a power of two: no square overflows, and no digit is lost
+        sum += change / field->grid.step * (change / field->grid.step);
     }
     precision->rounding[f] = most;
     precision->rounding_rms[f] = count ? sqrt(sum / (double)count) * field->grid.step : 0;
@@ -67,7 +68,8 @@ static void choose_precision(struct precision *precision, const struct tetmesh *
     struct point_field *field = &precision->mesh.fields[f];
     double range[2];
     *field = mesh->fields[f];
-    if (field->type == TETLOD_FLOAT64 && precision_is_narrow(field->values, (size_t)mesh->vertex_count * field->components))
+    if (field->type == TETLOD_FLOAT64 &&
+        precision_is_narrow(field->values, (size_t)mesh->vertex_count * field->components))
         field->type = TETLOD_FLOAT32;
     point_field_range(field, mesh->vertex_count, range);
     field->grid = choose_grid(range, field->type, field->is_ids);

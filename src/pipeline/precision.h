@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Precision that fits: the grids on which a lossless stream's levels have their field values, and the types that are enough
- * for the original's numbers. The original's exact values come in the stream's last level.
+ * Precision that fits: the grids on which a lossless stream's levels have their field values, and the types that are
+ * enough for the original's numbers. The original's exact values come in the stream's last level.
  */
 #ifndef TETLOD_PRECISION_H
 #define TETLOD_PRECISION_H
@@ -10,7 +10,8 @@
 
 struct precision {
     struct tetmesh mesh; /* the mesh itself, its arrays borrowed, with grids and types that are enough */
-    double *rounding, *rounding_rms; /* [field] how far the original's values on the grids are from them, at most and on average */
+    /* [field] how far the original's values on the grids are from them, at most and on average */
+    double *rounding, *rounding_rms;
     bool tail; /* a field has a grid */
 };
 

@@ -88,7 +88,8 @@ static enum tetlod_status copy_mesh(struct tetmesh *out, const struct tetmesh *m
     return TETLOD_OK;
 }
 
-enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh, const struct quantise_options *options,
+enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
+                                 const struct quantise_options *options,
                                  struct tetlod_error *error)
 {
     unsigned position_bits = choose_bits(options->position_bits, options->position_error);
@@ -96,7 +97,8 @@ enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh
     enum tetlod_status status = copy_mesh(out, mesh, error);
     if (status == TETLOD_OK &&
         ((options->position_error > 0 && !position_bits) || (options->field_error > 0 && !field_bits)))
-        status = tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "quantising to that error needs more than %d bits; leave it lossless",
+        status = tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                              "quantising to that error needs more than %d bits; leave it lossless",
                               QUANTISE_MOST_BITS);
     if (status != TETLOD_OK) {
         tetmesh_fini(out);
@@ -127,8 +129,10 @@ double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh)
     return sqrt(most2) * (1 + 1e-12);
 }
 
-/* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that does. */
-enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads, double *out,
+/* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that
+ * does. */
+enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
+                                   double *out,
                                    struct tetlod_error *error)
 {
     uint32_t *fields = array_new(mesh->field_count, sizeof *fields);
@@ -141,7 +145,8 @@ enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetm
         out[f] = changed_by(&copy->fields[f], &mesh->fields[f], mesh->vertex_count);
     }
     if (memcmp(copy->positions, mesh->positions, mesh->vertex_count * 3 * sizeof *copy->positions) != 0)
-        status = overlay_max(mesh, fields, copy, fields, mesh->field_count, &(struct overlay_options){.threads = threads}, out, &report, error);
+        status = overlay_max(mesh, fields, copy, fields, mesh->field_count,
+                             &(struct overlay_options){.threads = threads}, out, &report, error);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         double range[2];
         point_field_range(&mesh->fields[f], mesh->vertex_count, range);

@@ -7,8 +7,8 @@
 
 enum { QUANTISE_MOST_BITS = 30 };
 
-/* Bits of each coordinate across the bounds and of each value across its field's range; where they are 0, as many as keep the error
- * within a fraction of the diagonal and of the range; where that is 0 as well, none: lossless. */
+/* Bits of each coordinate across the bounds and of each value across its field's range; where they are 0, as many as
+ * keep the error within a fraction of the diagonal and of the range; where that is 0 as well, none: lossless. */
 struct quantise_options {
     unsigned position_bits, field_bits;
     double position_error, field_error;
@@ -16,7 +16,8 @@ struct quantise_options {
 
 bool quantise_wanted(const struct quantise_options *options);
 
-/* A copy of the mesh on its grids. ERR_ARGUMENT if an error would need more than 30 bits, ERR_NOMEM. On failure *out is empty. */
+/* A copy of the mesh on its grids. ERR_ARGUMENT if an error would need more than 30 bits, ERR_NOMEM. On failure *out is
+ * empty. */
 TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
                                                 const struct quantise_options *options, struct tetlod_error *error);
 
@@ -24,7 +25,8 @@ TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struc
 double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh);
 
 /* out[field]: a bound of |field of the copy - field of the mesh| over the domain, at most the range. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
+TETLOD_CHECKED enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh,
+                                                  unsigned threads,
                                                   double *out, struct tetlod_error *error);
 
 #endif

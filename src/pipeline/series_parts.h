@@ -10,7 +10,8 @@
 
 struct series_encoding;
 
-/* Steps of a band's grid in its error, at least: a value is half a step off by rounding. The level may be off by the rest. */
+/* Steps of a band's grid in its error, at least: a value is half a step off by rounding. The level may be off by the
+ * rest. */
 enum { GRID_STEPS = 50 };
 static const double HALF_STEP = 0.5 / GRID_STEPS, LEVEL_SHARE = 1 - 0.5 / GRID_STEPS;
 
@@ -48,20 +49,23 @@ static inline bool series_is_displacement(const struct series_build *series, uin
     return series->input->points_move && control + 1 == series->options->control_count;
 }
 
-/* What rounding to the positions' type adds to a band's error of how far points move (PROOF.md, 10); 0 of other controls, and where a band is so
- * narrow that it holds that field bit for bit. */
+/* What rounding to the positions' type adds to a band's error of how far points move (PROOF.md, 10); 0 of other
+ * controls, and where a band is so narrow that it holds that field bit for bit. */
 double series_rounding(const struct series_build *series, uint32_t control, uint32_t band);
 
 /* The error that a band has in a control's range over all steps, of which the rounding takes all. */
 bool series_is_within_rounding(const struct series_build *series, uint32_t control, uint32_t band);
 
 /* The values of a control at a step: [components * vertices]. */
-TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,
+TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control,
+                                              double *out,
                                               struct tetlod_error *error);
 
 /* Retraces `count` steps, whose numbers are listed: components are counted step by step, control by control. */
-TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
-                                                 enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
+TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps,
+                                                 uint32_t count,
+                                                 enum tetlod_status (*visit)(void *opaque,
+                                                                             const struct retrace_mark *mark), void *opaque,
                                                  struct tetlod_error *error);
 
 /* Steps that are retraced together: groups of steps. */

@@ -19,7 +19,8 @@ void stream_id(const char *path, char *out, size_t size)
 static json_t *field_json(const struct tetlod_info *info, uint32_t f)
 {
     const struct tetlod_field *field = &info->fields[f];
-    json_t *object = json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
+    json_t *object = json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components",
+                               (int)field->components, "type",
                                field->type == TETLOD_FLOAT64 ? "float64" : "float32", "range", field->range[0], field->range[1],
                                "controlled", field->controlled);
     if (object && field->bounds != TETLOD_NONE)
@@ -80,11 +81,14 @@ static bool add_topologies(json_t *object, const struct tetlod_info *info)
         for (uint32_t s = 0; s < topology->step_count; s++)
             json_array_append_new(times, json_real(topology->times[s]));
         bool whole = json_array_size(times) == topology->step_count;
-        json_array_append_new(topologies, whole ? json_pack("{s:i, s:o, s:s, s:I, s:I}", "steps", (int)topology->step_count, "times", times,
+        json_array_append_new(topologies,
+                              whole ? json_pack("{s:i, s:o, s:s, s:I, s:I}", "steps", (int)topology->step_count,
+                                                "times", times,
                                                             "cid", topology->cid, "offset", (json_int_t)topology->offset, "bytes",
                                                             (json_int_t)topology->size) : NULL);
     }
-    return json_array_size(topologies) == info->topology_count && !json_object_set_new(object, "topologies", topologies);
+    return json_array_size(topologies) == info->topology_count && !json_object_set_new(object, "topologies",
+                                                                                       topologies);
 }
 
 json_t *info_json(const struct tetlod_info *info, const char *id)
@@ -106,7 +110,8 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
                                "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
-                   json_array_size(cells) != info->cell_field_count || (info->topology_count && !add_topologies(object, info)))) {
+                   json_array_size(cells) != info->cell_field_count || (info->topology_count &&
+                                                                        !add_topologies(object, info)))) {
         json_decref(object);
         return NULL;
     }

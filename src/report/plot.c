@@ -187,7 +187,8 @@ static void put_title(struct plot *plot, const char *tag, const char *id, const 
     put_text(&plot->put, ", % of its range");
 }
 
-static enum tetlod_status write_picture(struct plot *plot, const char *id, const char *field, void (*put_content)(struct plot *plot),
+static enum tetlod_status write_picture(struct plot *plot, const char *id, const char *field,
+                                        void (*put_content)(struct plot *plot),
                                         const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     char *names[2] = {strdup(id), strdup(field)};
@@ -246,7 +247,8 @@ static void put_times(struct plot *plot, const struct axis *y)
 {
     const struct plot_steps *steps = plot->steps;
     double first = steps->times[0], last = steps->times[steps->step_count - 1], decade = pow(10, floor(log10((last - first) / 8)));
-    double step = last > first ? decade * ((last - first) / 8 > 5 * decade ? 10 : (last - first) / 8 > 2 * decade ? 5 : 2) : 1;
+    double step = last > first ? decade * ((last - first) / 8 > 5 * decade ? 10 : (last - first) / 8 > 2 * decade ? 5
+                                           : 2) : 1;
     for (double k = ceil(first / step - 1e-9); k * step <= last + 1e-9 * step; k++) {
         char text[24];
         put_line(plot, time_place(steps, k * step), y->from, time_place(steps, k * step), y->to, "#ececec");
@@ -263,7 +265,8 @@ static void put_steps_curve(struct plot *plot, const struct axis *y, uint32_t ba
     const struct plot_steps *steps = plot->steps;
     const double *errors = (measure == TETLOD_SAMPLED ? steps->sampled : steps->rms) + (size_t)band * steps->step_count;
     put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\" points=\"",
-               tetlod_measure_name((enum tetlod_measure)measure), band_colours[band % (sizeof band_colours / sizeof *band_colours)],
+               tetlod_measure_name((enum tetlod_measure)measure), band_colours[band % (sizeof band_colours /
+                                                                                       sizeof *band_colours)],
                styles[measure].dashes);
     for (uint32_t s = 0; s < steps->step_count; s++)
         if (drawn(errors[s]))
@@ -297,10 +300,12 @@ static void put_steps(struct plot *plot)
         put_steps_curve(plot, &y, b, TETLOD_RMS);
         put_steps_curve(plot, &y, b, TETLOD_SAMPLED);
     }
-    put_label(plot, x.from, HEIGHT - 18, "start", "a colour for each band: thin, what it promises; dashed, the largest error at samples of each step; dotted, the RMS");
+    put_label(plot, x.from, HEIGHT - 18, "start",
+              "a colour for each band: thin, what it promises; dashed, the largest error at samples of each step; dotted, the RMS");
 }
 
-enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id, const struct tetlodi_sink *sink,
+enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id,
+                                    const struct tetlodi_sink *sink,
                                     struct tetlod_error *error)
 {
     struct plot plot = {.steps = steps};

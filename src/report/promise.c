@@ -64,7 +64,8 @@ static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, c
     if (found.count == 1)
         add(out, size, "; %.60s not controlled: %.3g %% (measured)", name, promise_percent(found.sampled));
     else
-        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name, promise_percent(found.sampled));
+        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name,
+            promise_percent(found.sampled));
 }
 
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
@@ -79,7 +80,8 @@ void promise_print(const struct tetlod_info *info, uint32_t level, char *out, si
             add(out, size, "%s%.60s %.3g %% (measured)", first ? "" : ", ", info->fields[f].name,
                 promise_percent(error_of(info, level, f, TETLOD_SAMPLED)));
         else
-            add(out, size, "%s%.60s \u2264 %.3g %% (certified)", first ? "" : ", ", info->fields[f].name, promise_percent(max));
+            add(out, size, "%s%.60s \u2264 %.3g %% (certified)", first ? "" : ", ", info->fields[f].name,
+                promise_percent(max));
         first = false;
     }
     print_uncontrolled(info, level, out, size);
@@ -88,11 +90,15 @@ void promise_print(const struct tetlod_info *info, uint32_t level, char *out, si
 void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size)
 {
     const struct tetlod_field *field = &info->fields[f];
-    double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f, TETLOD_SAMPLED) : max;
+    double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f,
+                                                                                     TETLOD_SAMPLED) : max;
     double fraction = promise_percent(error) / 100;
     if (field->bounds != TETLOD_NONE)
-        snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name, info->fields[field->bounds].name);
+        snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name,
+                 info->fields[field->bounds].name);
     else
-        snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name, isnan(max) ? "about" : "\u2264", 100 * fraction,
-             fraction * (field->range[1] - field->range[0]), isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
+        snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name,
+                 isnan(max) ? "about" : "\u2264", 100 * fraction,
+             fraction * (field->range[1] -
+                         field->range[0]), isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
 }

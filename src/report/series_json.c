@@ -38,7 +38,8 @@ static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t
         struct tetlod_span group = {0, 0};
         for (uint32_t s = 0; s < steps->step_count; s++) {
             struct tetlod_span span = tetlod_step_span(series, f, band, s);
-            *bytes += span.offset == group.offset && span.size == group.size ? 0 : span.size; // steps of a group share theirs
+            // steps of a group share theirs
+            *bytes += span.offset == group.offset && span.size == group.size ? 0 : span.size;
             *error = fmax(*error, tetlod_step_error(series, f, band, s));
             group = span;
         }
@@ -100,9 +101,11 @@ static void print_cell_fields(FILE *out, const struct tetlod_series *series, con
 void series_print(FILE *out, const struct tetlod_series *series, const struct tetlod_info *info)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    fprintf(out, "series        %u steps in time, %.9g .. %.9g; of", steps->step_count, steps->times[0], steps->times[steps->step_count - 1]);
+    fprintf(out, "series        %u steps in time, %.9g .. %.9g; of", steps->step_count, steps->times[0],
+            steps->times[steps->step_count - 1]);
     for (uint32_t f = 0; f < steps->field_count; f++)
-        fprintf(out, " %s, range %.9g .. %.9g%s", info->fields[steps->fields[f]].name, steps->ranges[f][0], steps->ranges[f][1],
+        fprintf(out, " %s, range %.9g .. %.9g%s", info->fields[steps->fields[f]].name, steps->ranges[f][0],
+                steps->ranges[f][1],
                 f + 1 < steps->field_count ? ";" : "\n");
     print_cell_fields(out, series, info);
     if (steps->displacement != TETLOD_NONE)
@@ -116,7 +119,8 @@ void series_print(FILE *out, const struct tetlod_series *series, const struct te
         uint64_t bytes;
         double error;
         sum_band(series, b, &bytes, &error);
-        fprintf(out, "%5.3g %% %8u %10u %10u %12.0f %7.4g\n", 100 * steps->bands[b].error, steps->bands[b].level, level->vertices, level->tets,
+        fprintf(out, "%5.3g %% %8u %10u %10u %12.0f %7.4g\n", 100 * steps->bands[b].error, steps->bands[b].level,
+                level->vertices, level->tets,
                 (double)bytes / steps->step_count, 100 * error);
     }
 }

@@ -5,7 +5,8 @@
 
 enum tetlod_status sample_make_cube(struct tetmesh *out, uint32_t size, struct tetlod_error *error)
 {
-    static const uint8_t paths[6][2] = {{1, 3}, {2, 6}, {4, 5}, {1, 5}, {2, 3}, {4, 6}}; // bits: x y z; the last 3 are odd
+    // bits: x y z; the last 3 are odd
+    static const uint8_t paths[6][2] = {{1, 3}, {2, 6}, {4, 5}, {1, 5}, {2, 3}, {4, 6}};
     uint64_t points = size + 1, cells = (uint64_t)size * size * size;
     enum tetlod_status status = sample_alloc(out, points * points * points, 6 * cells, error);
     if (status == TETLOD_OK)

@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Supersonic flow along +x meets a fin with a round nose that stands on a plate, half of it, cut in its plane of
- * symmetry y = 0. The grid follows the fin: i along it from the stagnation line over the nose and down its flank, j away
- * from it, k up from the plate; cells are small at the fin and at the plate. The fields are formulas that have what makes
- * such flows hard: a detached shock, which stands further off at the plate, a stagnation region, a horseshoe vortex and
- * boundary layers.
+ * symmetry y = 0. The grid follows the fin: i along it from the stagnation line over the nose and down its flank, j
+ * away from it, k up from the plate; cells are small at the fin and at the plate. The fields are formulas that have
+ * what makes such flows hard: a detached shock, which stands further off at the plate, a stagnation region, a horseshoe
+ * vortex and boundary layers.
  */
 #include <math.h>
 
 #include "src/mesh/cell_split.h"
 #include "src/sample/make.h"
 
-static const double flank_end = 4, height = 4, nose_share = 0.4; // lengths in nose radii; share of the cells on the nose
+// lengths in nose radii; share of the cells on the nose
+static const double flank_end = 4, height = 4, nose_share = 0.4;
 
 struct place {
     double x, y, z;
@@ -55,7 +56,8 @@ static struct flow flow_at(const struct place *at)
     double shoulder = 1 / (1 + ((at->x - 0.4) * (at->x - 0.4) + (at->y - 1) * (at->y - 1)) / 0.8);
     double core_distance = sqrt((at->x + 1) * (at->x + 1) + at->y * at->y) - 1.1, core_height = at->z - 0.22;
     double vortex = shock / (1 + (core_distance * core_distance + core_height * core_height) / 0.03);
-    double at_plate = at->z / sqrt(at->z * at->z + 0.02), at_fin = at->from_fin / sqrt(at->from_fin * at->from_fin + 0.01);
+    double at_plate = at->z / sqrt(at->z * at->z + 0.02), at_fin = at->from_fin / sqrt(at->from_fin * at->from_fin +
+                                                                                       0.01);
     struct flow flow;
     flow.pressure = 1 + strength * (3.2 + 5.5 * nose - 1.6 * shoulder) - 1.8 * vortex;
     flow.density = (1 + strength * (2.1 + 1.4 * nose - 0.9 * shoulder) - 0.7 * vortex) * (0.55 + 0.45 * at_plate);

@@ -5,7 +5,8 @@
 
 #include "format/tetlod.h"
 
-/* Which points of the lattice {0..size}^3 the surface has: all six sides, or the three sides where a coordinate is `size`. */
+/* Which points of the lattice {0..size}^3 the surface has: all six sides, or the three sides where a coordinate is
+ * `size`. */
 enum surface_sides { SIDES_ALL, SIDES_FAR };
 
 struct surface {

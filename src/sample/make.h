@@ -20,7 +20,8 @@ TETLOD_CHECKED enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t ver
                                                struct tetlod_error *error);
 
 /* The same for a structured grid of dims points, with the fields Pressure and Velocity. */
-TETLOD_CHECKED enum tetlod_status sample_alloc_flow(struct tetmesh *out, const uint32_t dims[3], struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status sample_alloc_flow(struct tetmesh *out, const uint32_t dims[3],
+                                                    struct tetlod_error *error);
 
 /* Rounds positions and fields to float32, which they are to be exactly. */
 void sample_round(struct tetmesh *mesh);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Flow along +x past a post between two plates, half of it, cut in its plane of symmetry y = 0. i runs around the post from the
- * stagnation line to the wake, j away from it, k from plate to plate. Layers at the post and at the plates are thin: cells are
- * stretched up to 1 : 300 and each layer is 1.18 (size 64) times as thick as the one below it, as in meshes for boundary layers.
- * The fields are formulas: the flow without friction, boundary layers, a separated shear layer, vortices in the wake.
+ * Flow along +x past a post between two plates, half of it, cut in its plane of symmetry y = 0. i runs around the post
+ * from the stagnation line to the wake, j away from it, k from plate to plate. Layers at the post and at the plates are
+ * thin: cells are stretched up to 1 : 300 and each layer is 1.18 (size 64) times as thick as the one below it, as in
+ * meshes for boundary layers. The fields are formulas: the flow without friction, boundary layers, a separated shear
+ * layer, vortices in the wake.
  */
 #include <math.h>
 
@@ -34,7 +35,8 @@ static struct flow flow_at(const double p[3])
     double square = p[0] * p[0] + p[1] * p[1], r = sqrt(square), from_post = r - 1;
     double from_plate = p[2] < height - p[2] ? p[2] : height - p[2];
     double at_post = from_post / sqrt(from_post * from_post + 0.0004), at_plate = from_plate / sqrt(from_plate * from_plate + 0.001);
-    double behind = sample_step((p[0] - 0.2) / 0.3), shear = (p[1] - 1 - 0.08 * p[0]) / (0.05 + 0.03 * (p[0] > 0 ? p[0] : 0));
+    double behind = sample_step((p[0] - 0.2) / 0.3), shear = (p[1] - 1 - 0.08 * p[0]) / (0.05 + 0.03 *
+                                                                                         (p[0] > 0 ? p[0] : 0));
     double wake = behind * (1 - sample_step(shear)) / (1 + p[0] * p[0] / 60), vortices = 0, turned[2] = {0, 0};
     for (int i = 0; i < 4; i++) {
         double x = p[0] - 1.8 - 2.1 * i, y = p[1] - 0.7 - 0.12 * i, d = x * x + y * y;

@@ -20,9 +20,11 @@ const struct sample samples[] = {
     {"torus", "a ring, which has a handle; field temperature; N cells across", 8, 1, 200, sample_make_torus, NULL},
     {"shell", "a ball with a cavity; field temperature; N cells along an edge of the cubed sphere", 10, 2, 300,
      sample_make_shell, NULL},
-    {"delta", "a cube graded towards one corner, cell sizes over 1 : 10,000; field potential; N cells a side", 6, 1, 100,
+    {"delta", "a cube graded towards one corner, cell sizes over 1 : 10,000; field potential; N cells a side", 6, 1,
+     100,
      sample_make_delta, NULL},
-    {"wake", "a shock runs over the wake of a post: a series with --steps; Pressure, Velocity; N cells across", 16, 4, 200,
+    {"wake", "a shock runs over the wake of a post: a series with --steps; Pressure, Velocity; N cells across", 16, 4,
+     200,
      sample_make_wake, sample_move_wake},
     {0},
 };

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The wake of a post while a shock runs over it: a series in time on one mesh. The channel begins right behind the post; i runs
- * along +x, j across, k up; cells are smaller near the post and in the middle. Vortices are shed on alternate sides, travel
- * downstream and widen; the shock, a leaning front, enters at the inlet and leaves at the outlet. The fields are formulas of
- * position and time, 0 <= time <= 1.
+ * The wake of a post while a shock runs over it: a series in time on one mesh. The channel begins right behind the
+ * post; i runs along +x, j across, k up; cells are smaller near the post and in the middle. Vortices are shed on
+ * alternate sides, travel downstream and widen; the shock, a leaning front, enters at the inlet and leaves at the
+ * outlet. The fields are formulas of position and time, 0 <= time <= 1.
  */
 #include <math.h>
 

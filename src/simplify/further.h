@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Contracts a level further, from the bounds that its vertices have come to: to see what other limits would leave of it. */
+/* Contracts a level further, from the bounds that its vertices have come to: to see what other limits would leave of
+ * it. */
 #ifndef TETLOD_FURTHER_H
 #define TETLOD_FURTHER_H
 
@@ -7,7 +8,8 @@
 
 struct further {
     const struct tetmesh *level;
-    const double *bounds;       /* [component of the vertex] of the controlled fields: largest of U - s and s - L there */
+    /* [component of the vertex] of the controlled fields: largest of U - s and s - L there */
+    const double *bounds;
     const double (*ranges)[2];  /* [controlled field] of the original */
     double from;                /* the first limit; options->max_error is the last */
 };

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The ladder: 1, 2, 5 of every decade from 10^-6 to 1, from some error on with a step between each two; the last is the greatest error
- * asked for. More steps leave more tetrahedra and take longer (DEFAULTS.md). A table, for libraries of different machines do not agree
- * about powers. */
+/* The ladder: 1, 2, 5 of every decade from 10^-6 to 1, from some error on with a step between each two; the last is the
+ * greatest error asked for. More steps leave more tetrahedra and take longer (DEFAULTS.md). A table, for libraries of
+ * different machines do not agree about powers. */
 #ifndef TETLOD_LADDER_H
 #define TETLOD_LADDER_H
 
 #include <math.h>
 #include <stdbool.h>
 
-/* What a contraction may be above a rung's limit by the rounding of its bounds: it still counts as the limit. Exact ties with round limits
- * are common in regular meshes (PROOF.md, 3). */
+/* What a contraction may be above a rung's limit by the rounding of its bounds: it still counts as the limit. Exact
+ * ties with round limits are common in regular meshes (PROOF.md, 3). */
 static const double LIMIT_TIE = 1e-9;
 
 /* The rung above the limit. steps_from: the least error with steps between. *out_named: levels are named after it. */

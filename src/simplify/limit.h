@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A limit that is asked about the winners of a round: a function of a star and of positions that it may be contracted to. exact/ and
- * measured.c have one each. Asking changes nothing but the thread's own, so a round's stars are asked side by side; what a
- * contraction changes is taken over one after the other, in the round's order.
+ * A limit that is asked about the winners of a round: a function of a star and of positions that it may be contracted
+ * to. exact/ and measured.c have one each. Asking changes nothing but the thread's own, so a round's stars are asked
+ * side by side; what a contraction changes is taken over one after the other, in the round's order.
  */
 #ifndef TETLOD_LIMIT_H
 #define TETLOD_LIMIT_H
@@ -47,9 +47,11 @@ static inline void answer_fini(struct answer *answer)
 struct limit {
     void *state;
     void (*release)(void *state);
-    enum tetlod_status (*ask)(void *state, unsigned worker, const struct question *question, struct answer *answer, struct tetlod_error *error);
+    enum tetlod_status (*ask)(void *state, unsigned worker, const struct question *question, struct answer *answer,
+                              struct tetlod_error *error);
     /* Every answer of a round in turn, also of what was refused. */
-    enum tetlod_status (*take)(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error);
+    enum tetlod_status (*take)(void *state, const struct star *star, const struct answer *answer,
+                               struct tetlod_error *error);
     /* Slots and tetrahedra have other numbers now. */
     void (*renumber)(void *state, const struct renumbering *numbers);
     bool certifies; /* its errors hold over the whole domain */

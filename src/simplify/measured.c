@@ -17,13 +17,15 @@ static const double SPARE = 1e-9;
 /* A sample whose weight at the new vertex is less does not ask anything of its value. */
 static const double WEIGHTLESS = 1e-9;
 
-/* A new tetrahedron, seen from the new vertex: a point at `r` from it has the weights rows . r at the link's vertices. */
+/* A new tetrahedron, seen from the new vertex: a point at `r` from it has the weights rows . r at the link's
+ * vertices. */
 struct cone {
     double rows[3][3];
     uint32_t link[3], tet;
 };
 
-/* What the samples ask of a component's value: an interval, the weights and the best values of those that bound it, least squares. */
+/* What the samples ask of a component's value: an interval, the weights and the best values of those that bound it,
+ * least squares. */
 struct demand {
     double least, greatest, weights[2], centres[2], squares, products;
 };
@@ -55,7 +57,8 @@ static void release(void *state)
 {
     struct samples *samples = state;
     for (unsigned t = 0; t < samples->thread_count && samples->threads; t++) {
-        void *const owned[] = {samples->threads[t].cones, samples->threads[t].held, samples->threads[t].parts, samples->threads[t].demands};
+        void *const owned[] = {samples->threads[t].cones, samples->threads[t].held, samples->threads[t].parts,
+                               samples->threads[t].demands};
         for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
             free(owned[i]);
     }
@@ -82,7 +85,8 @@ static void add_sample(struct samples *samples, const struct working *working, u
     samples->first[tet] = samples->count++;
 }
 
-static void add_samples(struct samples *samples, const struct working *working, const struct tetmesh *mesh, uint8_t *seen)
+static void add_samples(struct samples *samples, const struct working *working, const struct tetmesh *mesh,
+                        uint8_t *seen)
 {
     for (uint32_t t = 0; t < working->tet_count; t++) {
         const uint32_t *corners = working->corners[t];
@@ -131,8 +135,8 @@ static uint32_t make_cones(struct cone *cones, const struct question *question, 
     return count;
 }
 
-/* Weights of the link's vertices in the cone in which `r` lies, from *io_cone on. By rounding, or outside a boundary that has moved, it may
- * lie in none: then in the one that misses it least, and no weight is negative. */
+/* Weights of the link's vertices in the cone in which `r` lies, from *io_cone on. By rounding, or outside a boundary
+ * that has moved, it may lie in none: then in the one that misses it least, and no weight is negative. */
 static void find_cone(const struct cone *cones, uint32_t count, const double r[3], uint32_t *io_cone, double weights[3])
 {
     double best = -INFINITY;
@@ -148,7 +152,8 @@ static void find_cone(const struct cone *cones, uint32_t count, const double r[3
     }
 }
 
-/* Takes a sample in: w s' + rest is its error. Returns a lower bound of the error that some s' can reach: 0 as long as the limit holds. */
+/* Takes a sample in: w s' + rest is its error. Returns a lower bound of the error that some s' can reach: 0 as long as
+ * the limit holds. */
 static double take_in(struct demand *demand, double w, double rest, double limit)
 {
     demand->squares += w * w;
@@ -170,7 +175,8 @@ static double take_in(struct demand *demand, double w, double rest, double limit
 }
 
 /* All samples of the star, with the vertex at p: the error that is needed at least, 0 where the limit can be held. */
-static double take_all(const struct samples *samples, struct sampler *sampler, const struct question *question, const double p[3])
+static double take_all(const struct samples *samples, struct sampler *sampler, const struct question *question,
+                       const double p[3])
 {
     const struct working *working = question->working;
     uint32_t cones = make_cones(sampler->cones, question, p), at = 0;
@@ -179,7 +185,8 @@ static double take_all(const struct samples *samples, struct sampler *sampler, c
         sampler->demands[c] = (struct demand){-INFINITY, INFINITY, {1, 1}, {0, 0}, 0, 0};
     sampler->count = 0;
     for (uint32_t i = 0; i < question->star->tet_count && worst == 0; i++)
-        for (uint32_t s = samples->first[question->star->tets[i]]; s != TETLOD_NONE && worst == 0; s = samples->next[s]) {
+        for (uint32_t s = samples->first[question->star->tets[i]]; s != TETLOD_NONE && worst == 0;
+             s = samples->next[s]) {
             const double *row = samples->rows + (size_t)s * samples->stride;
             double *part = sampler->parts + 2 * sampler->count * working->component_count, r[3], l[3] = {0};
             subtract(row, p, r);
@@ -191,10 +198,12 @@ static double take_all(const struct samples *samples, struct sampler *sampler, c
                 part[0] = larger(1 - l[0] - l[1] - l[2], 0);
                 part[1] = -row[3 + c];
                 for (int k = 0; k < 3; k++)
-                    part[1] += l[k] * working_values(working, sampler->cones[at].link[k], component->field)[component->component];
+                    part[1] += l[k] * working_values(working, sampler->cones[at].link[k],
+                                                     component->field)[component->component];
                 if (component->factor > 0)
                     worst = larger(worst, component->factor * take_in(&sampler->demands[c], part[0], part[1],
-                                                                      question->limit * (1 - SPARE) / component->factor));
+                                                                      question->limit * (1 -
+                                                                                         SPARE) / component->factor));
             }
         }
     return cones ? worst : INFINITY; // a body of its own does not vanish
@@ -227,14 +236,16 @@ static bool reserve(const struct samples *samples, struct sampler *sampler, cons
     void *cones = sampler->cones, *list = sampler->held, *parts = sampler->parts;
     bool room = array_reserve(&cones, &sampler->cone_room, question->star->tet_count, sizeof *sampler->cones) &&
                 array_reserve(&list, &sampler->held_room, 2 * held, sizeof *sampler->held) &&
-                array_reserve(&parts, &sampler->part_room, 2 * held * question->working->component_count, sizeof(double));
+                array_reserve(&parts, &sampler->part_room, 2 * held * question->working->component_count,
+                              sizeof(double));
     sampler->cones = cones;
     sampler->held = list;
     sampler->parts = parts;
     return room;
 }
 
-static enum tetlod_status ask(void *state, unsigned worker, const struct question *question, struct answer *answer, struct tetlod_error *error)
+static enum tetlod_status ask(void *state, unsigned worker, const struct question *question, struct answer *answer,
+                              struct tetlod_error *error)
 {
     const struct samples *samples = state;
     struct sampler *sampler = &samples->threads[worker];
@@ -248,7 +259,8 @@ static enum tetlod_status ask(void *state, unsigned worker, const struct questio
         if (needed == 0)
             settled = settle(sampler, question->working, answer->values);
         answer->allowed = settled <= question->limit;
-        answer->error = answer->allowed ? settled : smaller(answer->error, larger(needed, nextafter(question->limit, INFINITY)));
+        answer->error = answer->allowed ? settled : smaller(answer->error,
+                                                            larger(needed, nextafter(question->limit, INFINITY)));
         memcpy(answer->position, question->positions[i], sizeof answer->position);
     }
     if (answer->allowed) {
@@ -260,7 +272,8 @@ static enum tetlod_status ask(void *state, unsigned worker, const struct questio
     return TETLOD_OK;
 }
 
-static enum tetlod_status take(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error)
+static enum tetlod_status take(void *state, const struct star *star, const struct answer *answer,
+                               struct tetlod_error *error)
 {
     struct samples *samples = state;
     (void)error;
@@ -280,7 +293,8 @@ static void renumber(void *state, const struct renumbering *numbers)
     samples->first = renumber_tets(numbers, samples->first, sizeof *samples->first);
 }
 
-enum tetlod_status measured_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working, unsigned threads,
+enum tetlod_status measured_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working,
+                                unsigned threads,
                                 struct tetlod_error *error)
 {
     uint64_t most = mesh->vertex_count + (uint64_t)SAMPLES_PER_TET * mesh->tet_count;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Each record of the log becomes the proposal of one vertex, which merge() does as it does in a round: bounds with their rounding,
- * the boundary's map and its demands, tetrahedra and stars. There is no limit; nothing is evaluated.
+ * Each record of the log becomes the proposal of one vertex, which merge() does as it does in a round: bounds with
+ * their rounding, the boundary's map and its demands, tetrahedra and stars. There is no limit; nothing is evaluated.
  */
 #include "src/simplify/retrace.h"
 
@@ -112,7 +112,8 @@ static enum tetlod_status follow(struct retraced *state, const struct contractio
 }
 
 static enum tetlod_status follow_all(struct retraced *state, const struct contraction_log *log,
-                                     enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque)
+                                     enum tetlod_status (*visit)(void *opaque,
+                                                                 const struct retrace_mark *mark), void *opaque)
 {
     uint32_t done = 0;
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
@@ -124,7 +125,8 @@ static enum tetlod_status follow_all(struct retraced *state, const struct contra
     return TETLOD_OK;
 }
 
-enum tetlod_status retrace(const struct tetmesh *mesh, const struct contraction_log *log, const struct simplify_options *options,
+enum tetlod_status retrace(const struct tetmesh *mesh, const struct contraction_log *log,
+                           const struct simplify_options *options,
                            enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
                            struct tetlod_error *error)
 {
@@ -143,7 +145,8 @@ enum tetlod_status retrace(const struct tetmesh *mesh, const struct contraction_
         TETLOD_TRY_DONE(no_memory(&state));
     TETLOD_TRY_DONE(working_init(&state.working, mesh, NULL, fields, mesh->field_count, NULL, &state.made, error));
     TETLOD_TRY_DONE(border_find(&state.working, state.run.crew, error));
-    TETLOD_TRY_DONE(border_init(&state.run.border, &state.working, mesh, options->boundary_angle, options->boundary_limit,
+    TETLOD_TRY_DONE(border_init(&state.run.border, &state.working, mesh, options->boundary_angle,
+                                options->boundary_limit,
                                 options->boundary_least, crew_size(state.run.crew), error));
     TETLOD_TRY_DONE(allocate(&state, log->vertex_count + log->count));
     status = follow_all(&state, log, visit, opaque);

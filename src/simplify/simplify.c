@@ -10,7 +10,8 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     return rounds_simplify(out, mesh, controlled, controlled_count, limits, options, error);
 }
 
-/* The working mesh; simplex by simplex what is known of each edge, and the quadrics; and what a limit that is asked keeps. */
+/* The working mesh; simplex by simplex what is known of each edge, and the quadrics; and what a limit that is asked
+ * keeps. */
 uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
 {
     return rounds_bytes(mesh, controlled_count, options);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What differs between ways of working: the order (enum metric), the limit (enum certify; two metrics have their own), and
- * what is contracted.
+ * What differs between ways of working: the order (enum metric), the limit (enum certify; two metrics have their own),
+ * and what is contracted.
  */
 #ifndef TETLOD_SIMPLIFY_OPTIONS_H
 #define TETLOD_SIMPLIFY_OPTIONS_H
@@ -36,7 +36,8 @@ struct simplify_options {
     enum certify certify;
     unsigned contract;     /* CONTRACT_... of the kinds of simplices */
     double max_error;      /* fraction of the range */
-    const double *rungs;   /* limits that are asked for: rungs of the ladder, too. If there are any, no others stand between the round ones */
+    /* limits that are asked for: rungs of the ladder, too. If there are any, no others stand between the round ones */
+    const double *rungs;
     uint32_t rung_count;
     uint32_t min_tets;
     double boundary_angle; /* degrees */

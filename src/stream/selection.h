@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What is taken of a stream: a level, a finer one in boxes, or a step in time. The command line and the server read their
- * texts into these structs, and say in their own words what cannot be taken. */
+/* What is taken of a stream: a level, a finer one in boxes, or a step in time. The command line and the server read
+ * their texts into these structs, and say in their own words what cannot be taken. */
 #ifndef TETLOD_SELECTION_H
 #define TETLOD_SELECTION_H
 
@@ -44,8 +44,8 @@ struct step_selection {
     double error;  /* a fraction of the range, or in the fields' units */
 };
 
-/* The topology group that has the step, and the step's number in it where it is chosen by its number. TETLOD_NONE: there is
- * no such step. */
+/* The topology group that has the step, and the step's number in it where it is chosen by its number. TETLOD_NONE:
+ * there is no such step. */
 uint32_t selection_topology(const struct tetlod_info *info, const struct step_selection *selection, uint64_t *out_step);
 
 /* The step and the band, of the series of a topology group that has `step`; TETLOD_NONE: there is none. */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Heap arrays whose size cannot overflow. NULL means out of memory; a count of 0 gives a valid pointer. free() frees. */
+/* Heap arrays whose size cannot overflow. NULL means out of memory; a count of 0 gives a valid pointer. free()
+ * frees. */
 #ifndef TETLOD_ARRAY_H
 #define TETLOD_ARRAY_H
 

@@ -11,7 +11,8 @@ double monotonic_seconds(void);
 /* A condition whose waits end by that clock. */
 void monotonic_cond_init(pthread_cond_t *condition);
 
-/* Waits for a signal, or until that clock shows `until` at most; as for all conditions it may be woken for nothing. False: it is that late. */
+/* Waits for a signal, or until that clock shows `until` at most; as for all conditions it may be woken for nothing.
+ * False: it is that late. */
 bool monotonic_cond_wait(pthread_cond_t *condition, pthread_mutex_t *lock, double until);
 
 #endif

@@ -10,9 +10,10 @@
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes long where the processor sleeps, too:
- * longer than most jobs of a round, and than what is done between two of them. Where other programs hold up what is waited for, looking
- * takes time from them and from it: after each wait that was longer the patience is halved. */
+/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes long where the processor
+ * sleeps, too: longer than most jobs of a round, and than what is done between two of them. Where other programs hold
+ * up what is waited for, looking takes time from them and from it: after each wait that was longer the patience is
+ * halved. */
 static const double MOST_PATIENCE = 400e-6, LEAST_PATIENCE = 10e-6;
 
 struct crew {

@@ -67,10 +67,12 @@ size_t file_input_read(const struct file_input *file, size_t at, size_t size, vo
 bool file_same(const char *one, const char *other)
 {
     struct stat a, b;
-    return stat(one, &a) == 0 && stat(other, &b) == 0 && S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+    return stat(one, &a) == 0 && stat(other,
+                                      &b) == 0 && S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
-enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes, size_t *out_size,
+enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes,
+                                    size_t *out_size,
                                     struct tetlod_error *error)
 {
     unsigned char *bytes = array_new(file->size, 1);
@@ -87,7 +89,8 @@ enum tetlod_status file_input_whole(const struct file_input *file, const char *p
     return TETLOD_OK;
 }
 
-enum tetlod_status file_view_open(struct file_view *out, const struct file_input *file, const char *path, struct tetlod_error *error)
+enum tetlod_status file_view_open(struct file_view *out, const struct file_input *file, const char *path,
+                                  struct tetlod_error *error)
 {
     *out = (struct file_view){.size = file->size};
     void *bytes = file->size ? mmap(NULL, file->size, PROT_READ, MAP_PRIVATE, file->fd, 0) : MAP_FAILED;

@@ -23,12 +23,14 @@ void file_input_close(struct file_input *file);
 size_t file_input_read(const struct file_input *file, size_t at, size_t size, void *out);
 
 /* file_read of a file that is open. */
-TETLOD_CHECKED enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes,
+TETLOD_CHECKED enum tetlod_status file_input_whole(const struct file_input *file, const char *path,
+                                                   unsigned char **out_bytes,
                                                    size_t *out_size, struct tetlod_error *error);
 
 /*
- * A file's bytes, which the system brings into memory where they are looked at. A reader that says how far it is gives those
- * behind it back, so that a file takes no memory beside what is made of it. Where the file cannot be mapped, it is a copy.
+ * A file's bytes, which the system brings into memory where they are looked at. A reader that says how far it is gives
+ * those behind it back, so that a file takes no memory beside what is made of it. Where the file cannot be mapped, it
+ * is a copy.
  */
 struct file_view {
     unsigned char *bytes;
@@ -62,11 +64,15 @@ bool file_same(const char *one, const char *other);
 /* An output that commit puts in its place in one step and abort takes back; a process that is killed between leaves
  * nothing. To a device or pipe it is written straight. */
 struct file_output;
-TETLOD_CHECKED enum tetlod_status file_output_open(struct file_output **out, const char *path, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status file_output_open(struct file_output **out, const char *path,
+                                                   struct tetlod_error *error);
 struct tetlodi_sink file_output_sink(struct file_output *output);
-TETLOD_CHECKED enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error); /* frees it */
+/* frees it */
+TETLOD_CHECKED enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error);
 void file_output_abort(struct file_output *output);
-/* Commits after `status` OK, else takes back; where the file itself failed, the error names path and reason. Frees it. */
-TETLOD_CHECKED enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status, struct tetlod_error *error);
+/* Commits after `status` OK, else takes back; where the file itself failed, the error names path and reason. Frees
+ * it. */
+TETLOD_CHECKED enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status,
+                                                     struct tetlod_error *error);
 
 #endif

@@ -20,7 +20,8 @@ static uint64_t read_limit(const char *path)
     return text[0] >= '0' && text[0] <= '9' ? strtoull(text, NULL, 10) : UINT64_MAX;
 }
 
-/* The least limit of a group and of those that it is in. In a container the group's own path may not be there, but the top is. */
+/* The least limit of a group and of those that it is in. In a container the group's own path may not be there, but the
+ * top is. */
 static uint64_t group_limit(const char *root, const char *mount, const char *group, const char *name)
 {
     char path[PATH_CAPACITY], at[PATH_CAPACITY];

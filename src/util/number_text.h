@@ -16,8 +16,8 @@ bool text_count(const char *text, bool suffix, uint64_t *out);
 /* `count` finite numbers separated by commas. */
 bool text_numbers(const char *text, size_t count, double *out);
 
-/* Prints a number with as few digits as tell it from others, without the '+' of an exponent, which is a space to some readers of
- * queries. Its length. */
+/* Prints a number with as few digits as tell it from others, without the '+' of an exponent, which is a space to some
+ * readers of queries. Its length. */
 size_t print_number(char *out, size_t capacity, double value);
 
 #endif

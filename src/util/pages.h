@@ -5,7 +5,8 @@
 
 #include <stddef.h>
 
-/* Gives back the pages that lie in a range as a whole. What was there is lost; the array that the range is of is still to be freed. */
+/* Gives back the pages that lie in a range as a whole. What was there is lost; the array that the range is of is still
+ * to be freed. */
 void pages_drop(void *begin, size_t size);
 
 #endif

@@ -40,7 +40,8 @@ enum tetlod_status spool_open(struct spool *out, struct tetlod_error *error)
     *out = (struct spool){.file = fd >= 0 ? fdopen(fd, "w+") : NULL};
     if (out->file)
         return TETLOD_OK;
-    enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file in %.100s: %s; TMPDIR names another folder", folder,
+    enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_IO,
+                                             "there is no temporary file in %.100s: %s; TMPDIR names another folder", folder,
                                              strerror(errno));
     if (fd >= 0)
         close(fd);
@@ -56,7 +57,8 @@ void spool_close(struct spool *spool)
 
 static enum tetlod_status fail_write(struct tetlod_error *error)
 {
-    return tetlodi_fail(error, TETLOD_ERR_IO, "a temporary file in %.100s cannot be written: %s; TMPDIR names another folder", folder_name(), strerror(errno));
+    return tetlodi_fail(error, TETLOD_ERR_IO,
+                        "a temporary file in %.100s cannot be written: %s; TMPDIR names another folder", folder_name(), strerror(errno));
 }
 
 enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size, struct tetlod_error *error)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A temporary file without a name, in the folder that TMPDIR names or in /tmp: written from front to back, then read anywhere. */
+/* A temporary file without a name, in the folder that TMPDIR names or in /tmp: written from front to back, then read
+ * anywhere. */
 #ifndef TETLOD_SPOOL_H
 #define TETLOD_SPOOL_H
 
@@ -16,9 +17,11 @@ struct spool {
 TETLOD_CHECKED enum tetlod_status spool_open(struct spool *out, struct tetlod_error *error);
 void spool_close(struct spool *spool);
 
-TETLOD_CHECKED enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size,
+                                              struct tetlod_error *error);
 
 /* All that is written, for as long as the spool is open. Any number of threads may read it. */
-TETLOD_CHECKED enum tetlod_status spool_source(struct spool *spool, struct tetlod_source *out, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status spool_source(struct spool *spool, struct tetlod_source *out,
+                                               struct tetlod_error *error);
 
 #endif

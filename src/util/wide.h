@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Four doubles at a time. The same operations on every machine, in the same order for each of the four, so that the plain form
- * gives the same bits as the others. The greater of two is a > b ? a : b, as the instruction has it.
+ * Four doubles at a time. The same operations on every machine, in the same order for each of the four, so that the
+ * plain form gives the same bits as the others. The greater of two is a > b ? a : b, as the instruction has it.
  */
 #ifndef TETLOD_WIDE_H
 #define TETLOD_WIDE_H
@@ -36,7 +36,8 @@ static inline wide wide_sqrt(wide a) { return _mm256_sqrt_pd(a); }
 static inline wide wide_abs(wide a) { return _mm256_andnot_pd(_mm256_set1_pd(-0.0), a); }
 
 /* Bit i is set where a is at most b in place i. */
-static inline unsigned wide_at_most(wide a, wide b) { return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LE_OQ)); }
+static inline unsigned wide_at_most(wide a,
+                                    wide b) { return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LE_OQ)); }
 
 /* In how many places it is. */
 static inline unsigned wide_count_at_most(wide a, wide b) { return (unsigned)__builtin_popcount(wide_at_most(a, b)); }

@@ -2,9 +2,9 @@
 /*
  * usage: attack PROGRAM FOLDER FIRST COUNT
  *
- * Seeds FIRST .. FIRST + COUNT - 1: makes a mesh and options of the seed, has PROGRAM build and verify a stream of it in FOLDER,
- * and holds what the stream says against the oracle (oracle.h). A line for each finding; exit status 1 if there is one.
- * With KEEP=1 in the environment the mesh and the stream of the last seed stay in FOLDER.
+ * Seeds FIRST .. FIRST + COUNT - 1: makes a mesh and options of the seed, has PROGRAM build and verify a stream of it
+ * in FOLDER, and holds what the stream says against the oracle (oracle.h). A line for each finding; exit status 1 if
+ * there is one. With KEEP=1 in the environment the mesh and the stream of the last seed stay in FOLDER.
  *
  *     seed 17 (torus, 96 tets): max: level 3 f0: stored 0.01, true 0.02 at (...) | build options
  */
@@ -117,7 +117,8 @@ static void choose_local_bound(struct attack *a)
 {
     const char *domain = strstr(a->options, "--domain-error ");
     bool kept = !domain || strtod(domain + strlen("--domain-error "), NULL) <= 0.001;
-    if ((a->seed % 3 == 0 || a->shape.marks) && kept && !a->lossy && !strstr(a->options, "exact") && !strstr(a->options, "measured"))
+    if ((a->seed % 3 == 0 || a->shape.marks) && kept && !a->lossy && !strstr(a->options, "exact") &&
+        !strstr(a->options, "measured"))
         option(a, " --local-bound");
 }
 
@@ -191,13 +192,15 @@ static bool build(struct attack *a)
         perror(path_of(a, "mesh.vtk"));
         exit(2);
     }
-    snprintf(operands, sizeof operands, "%s -o %s --quiet --compress 1%s", path_of(a, "mesh.vtk"), path_of(a, "mesh.tetlod"),
+    snprintf(operands, sizeof operands, "%s -o %s --quiet --compress 1%s", path_of(a, "mesh.vtk"),
+             path_of(a, "mesh.tetlod"),
              a->options);
     int status = run(a, "build", operands);
     if (status == 0)
         return true;
     const char *text = said(a);
-    bool refused = status == 3 ? strstr(text, "too wide for") || strstr(text, "too narrow for") : status == 2 && strstr(text, "rounding alone");
+    bool refused = status == 3 ? strstr(text, "too wide for") || strstr(text,
+                                                                        "too narrow for") : status == 2 && strstr(text, "rounding alone");
     if (!refused)
         found(a, "build", "exit status %d: %s", status, text);
     return false;
@@ -270,7 +273,8 @@ static uint64_t fingerprint(const struct attack *a, const double *position, uint
     double row[3 + ORACLE_MOST_VALUES];
     memcpy(row, position, 3 * sizeof *row);
     for (uint32_t i = 0; i < a->original.value_count; i++)
-        row[3 + i] = input ? input_value(a, a->info->fields[a->field_of[i]].name, a->component_of[i], v) : a->values[i][v];
+        row[3 + i] = input ? input_value(a, a->info->fields[a->field_of[i]].name, a->component_of[i],
+                                         v) : a->values[i][v];
     for (uint32_t i = 0; i < 3 + a->original.value_count; i++) {
         uint64_t bits;
         memcpy(&bits, &row[i], sizeof bits);
@@ -305,7 +309,8 @@ static bool same_sets(const struct attack *a)
         qsort(prints[m], n, sizeof(uint64_t), compare_numbers);
         qsort(tets[m], t, sizeof(uint64_t), compare_numbers);
     }
-    bool same = memcmp(prints[0], prints[1], n * sizeof(uint64_t)) == 0 && memcmp(tets[0], tets[1], t * sizeof(uint64_t)) == 0;
+    bool same = memcmp(prints[0], prints[1], n * sizeof(uint64_t)) == 0 && memcmp(tets[0], tets[1],
+                                                                                  t * sizeof(uint64_t)) == 0;
     for (int m = 0; m < 2; m++) {
         free(prints[m]);
         free(tets[m]);
@@ -345,7 +350,8 @@ static bool take_original(struct attack *a)
     struct tetlod_mesh mesh;
     tetlod_cursor_mesh(a->cursor, &mesh);
     if (mesh.vertices != a->shape.vertices || mesh.tets != a->shape.tets) {
-        found(a, "finest", "%u vertices, %u tets, the input has %u vertices", mesh.vertices, mesh.tets, a->shape.vertices);
+        found(a, "finest", "%u vertices, %u tets, the input has %u vertices", mesh.vertices, mesh.tets,
+              a->shape.vertices);
         return false;
     }
     struct oracle_mesh *o = &a->original;
@@ -400,13 +406,15 @@ static void check_topology(struct attack *a, uint32_t k, const struct oracle_mes
     const struct oracle_counts *then = &a->counts;
     oracle_count(level, &now);
     if (now.euler != then->euler || now.parts != then->parts || now.boundary_parts != then->boundary_parts)
-        found(a, "topology", "level %u: euler %ld, parts %ld, boundaries %ld; was %ld, %ld, %ld", k, now.euler, now.parts,
+        found(a, "topology", "level %u: euler %ld, parts %ld, boundaries %ld; was %ld, %ld, %ld", k, now.euler,
+              now.parts,
               now.boundary_parts, then->euler, then->parts, then->boundary_parts);
     if (now.overfull_faces > then->overfull_faces || now.duplicates > then->duplicates)
         found(a, "topology", "level %u: %ld overfull faces, %ld duplicates; was %ld, %ld", k, now.overfull_faces,
               now.duplicates, then->overfull_faces, then->duplicates);
     if (!a->lossy && (now.inverted > then->inverted || now.flat > then->flat))
-        found(a, "orientation", "level %u: %ld inverted, %ld flat; was %ld, %ld", k, now.inverted, now.flat, then->inverted,
+        found(a, "orientation", "level %u: %ld inverted, %ld flat; was %ld, %ld", k, now.inverted, now.flat,
+              then->inverted,
               then->flat);
 }
 
@@ -416,7 +424,8 @@ static double domain_radius(const struct attack *a, uint32_t k)
 }
 
 /* A value of the original at a point: is there a point of the level close by that has about it? */
-static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_mesh *level, uint32_t tet, const double point[3],
+static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_mesh *level, uint32_t tet,
+                        const double point[3],
                         uint32_t i, double value)
 {
     uint32_t field = a->field_of[i];
@@ -439,7 +448,8 @@ static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *le
             continue;
         bool partner = a->info->levels[k].domain_error > 1e-9 &&
                        has_partner(a, k, level, worst[i].tet, worst[i].position, i, worst[i].value);
-        found(a, partner ? "max beside its partner" : "max", "level %u of %u, %s: stored %.9g, true %.9g of tet %u at (%.17g, %.17g, %.17g)",
+        found(a, partner ? "max beside its partner" : "max",
+              "level %u of %u, %s: stored %.9g, true %.9g of tet %u at (%.17g, %.17g, %.17g)",
               k, a->info->level_count, a->info->fields[f].name, stored, truth / range, worst[i].tet, worst[i].position[0],
               worst[i].position[1], worst[i].position[2]);
     }
@@ -452,9 +462,9 @@ static bool once(unsigned *set, uint32_t member)
     return first;
 }
 
-/* Vertices that rounding may put outside their own sheet and into another of the same body, with which the oracle compares them: those of
- * folds; and, of rounded positions, on the boundary where the body overlaps itself at faces of more than two tetrahedra, and where another
- * sheet touches it. */
+/* Vertices that rounding may put outside their own sheet and into another of the same body, with which the oracle
+ * compares them: those of folds; and, of rounded positions, on the boundary where the body overlaps itself at faces of
+ * more than two tetrahedra, and where another sheet touches it. */
 static bool *find_strays(const struct attack *a)
 {
     const struct oracle_mesh *o = &a->original;
@@ -495,7 +505,8 @@ static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mes
             if (held && range > 0)
                 falsehood_note(&a->falsehood.sampled[(size_t)k * a->info->field_count + f], (here - slack) / range);
             if (held && here > sampled * range + slack && once(&reported[0], i))
-                found(a, "sampled", "level %u, %s: stored %.9g, at vertex %u it is %.9g", k, a->info->fields[f].name, sampled,
+                found(a, "sampled", "level %u, %s: stored %.9g, at vertex %u it is %.9g", k, a->info->fields[f].name,
+                      sampled,
                       v, here / range);
             if (!held && !isnan(error_of(a, k, f, TETLOD_MAX)) &&
                 !has_partner(a, k, level, (uint32_t)(c / 4), p, i, a->values[i][v]) && once(&reported[1], i))
@@ -512,7 +523,8 @@ static void check_domain(struct attack *a, uint32_t k, const struct oracle_mesh 
     double truth = fmax(there, back);
     a->falsehood.domain[k] = truth / a->diagonal;
     if (truth > domain_radius(a, k))
-        found(a, "domain error", "level %u: stored %.9g, true %.9g", k, a->info->levels[k].domain_error, truth / a->diagonal);
+        found(a, "domain error", "level %u: stored %.9g, true %.9g", k, a->info->levels[k].domain_error,
+              truth / a->diagonal);
 }
 
 static void check_level(struct attack *a, uint32_t k)
@@ -585,13 +597,15 @@ static void check_verdicts(struct attack *a)
         return;
     char text[200];
     bool lie;
-    if (falsehood_write_bound(&a->falsehood, a->file, path_of(a, "lie.tetlod"), text, sizeof text) && (status = verify(a, "lie.tetlod")) != 3)
+    if (falsehood_write_bound(&a->falsehood, a->file, path_of(a, "lie.tetlod"), text, sizeof text) &&
+        (status = verify(a, "lie.tetlod")) != 3)
         found(a, "verify accepts", "exit status %d: %s: %.200s", status, text, said(a));
     if (!falsehood_write(&a->falsehood, a->file, &a->dice, path_of(a, "lie.tetlod"), &lie, text, sizeof text))
         return;
     status = verify(a, "lie.tetlod");
     if (status != (lie ? 3 : 0))
-        found(a, lie ? "verify accepts" : "verify rejects", "sealed again, exit status %d: %s: %.200s", status, text, said(a));
+        found(a, lie ? "verify accepts" : "verify rejects", "sealed again, exit status %d: %s: %.200s", status, text,
+              said(a));
 }
 
 /* ---- finer in boxes */
@@ -617,7 +631,8 @@ static void print_box(struct attack *a, char *out, size_t size)
 {
     const double *p = a->positions + 3 * (size_t)dice_below(&a->dice, a->original.vertices);
     double half = a->diagonal * 0.3 * dice_unit(&a->dice) * dice_unit(&a->dice);
-    snprintf(out, size, "--box=%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", p[0] - half, p[1] - half, p[2] - half, p[0] + half, p[1] + half, p[2] + half);
+    snprintf(out, size, "--box=%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", p[0] - half, p[1] - half, p[2] - half,
+             p[0] + half, p[1] + half, p[2] + half);
 }
 
 static void check_region(struct attack *a)
@@ -626,14 +641,16 @@ static void check_region(struct attack *a)
     const char *error = ONE_OF(a, "0.5", "0.2", "0.1", "0.03"), *finer = ONE_OF(a, "0", "0.001", "0.02");
     uint32_t coarse = tetlod_level_for_error(a->info, strtod(error, NULL), TETLOD_NONE, TETLOD_MAX);
     print_box(a, box, sizeof box);
-    snprintf(operands, sizeof operands, "%s --error %s %s --box-error %s -o %s", path_of(a, "mesh.tetlod"), error, box, finer, path_of(a, "region.vtk"));
+    snprintf(operands, sizeof operands, "%s --error %s %s --box-error %s -o %s", path_of(a, "mesh.tetlod"), error, box,
+             finer, path_of(a, "region.vtk"));
     int status = run(a, "extract", operands);
     const char *about = said(a);
     if (status != 0 && !strstr(about, "none of its levels"))
         found(a, "extract", "exit status %d: %s | extract %s", status, about, operands);
     if (status != 0 || coarse == TETLOD_NONE || !strstr(about, "transition between them"))
         return; // the boxes' level is no finer
-    const struct region_case c = {a->file, &a->original, a->field_of, a->component_of, domain_radius(a, coarse), a->falsehood.definite && !a->lossy, about};
+    const struct region_case c = {a->file, &a->original, a->field_of, a->component_of, domain_radius(a, coarse),
+                                  a->falsehood.definite && !a->lossy, about};
     if (!region_holds(&c, path_of(a, "region.vtk"), text, sizeof text))
         found(a, "region", "%s | extract --error %s %s --box-error %s", text, error, box, finer);
 }
@@ -642,7 +659,8 @@ static void check_stream(struct attack *a)
 {
     uint32_t levels = a->info->level_count;
     falsehood_begin(&a->falsehood, a->info);
-    a->falsehood.definite = strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind, "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
+    a->falsehood.definite = strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind,
+                                                                        "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
     check_index(a);
     for (uint32_t i = 0; i < 6 && a->shape.marks; i++)
         check_region(a);
@@ -669,7 +687,8 @@ static void release(struct attack *a)
 
 static unsigned attack(const char *program, const char *folder, uint64_t seed)
 {
-    struct attack a = {.program = program, .folder = folder, .seed = seed, .dice = {seed * UINT64_C(0x9e3779b97f4a7c15)}};
+    struct attack a = {.program = program, .folder = folder, .seed = seed,
+                       .dice = {seed * UINT64_C(0x9e3779b97f4a7c15)}};
     shape_of_seed(&a.shape, &a.dice, seed);
     if (seed >= SHAPE_REGION_SEEDS)
         mark_parts(&a.shape);

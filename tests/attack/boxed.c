@@ -131,7 +131,8 @@ static bool find_parts(const struct region_case *c, struct file_mesh *mesh)
 {
     const struct tetlod_info *info = tetlod_info(c->file);
     const struct array *mark = find(mesh->cells, mesh->cell_count, SHAPE_MARK);
-    uint32_t field = tetlod_cell_field_index(info, SHAPE_MARK), *part_of = oracle_memory(info->tets + (size_t)1, sizeof *part_of);
+    uint32_t field = tetlod_cell_field_index(info, SHAPE_MARK), *part_of = oracle_memory(info->tets + (size_t)1,
+                                                                                         sizeof *part_of);
     double *marks = oracle_memory(info->tets, sizeof *marks);
     bool there = mark && field != TETLOD_NONE && tetlod_cells(c->file, field, marks, NULL) == TETLOD_OK;
     for (size_t t = 0; t < info->tets && there; t++)
@@ -159,7 +160,8 @@ static bool read_said(const char **at, const char *name, double *out)
     return true;
 }
 
-static bool check_transition(const struct region_case *c, const struct file_mesh *mesh, struct oracle_mesh *level, char *text, size_t size)
+static bool check_transition(const struct region_case *c, const struct file_mesh *mesh, struct oracle_mesh *level,
+                             char *text, size_t size)
 {
     const struct tetlod_info *info = tetlod_info(c->file);
     const struct array *region = find(mesh->cells, mesh->cell_count, "Region");
@@ -191,7 +193,8 @@ static bool check_transition(const struct region_case *c, const struct file_mesh
 /* ---- local bounds */
 
 /* s + (M - b) and s - (M - b) of one component against the original: neither may be further off than M. */
-static bool check_bound(const struct region_case *c, const struct oracle_mesh *level, const double *bounds, uint32_t i, char *text, size_t size)
+static bool check_bound(const struct region_case *c, const struct oracle_mesh *level, const double *bounds, uint32_t i,
+                        char *text, size_t size)
 {
     struct oracle_mesh original = *c->original, shifted = *level;
     struct oracle_place worst[ORACLE_MOST_VALUES];
@@ -215,9 +218,11 @@ static bool check_bound(const struct region_case *c, const struct oracle_mesh *l
     oracle_overlay(&original, &shifted, c->radius, worst);
     for (uint32_t side = 0; side < 2 && good; side++) {
         uint32_t part = original.part[original.corners[4 * (size_t)worst[side].tet]];
-        good = worst[side].difference <= within || oracle_partner(&shifted, part, worst[side].position, c->radius, side, worst[side].value, within);
+        good = worst[side].difference <= within || oracle_partner(&shifted, part, worst[side].position, c->radius,
+                                                                  side, worst[side].value, within);
         if (!good)
-            snprintf(text, size, "local bound: it lacks %.9g of %.9g at (%.17g, %.17g, %.17g)", worst[side].difference - most, most,
+            snprintf(text, size, "local bound: it lacks %.9g of %.9g at (%.17g, %.17g, %.17g)",
+                     worst[side].difference - most, most,
                      worst[side].position[0], worst[side].position[1], worst[side].position[2]);
     }
     free(values[0]);
@@ -225,7 +230,8 @@ static bool check_bound(const struct region_case *c, const struct oracle_mesh *l
     return good;
 }
 
-static bool check_bounds(const struct region_case *c, const struct file_mesh *mesh, const struct oracle_mesh *level, char *text, size_t size)
+static bool check_bounds(const struct region_case *c, const struct file_mesh *mesh, const struct oracle_mesh *level,
+                         char *text, size_t size)
 {
     const struct tetlod_info *info = tetlod_info(c->file);
     for (uint32_t f = 0; f < info->field_count; f++) {
@@ -242,7 +248,8 @@ bool region_holds(const struct region_case *c, const char *path, char *text, siz
     const struct tetlod_info *info = tetlod_info(c->file);
     struct file_mesh mesh;
     bool good = read_file(&mesh, path) && find_parts(c, &mesh);
-    struct oracle_mesh level = {mesh.vertices, mesh.tets, c->original->value_count, mesh.positions, mesh.corners, .part = mesh.part,
+    struct oracle_mesh level = {mesh.vertices, mesh.tets, c->original->value_count, mesh.positions, mesh.corners,
+                                .part = mesh.part,
                                 .turn = c->original->turn};
     snprintf(text, size, "region: the file cannot be read, or lacks a field");
     for (uint32_t i = 0; i < level.value_count && good; i++) {

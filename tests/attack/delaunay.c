@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Delaunay tetrahedra by insertion (Bowyer, Watson), for some hundred random points. Each point removes the tetrahedra whose
- * circumsphere holds it, and joins the faces of that cavity. Signs are taken in long double; random points need no more.
+ * Delaunay tetrahedra by insertion (Bowyer, Watson), for some hundred random points. Each point removes the tetrahedra
+ * whose circumsphere holds it, and joins the faces of that cavity. Signs are taken in long double; random points need
+ * no more.
  */
 #include <stdlib.h>
 

@@ -15,14 +15,16 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 import tetlod  # noqa: E402
 from tetlod import reference  # noqa: E402
 
-ROUNDINGS = ([], ['--keep-order'], ['--position-bits', '9'], ['--field-bits', '6'], ['--position-bits', '6', '--field-bits', '4'],
+ROUNDINGS = ([], ['--keep-order'], ['--position-bits', '9'], ['--field-bits', '6'],
+             ['--position-bits', '6', '--field-bits', '4'],
              ['--field-error', '1%', '--keep-order'])
 
 
 def grid(dice, sizes):
     """A box of cubes of six tetrahedra each, with its points shaken."""
     counts = [size + 1 for size in sizes]
-    points = [[x + dice.uniform(-0.2, 0.2) for x in (i, j, k)] for i in range(counts[0]) for j in range(counts[1]) for k in range(counts[2])]
+    points = [[x + dice.uniform(-0.2, 0.2) for x in (i, j,
+                                                     k)] for i in range(counts[0]) for j in range(counts[1]) for k in range(counts[2])]
     steps, tets = (counts[1] * counts[2], counts[2], 1), []
     for i in range(sizes[0]):
         for j in range(sizes[1]):
@@ -42,7 +44,8 @@ class Case:
         self.count = dice.choice((1, 1, 2, 5, 9))
         self.times = [0.5 * step + dice.uniform(0, 0.4) for step in range(self.count)]
         rough = dice.choice((0, 0.01, 1))
-        self.steps = [[sum(p) % 3 + 0.3 * step + rough * dice.random() for p in self.points] for step in range(self.count)]
+        self.steps = [[sum(p) % 3 + 0.3 * step + rough *
+                       dice.random() for p in self.points] for step in range(self.count)]
         self.cells = {'whole': [dice.randint(-9, 9) for _ in self.tets], 'real': [dice.random() for _ in self.tets]}
 
     def found(self, text):
@@ -53,7 +56,8 @@ class Case:
         return os.path.join(self.folder, name)
 
     def run(self, *arguments):
-        return subprocess.run([self.program, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=300)
+        return subprocess.run([self.program, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, timeout=300)
 
     def write(self, name, steps, times, cells):
         """A PVD file with its steps."""
@@ -66,10 +70,12 @@ class Case:
                            (len(self.points), len(self.tets), ' '.join(repr(x) for p in self.points for x in p)))
                 file.write('<Cells><DataArray type="Int64" Name="connectivity" format="ascii">%s</DataArray><DataArray type="Int64" Name="offsets" format="ascii">%s'
                            '</DataArray><DataArray type="UInt8" Name="types" format="ascii">%s</DataArray></Cells>' %
-                           (' '.join(str(v) for tet in self.tets for v in tet), ' '.join(str(4 * t + 4) for t in range(len(self.tets))), '10 ' * len(self.tets)))
+                           (' '.join(str(v) for tet in self.tets for v in tet),
+                            ' '.join(str(4 * t + 4) for t in range(len(self.tets))), '10 ' * len(self.tets)))
                 file.write('<PointData><DataArray type="Float64" Name="heat" format="ascii">%s</DataArray></PointData><CellData>%s</CellData>'
                            '</Piece></UnstructuredGrid></VTKFile>' % (' '.join(map(repr, values)), arrays))
-        sets = ''.join('<DataSet timestep="%r" file="%s_%d.vtu"/>' % (time, name, number) for number, time in enumerate(times))
+        sets = ''.join('<DataSet timestep="%r" file="%s_%d.vtu"/>' % (time, name, number) for number,
+                       time in enumerate(times))
         with open(self.path(name + '.pvd'), 'w') as file:
             file.write('<VTKFile type="Collection"><Collection>%s</Collection></VTKFile>' % sets)
 
@@ -91,7 +97,8 @@ class Case:
     def check_verify(self):
         options = self.dice.choice(ROUNDINGS[:2] if self.count > 1 else ROUNDINGS)
         self.write('input', self.steps, self.times, self.cells)
-        done = self.run('build', self.path('input.pvd'), '--field', 'heat', '--growth', '1.5', *options, '-o', self.path('out.tetlod'), '--quiet')
+        done = self.run('build', self.path('input.pvd'), '--field', 'heat', '--growth', '1.5', *options, '-o',
+                        self.path('out.tetlod'), '--quiet')
         if done.returncode:
             self.found('build %s: %r' % (options, done.stderr))
             return False
@@ -111,14 +118,16 @@ class Case:
         whole = reference.open(data)
         ends = [level['bytes'] for level in whole.levels]
         values = {field['name']: section['offset'] + section['stored']
-                  for field, section in zip(whole.cell_fields, [section for section in whole.sections if section['tag'] == 'CVAL'])}
+                  for field, section in zip(whole.cell_fields,
+                                            [section for section in whole.sections if section['tag'] == 'CVAL'])}
         size = self.dice.randint(ends[0], len(data) - 1)
         level = max(number for number, end in enumerate(ends) if end <= size)
         here = [name for name, end in values.items() if end <= size]
         with open(self.path('cut.tetlod'), 'wb') as file:
             file.write(data[:size])
         wanted, found = (tetlod.read(bytes_, level=level, decoder='python') for bytes_ in (data, data[:size]))
-        if not np.array_equal(wanted.tets, found.tets) or not np.array_equal(wanted.fields['heat'], found.fields['heat']) or list(found.cells) != here:
+        if not np.array_equal(wanted.tets, found.tets) or not np.array_equal(wanted.fields['heat'],
+                                                                             found.fields['heat']) or list(found.cells) != here:
             self.found('cut at %d: level %d with %s' % (size, level, list(found.cells)))
         for output in ('cut.vtu', 'saved.tetlod'):
             done = self.run('extract', self.path('cut.tetlod'), '-o', self.path(output))

@@ -15,7 +15,8 @@ void falsehood_begin(struct falsehood *falsehood, const struct tetlod_info *info
 {
     size_t count = (size_t)info->level_count * info->field_count;
     *falsehood = (struct falsehood){oracle_memory(count, sizeof(double)), oracle_memory(count, sizeof(double)),
-                                    oracle_memory(info->level_count, sizeof(double)), info->level_count, info->field_count, false};
+                                    oracle_memory(info->level_count,
+                                                  sizeof(double)), info->level_count, info->field_count, false};
     for (size_t i = 0; i < count; i++)
         falsehood->max[i] = falsehood->sampled[i] = NAN;
     for (uint32_t k = 0; k < info->level_count; k++)
@@ -42,7 +43,8 @@ static void lower(double *errors, uint32_t k, uint32_t levels, uint32_t step, do
 }
 
 /* Where to lie: a level with a true figure that is large enough for a lie of 1 % to be one. */
-static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field, double *truth)
+static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field,
+                   double *truth)
 {
     for (int tries = 0; tries < 60; tries++) {
         *what = (enum lie)dice_below(dice, LIES);
@@ -71,7 +73,8 @@ static bool seal(const struct recode *recode, const char *path)
     return out && fclose(out) == 0 && written;
 }
 
-bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct dice *dice, const char *path, bool *out_lie,
+bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct dice *dice, const char *path,
+                     bool *out_lie,
                      char *text, size_t size)
 {
     static const char *const names[] = {"max", "sampled", "domain error", "too large: sampled"};
@@ -93,15 +96,18 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
         if (what == LIE_DOMAIN && (alone ? k == level : k >= level))
             recode.levels[k].domain_error = fmin(recode.levels[k].domain_error, lie);
     }
-    for (uint32_t k = 0; k <= level && what == LIE_LARGE && *out_lie; k++) { // as a whole in order: no level below a finer one
+    // as a whole in order: no level below a finer one
+    for (uint32_t k = 0; k <= level && what == LIE_LARGE && *out_lie; k++) {
         double *of = errors + (size_t)k * step + field * TETLOD_MEASURES;
         lie = 1.001 * info->levels[level].errors[field * TETLOD_MEASURES + TETLOD_SAMPLED];
         of[TETLOD_SAMPLED] = fmax(of[TETLOD_SAMPLED], lie);
         of[TETLOD_MAX] = isnan(of[TETLOD_MAX]) ? of[TETLOD_MAX] : fmax(of[TETLOD_MAX], lie);
     }
     if (what == LIE_MAX || what == LIE_SAMPLED)
-        lower(errors + field * TETLOD_MEASURES + (what == LIE_MAX ? TETLOD_MAX : TETLOD_SAMPLED), level, f->levels, step, lie);
-    snprintf(text, size, "%s of %.20s at level %u of %u put to %.9g, it is %.9g", names[what], info->fields[field].name, level,
+        lower(errors + field * TETLOD_MEASURES + (what == LIE_MAX ? TETLOD_MAX : TETLOD_SAMPLED), level, f->levels,
+              step, lie);
+    snprintf(text, size, "%s of %.20s at level %u of %u put to %.9g, it is %.9g", names[what],
+             info->fields[field].name, level,
              f->levels, lie, truth);
     bool done = seal(&recode, path);
     free(errors);
@@ -109,7 +115,8 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     return done;
 }
 
-bool falsehood_write_bound(const struct falsehood *f, struct tetlod_file *file, const char *path, char *text, size_t size)
+bool falsehood_write_bound(const struct falsehood *f, struct tetlod_file *file, const char *path, char *text,
+                           size_t size)
 {
     const struct tetlod_info *info = tetlod_info(file);
     for (uint32_t bound = 0; bound < info->field_count; bound++) {
@@ -125,7 +132,8 @@ bool falsehood_write_bound(const struct falsehood *f, struct tetlod_file *file, 
         while (field->range[1] * by > 0.99 * truth)
             by /= 2;
         recode_scale(&recode, bound, by);
-        snprintf(text, size, "%.20s put to at most %.9g, the difference is %.9g", field->name, field->range[1] * by, truth);
+        snprintf(text, size, "%.20s put to at most %.9g, the difference is %.9g", field->name, field->range[1] * by,
+                 truth);
         bool done = seal(&recode, path);
         recode_free(&recode);
         return done;

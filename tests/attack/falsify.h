@@ -24,13 +24,14 @@ void falsehood_end(struct falsehood *falsehood);
 /* A difference that was found: the largest counts. */
 void falsehood_note(double *at, double difference);
 
-/* Writes the stream with one figure made too small, or, once in eight times, as it was, sealed again; says in `text` which, and
- * whether it is a lie. False: there is none that could be. */
+/* Writes the stream with one figure made too small, or, once in eight times, as it was, sealed again; says in `text`
+ * which, and whether it is a lie. False: there is none that could be. */
 bool falsehood_write(const struct falsehood *falsehood, struct tetlod_file *file, struct dice *dice, const char *path,
                      bool *out_lie, char *text, size_t size);
 
-/* The same with a local bound that is too small everywhere by one factor, and all that the index says of it. False: no field has one that
- * could be. */
-bool falsehood_write_bound(const struct falsehood *falsehood, struct tetlod_file *file, const char *path, char *text, size_t size);
+/* The same with a local bound that is too small everywhere by one factor, and all that the index says of it. False: no
+ * field has one that could be. */
+bool falsehood_write_bound(const struct falsehood *falsehood, struct tetlod_file *file, const char *path, char *text,
+                           size_t size);
 
 #endif

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What is near a point: partners within the domain error, and distances between boundaries. In doubles, around the point. */
+/* What is near a point: partners within the domain error, and distances between boundaries. In doubles, around the
+ * point. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -72,7 +73,8 @@ static bool within(const struct flat *f, const double w[3])
     return least >= -1e-9 && sum <= 1 + 1e-9;
 }
 
-/* Extremes of the linear function over the face's inside and the ball around 0: on the ball, in the gradient's direction. */
+/* Extremes of the linear function over the face's inside and the ball around 0: on the ball, in the gradient's
+ * direction. */
 static void extend_range(const struct flat *f, double radius, double range[2])
 {
     static const double zero[3] = {0, 0, 0};
@@ -130,7 +132,8 @@ static void tet_range(const double corners[4][3], const double values[4], double
     }
 }
 
-double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
+double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius,
+                         uint32_t i,
                          quad value, double enough)
 {
     double least = INFINITY;
@@ -175,7 +178,8 @@ static double segment_distance(const double p[3], const double a[3], const doubl
     return sqrt(sum);
 }
 
-/* The distance from the face's plane where the foot is in the face, else INFINITY. Faces may be thin: doubles are not enough. */
+/* The distance from the face's plane where the foot is in the face, else INFINITY. Faces may be thin: doubles are not
+ * enough. */
 static double face_distance(const double p[3], const double corners[3][3])
 {
     long double e[3][3], r[3], n[3], c[3], size = 0, height = 0;
@@ -216,14 +220,16 @@ static struct oracle_face *boundary_faces(const struct oracle_mesh *mesh, size_t
     struct oracle_face *faces = oracle_faces(mesh);
     size_t count = 4 * (size_t)mesh->tets, kept = 0;
     for (size_t i = 0; i < count; i++)
-        if (!(i && oracle_same_face(&faces[i], &faces[i - 1])) && !(i + 1 < count && oracle_same_face(&faces[i], &faces[i + 1])))
+        if (!(i && oracle_same_face(&faces[i], &faces[i - 1])) &&
+            !(i + 1 < count && oracle_same_face(&faces[i], &faces[i + 1])))
             faces[kept++] = faces[i];
     *out_count = kept;
     return faces;
 }
 
 /* Corners relative to a point near them. */
-static void around(const struct oracle_mesh *mesh, const struct oracle_face *face, const double origin[3], double out[3][3])
+static void around(const struct oracle_mesh *mesh, const struct oracle_face *face, const double origin[3],
+                   double out[3][3])
 {
     for (int i = 0; i < 3; i++)
         for (int d = 0; d < 3; d++)
@@ -245,7 +251,8 @@ static double distance_from(const struct oracle_mesh *b, const struct oracle_fac
 
 double oracle_boundary_distance(const struct oracle_mesh *a, const struct oracle_mesh *b)
 {
-    static const double places[][3] = {{1, 0, 0},       {0, 1, 0},       {0, 0, 1},       {0.5, 0.5, 0}, {0.5, 0, 0.5}, {0, 0.5, 0.5},
+    static const double places[][3] = {{1, 0, 0},       {0, 1, 0},       {0, 0, 1},       {0.5, 0.5, 0}, {0.5, 0, 0.5},
+                                       {0, 0.5, 0.5},
                                        {1. / 3, 1. / 3, 1. / 3}, {0.6, 0.2, 0.2}, {0.2, 0.6, 0.2}, {0.2, 0.2, 0.6}};
     size_t counts[2];
     struct oracle_face *faces = boundary_faces(a, &counts[0]), *others = boundary_faces(b, &counts[1]);

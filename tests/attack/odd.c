@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What the recipes of shapes.c leave out: meshes of any scale, layers, and parts that hang together by a vertex, an edge or a face. */
+/* What the recipes of shapes.c leave out: meshes of any scale, layers, and parts that hang together by a vertex, an
+ * edge or a face. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -43,7 +44,8 @@ static void overfill(struct shape *s, struct dice *dice)
 {
     uint32_t count = 1 + dice_below(dice, 4);
     for (uint32_t i = 0; i < count && s->vertices < SHAPE_MOST_VERTICES && s->tets < SHAPE_MOST_TETS; i++) {
-        uint32_t t = dice_below(dice, s->tets), c = dice_below(dice, 4), *to = s->corners + 4 * s->tets++, from = s->corners[4 * t + c];
+        uint32_t t = dice_below(dice, s->tets), c = dice_below(dice,
+                                                               4), *to = s->corners + 4 * s->tets++, from = s->corners[4 * t + c];
         memcpy(to, s->corners + 4 * t, 4 * sizeof *to);
         to[c] = shape_copy_vertex(s, from);
         for (uint32_t d = 0; d < 3; d++) {

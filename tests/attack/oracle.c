@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The overlay. On the intersection of an original tetrahedron and one of the level's the difference is linear, so it is largest
- * at a corner, an end of an edge of the one clipped to the other. Doubles rule out what cannot be the largest; what is left
- * is clipped in 113 bits, so that no figure is larger than the truth by more than 1e-25 of it.
+ * The overlay. On the intersection of an original tetrahedron and one of the level's the difference is linear, so it is
+ * largest at a corner, an end of an edge of the one clipped to the other. Doubles rule out what cannot be the largest;
+ * what is left is clipped in 113 bits, so that no figure is larger than the truth by more than 1e-25 of it.
  */
 #include "tests/attack/oracle.h"
 
@@ -27,7 +27,8 @@ static void edges_of(const double *positions, const uint32_t corners[4], quad e[
 {
     for (int i = 0; i < 3; i++)
         for (int d = 0; d < 3; d++)
-            e[i][d] = (quad)positions[3 * (size_t)corners[i + 1] + (size_t)d] - positions[3 * (size_t)corners[0] + (size_t)d];
+            e[i][d] = (quad)positions[3 * (size_t)corners[i + 1] + (size_t)d] - positions[3 * (size_t)corners[0] +
+                                                                                          (size_t)d];
 }
 
 static void cross(const quad a[3], const quad b[3], quad out[3])
@@ -56,7 +57,8 @@ static double longest_edge(const double *positions, const uint32_t corners[4])
         for (int j = 0; j < i; j++) {
             double sum = 0;
             for (int d = 0; d < 3; d++) {
-                double by = positions[3 * (size_t)corners[i] + (size_t)d] - positions[3 * (size_t)corners[j] + (size_t)d];
+                double by = positions[3 * (size_t)corners[i] + (size_t)d] - positions[3 * (size_t)corners[j] +
+                                                                                      (size_t)d];
                 sum += by * by;
             }
             most = fmax(most, sum);
@@ -105,7 +107,8 @@ static int side_of(const struct oracle_mesh *mesh, const struct oracle_face *fac
     return v > 0 ? 1 : v < 0 ? -1 : 0;
 }
 
-/* Neighbours on the same side of their common face overlap: a fold. Where both are positive one cannot tell which is inside out. */
+/* Neighbours on the same side of their common face overlap: a fold. Where both are positive one cannot tell which is
+ * inside out. */
 void oracle_leave_out_folds(struct oracle_mesh *mesh)
 {
     bool *folded = oracle_memory(mesh->tets, 1);
@@ -114,7 +117,8 @@ void oracle_leave_out_folds(struct oracle_mesh *mesh)
         if (!oracle_same_face(&faces[i], &faces[i + 1]))
             continue;
         uint32_t t = faces[i].tet, u = faces[i + 1].tet;
-        if (mesh->details[t].usable && mesh->details[u].usable && side_of(mesh, &faces[i]) == side_of(mesh, &faces[i + 1]))
+        if (mesh->details[t].usable && mesh->details[u].usable &&
+            side_of(mesh, &faces[i]) == side_of(mesh, &faces[i + 1]))
             folded[t] = folded[u] = true;
     }
     for (uint32_t t = 0; t < mesh->tets; t++)
@@ -271,7 +275,8 @@ static void clip_edge(struct pair *p, int m, uint32_t a, uint32_t b, quad w[4][4
     for (int end = 0; end < 2 && low <= high; end++) {
         quad t = end ? high : low;
         for (int d = 0; d < 3; d++)
-            p->corners[p->count][d] = position_of(p, m, a)[d] + t * ((quad)position_of(p, m, b)[d] - position_of(p, m, a)[d]);
+            p->corners[p->count][d] = position_of(p, m,
+                                                  a)[d] + t * ((quad)position_of(p, m, b)[d] - position_of(p, m, a)[d]);
         p->count++;
     }
 }
@@ -306,7 +311,8 @@ static bool clip(struct pair *p)
     return p->count > 0;
 }
 
-static quad difference_in(const struct oracle_mesh *level, uint32_t tet, const quad x[3], uint32_t i, double base, quad value)
+static quad difference_in(const struct oracle_mesh *level, uint32_t tet, const quad x[3], uint32_t i, double base,
+                          quad value)
 {
     quad w[4];
     oracle_weights(level, tet, x, w);
@@ -380,11 +386,14 @@ static void try_corner(struct pair *p, uint32_t k, uint32_t i)
     found = best < here ? best : found;
     if (found > p->worst[i].difference && overlaps_itself(p, x)) {
         const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
-        found = fmin((double)found, oracle_least_near(p->meshes[1], part_of(p->meshes[1], p->tets[1]), near, p->radius, i, inside + base, p->worst[i].difference));
+        found = fmin((double)found,
+                     oracle_least_near(p->meshes[1], part_of(p->meshes[1], p->tets[1]), near, p->radius, i,
+                                       inside + base, p->worst[i].difference));
     }
     if (found <= p->worst[i].difference)
         return;
-    p->worst[i] = (struct oracle_place){.value = (double)(value + base), .difference = (double)found, .tet = p->tets[0]};
+    p->worst[i] = (struct oracle_place){.value = (double)(value + base), .difference = (double)found,
+                                        .tet = p->tets[0]};
     for (int d = 0; d < 3; d++)
         p->worst[i].position[d] = (double)p->corners[k][d];
 }
@@ -414,7 +423,8 @@ void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh
         uint32_t part = part_of(original, p.tets[0]);
         for (p.tets[1] = 0; p.tets[1] < level->tets && a->usable; p.tets[1]++) {
             const struct oracle_tet *b = &level->details[p.tets[1]];
-            if (b->usable && (!level->wanted || level->wanted[p.tets[1]]) && boxes_meet(a, b) && part_of(level, p.tets[1]) == part)
+            if (b->usable && (!level->wanted || level->wanted[p.tets[1]]) && boxes_meet(a, b) &&
+                part_of(level, p.tets[1]) == part)
                 try_pair(&p);
         }
     }
@@ -426,7 +436,8 @@ bool oracle_touches(const struct oracle_mesh *mesh, uint32_t part, const double 
         double w[4];
         bool corner = false;
         for (int c = 0; c < 4; c++)
-            corner |= memcmp(mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)t + (size_t)c], point, 3 * sizeof *point) == 0;
+            corner |= memcmp(mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)t + (size_t)c], point,
+                             3 * sizeof *point) == 0;
         if (corner || !mesh->details[t].usable || part_of(mesh, t) != part)
             continue;
         near_weights(mesh, t, point, w);
@@ -436,7 +447,8 @@ bool oracle_touches(const struct oracle_mesh *mesh, uint32_t part, const double 
     return false;
 }
 
-bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i, double value, double *out)
+bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i,
+                          double value, double *out)
 {
     *out = INFINITY;
     bool held = false;

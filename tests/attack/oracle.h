@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What is true of a level, worked out from the meshes alone: nothing of src/ is used. The largest difference of two piecewise
- * linear fields is exact: corners of the overlay in arithmetic of 113 bits.
+ * What is true of a level, worked out from the meshes alone: nothing of src/ is used. The largest difference of two
+ * piecewise linear fields is exact: corners of the overlay in arithmetic of 113 bits.
  *
- * A point of the original is compared with the level's tetrahedra of the same connected part only. Where these cover it more
- * than once, the best value counts. Tetrahedra without an interpolant (flat, inverted) are left out, and those of the original
- * that are folded over a neighbour.
+ * A point of the original is compared with the level's tetrahedra of the same connected part only. Where these cover it
+ * more than once, the best value counts. Tetrahedra without an interpolant (flat, inverted) are left out, and those of
+ * the original that are folded over a neighbour.
  */
 #ifndef TETLOD_ATTACK_ORACLE_H
 #define TETLOD_ATTACK_ORACLE_H
@@ -52,37 +52,44 @@ struct oracle_place {
 
 int oracle_turn(const double *positions, const uint32_t *corners, uint32_t tets);
 
-/* Signs: +1 as the mesh is oriented, -1 against it, 0 flat (a volume of at most 1e-9 of the cube of the longest edge). */
+/* Signs: +1 as the mesh is oriented, -1 against it, 0 flat (a volume of at most 1e-9 of the cube of the longest
+ * edge). */
 int oracle_sign(const struct oracle_mesh *mesh, uint32_t tet, double *flatness);
 
 void oracle_prepare(struct oracle_mesh *mesh);
 void oracle_leave_out_folds(struct oracle_mesh *mesh); /* of an original: afterwards */
 void oracle_finish(struct oracle_mesh *mesh);
 
-/* worst[i]: the largest difference of value i over the common domain, in the field's units, and where it is. Where the original overlaps
- * itself, the level's best value within `radius` counts: the sheet that the value is of may have moved away by as much, and another one
- * be there. */
+/* worst[i]: the largest difference of value i over the common domain, in the field's units, and where it is. Where the
+ * original overlaps itself, the level's best value within `radius` counts: the sheet that the value is of may have
+ * moved away by as much, and another one be there. */
 void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
                     struct oracle_place worst[ORACLE_MOST_VALUES]);
 
 /* Weights of x in a tetrahedron. */
 void oracle_weights(const struct oracle_mesh *mesh, uint32_t tet, const quad x[3], quad weights[4]);
 
-/* Does a tetrahedron of the part hold the point, none of whose corners is there? Of a vertex: another sheet touches it. */
+/* Does a tetrahedron of the part hold the point, none of whose corners is there? Of a vertex: another sheet touches
+ * it. */
 bool oracle_touches(const struct oracle_mesh *mesh, uint32_t part, const double point[3]);
 
-/* The smallest difference of value i from `value` at a point, among the level's tetrahedra of a part that hold it: false where none does. */
-bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i, double value, double *out);
+/* The smallest difference of value i from `value` at a point, among the level's tetrahedra of a part that hold it:
+ * false where none does. */
+bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i,
+                          double value, double *out);
 
-/* The least difference of value i from `value` among the points of the level's part within `radius`, or one that is `enough`. */
-double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
+/* The least difference of value i from `value` among the points of the level's part within `radius`, or one that is
+ * `enough`. */
+double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius,
+                         uint32_t i,
                          quad value, double enough);
 
 /* Is there a point of the level's part within `radius` whose value i is within `within` of `value`? */
 bool oracle_partner(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
                     double value, double within);
 
-/* The largest distance of points of a's boundary (vertices, edge middles, and points inside faces) from b's boundary, part by part. */
+/* The largest distance of points of a's boundary (vertices, edge middles, and points inside faces) from b's boundary,
+ * part by part. */
 double oracle_boundary_distance(const struct oracle_mesh *a, const struct oracle_mesh *b);
 
 /* What no level may change, and what none may have more of. */

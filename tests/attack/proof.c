@@ -2,15 +2,16 @@
 /*
  * usage: proof FIRST COUNT
  *
- * The certificate itself under attack, before anything is measured: seeds FIRST .. FIRST + COUNT - 1 make a mesh (shapes.h) and options,
- * simplify() contracts it, and at marks of the log the oracle says what is true. A line for each finding; exit status 1 if
- * there is one. What must hold at every mark:
+ * The certificate itself under attack, before anything is measured: seeds FIRST .. FIRST + COUNT - 1 make a mesh
+ * (shapes.h) and options, simplify() contracts it, and at marks of the log the oracle says what is true. A line for
+ * each finding; exit status 1 if there is one. What must hold at every mark:
  *   max         the difference at every point of the domain, or at a partner within the distance that the boundary moved, is within
  *               what is certified
  *   partner     so it is for the original's vertices that are outside the level
  *   distance    the boundary has moved by no more than that
  *   mesh        no tetrahedron flips, the topology stays
- * This is what mutants of the proof are held against (tests/mutants): files, streams and measuring would only hide them.
+ * This is what mutants of the proof are held against (tests/mutants): files, streams and measuring would only hide
+ * them.
  */
 #include <inttypes.h>
 #include <math.h>
@@ -48,7 +49,8 @@ __attribute__((format(printf, 3, 4))) static void found(struct proof *p, const c
     va_start(list, format);
     shape_print_finding(&p->shape, p->seed, what, format, list);
     va_end(list);
-    printf(" | metric %d, certify %d, contract %u, domain %g, angle %g\n", p->options.metric, p->options.certify, p->options.contract,
+    printf(" | metric %d, certify %d, contract %u, domain %g, angle %g\n", p->options.metric, p->options.certify,
+           p->options.contract,
            p->options.boundary_limit / mesh_diagonal(&p->mesh), p->options.boundary_angle);
     fflush(stdout);
     p->findings++;
@@ -66,11 +68,13 @@ static bool make_mesh(struct proof *p)
     for (uint32_t f = 0; f < s->field_count; f++) {
         const struct shape_field *field = &s->fields[f];
         double range[2];
-        if (tetmesh_add_field(&p->mesh, field->name, field->components, field->wide ? TETLOD_FLOAT64 : TETLOD_FLOAT32, NULL) != TETLOD_OK)
+        if (tetmesh_add_field(&p->mesh, field->name, field->components, field->wide ? TETLOD_FLOAT64 : TETLOD_FLOAT32,
+                              NULL) != TETLOD_OK)
             exit(2);
         memcpy(p->mesh.fields[f].values, field->values, (size_t)s->vertices * field->components * sizeof(double));
         point_field_range(&p->mesh.fields[f], s->vertices, range);
-        if (range[1] > range[0] && isfinite(1 / (range[1] - range[0])) && (p->controlled_count == 0 || dice_once_in(&p->dice, 2)))
+        if (range[1] > range[0] && isfinite(1 / (range[1] - range[0])) &&
+            (p->controlled_count == 0 || dice_once_in(&p->dice, 2)))
             p->controlled[p->controlled_count++] = f;
     }
     return p->controlled_count > 0;
@@ -103,7 +107,8 @@ static void take_original(struct proof *p)
     struct oracle_mesh *o = &p->original;
     p->part = oracle_memory(p->mesh.vertex_count, sizeof(uint32_t));
     p->corners = oracle_memory(4 * (size_t)p->mesh.tet_count, sizeof(uint32_t));
-    *o = (struct oracle_mesh){p->mesh.vertex_count, p->mesh.tet_count, 0, p->mesh.positions, p->mesh.corners, .part = p->part};
+    *o = (struct oracle_mesh){p->mesh.vertex_count, p->mesh.tet_count, 0, p->mesh.positions, p->mesh.corners,
+                              .part = p->part};
     for (uint32_t c = 0; c < p->log.component_count && o->value_count < ORACLE_MOST_VALUES; c++) {
         const struct log_component *component = &p->log.components[c];
         o->strides[o->value_count] = p->mesh.fields[component->field].components;
@@ -126,7 +131,8 @@ static void check_mesh(struct proof *p, uint32_t mark, const struct oracle_mesh 
         now.overfull_faces > then->overfull_faces || now.duplicates > then->duplicates)
         found(p, "mesh", "mark %u: its topology is another one", mark);
     if (now.inverted > then->inverted || now.flat > then->flat)
-        found(p, "mesh", "mark %u: %ld inverted, %ld flat; was %ld, %ld", mark, now.inverted, now.flat, then->inverted, then->flat);
+        found(p, "mesh", "mark %u: %ld inverted, %ld flat; was %ld, %ld", mark, now.inverted, now.flat, then->inverted,
+              then->flat);
 }
 
 static double within(const struct proof *p, uint32_t mark, uint32_t c, double slack)
@@ -145,15 +151,18 @@ static void check_max(struct proof *p, uint32_t mark, const struct oracle_mesh *
     struct oracle_place worst[ORACLE_MOST_VALUES];
     oracle_overlay(&p->original, level, radius(p, mark), worst);
     for (uint32_t c = 0; c < p->original.value_count; c++) {
-        double scale = p->log.components[c].scale, certified = p->log.certified[(size_t)mark * p->log.component_count + c];
+        double scale = p->log.components[c].scale, certified = p->log.certified[(size_t)mark * p->log.component_count +
+                                                                                c];
         bool moved = p->log.marks[mark].moved > 1e-9 * mesh_diagonal(&p->mesh);
         if (!(scale > 0) || certified >= 1 || worst[c].difference <= within(p, mark, c, 1e-16))
             continue;
         if (p->options.certify == CERTIFY_EXACT && worst[c].difference <= within(p, mark, c, 1e-6))
             continue; // what a boundary that moves by 1e-6 lets in: the overlay is added to it (build.c)
-        if (!moved || !oracle_partner(level, p->part[p->mesh.corners[4 * (size_t)worst[c].tet]], worst[c].position, radius(p, mark), c, worst[c].value,
+        if (!moved || !oracle_partner(level, p->part[p->mesh.corners[4 * (size_t)worst[c].tet]], worst[c].position,
+                                      radius(p, mark), c, worst[c].value,
                                       within(p, mark, c, 1e-9)))
-            found(p, "max", "mark %u of %u: certified %.17g, true %.17g", mark, p->log.mark_count, certified, worst[c].difference * scale);
+            found(p, "max", "mark %u of %u: certified %.17g, true %.17g", mark, p->log.mark_count, certified,
+                  worst[c].difference * scale);
     }
 }
 
@@ -164,10 +173,12 @@ static void check_partners(struct proof *p, uint32_t mark, const struct oracle_m
         const double *at = p->mesh.positions + 3 * (size_t)v;
         for (uint32_t c = 0; c < p->original.value_count && p->original.details[i / 4].usable; c++) {
             double here, value = p->original.values[c][(size_t)v * p->original.strides[c]];
-            if (!(p->log.components[c].scale > 0) || p->options.certify == CERTIFY_EXACT || oracle_difference_at(level, p->part[v], at, c, value, &here) ||
+            if (!(p->log.components[c].scale > 0) || p->options.certify == CERTIFY_EXACT ||
+                oracle_difference_at(level, p->part[v], at, c, value, &here) ||
                 oracle_partner(level, p->part[v], at, radius(p, mark), c, value, within(p, mark, c, 1e-9)))
                 continue;
-            found(p, "partner", "mark %u of %u: certified %.9g, vertex %u has none", mark, p->log.mark_count, within(p, mark, c, 0), v);
+            found(p, "partner", "mark %u of %u: certified %.9g, vertex %u has none", mark, p->log.mark_count,
+                  within(p, mark, c, 0), v);
             return;
         }
     }
@@ -185,12 +196,13 @@ static double slot_bounds(const struct proof *p, uint32_t mark, uint32_t c, doub
     return most;
 }
 
-/* Is the difference nowhere above the bounds of the vertices around it? With b these, interpolated, and M the largest, |s - psi| <= b is the
- * same as that neither s + (M - b) nor s - (M - b) is further than M from psi. */
+/* Is the difference nowhere above the bounds of the vertices around it? With b these, interpolated, and M the largest,
+ * |s - psi| <= b is the same as that neither s + (M - b) nor s - (M - b) is further than M from psi. */
 static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh *level)
 {
     size_t n = level->vertices;
-    double *bounds = oracle_memory(n, sizeof *bounds), *shifted[2] = {oracle_memory(n, sizeof(double)), oracle_memory(n, sizeof(double))};
+    double *bounds = oracle_memory(n, sizeof *bounds), *shifted[2] = {oracle_memory(n, sizeof(double)),
+                                                                      oracle_memory(n, sizeof(double))};
     for (uint32_t c = 0; c < p->original.value_count && p->options.local_bound; c++) {
         struct oracle_mesh original = p->original, both = *level;
         struct oracle_place worst[ORACLE_MOST_VALUES];
@@ -210,9 +222,11 @@ static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh
         double allowed = most * (1 + 1e-9) + 1e-12 / scale + 4 * DBL_EPSILON * far; // shifted values are rounded
         for (uint32_t side = 0; side < 2 && scale > 0; side++)
             if (worst[side].difference > allowed &&
-                !oracle_partner(&both, p->part[p->mesh.corners[4 * (size_t)worst[side].tet]], worst[side].position, radius(p, mark), side,
+                !oracle_partner(&both, p->part[p->mesh.corners[4 * (size_t)worst[side].tet]], worst[side].position,
+                                radius(p, mark), side,
                                 worst[side].value, allowed))
-                found(p, "local bound", "mark %u of %u: component %u is off by %.3g of its range more, of %.3g", mark, p->log.mark_count, c, (worst[side].difference - most) * scale, most * scale);
+                found(p, "local bound", "mark %u of %u: component %u is off by %.3g of its range more, of %.3g", mark,
+                      p->log.mark_count, c, (worst[side].difference - most) * scale, most * scale);
     }
     free(bounds);
     free(shifted[0]);
@@ -222,7 +236,8 @@ static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh
 static void check_mark(struct proof *p, uint32_t mark)
 {
     const struct coarsening *mesh = &p->coarsening;
-    struct oracle_mesh level = {mesh->slot_count, 0, p->original.value_count, mesh->positions, p->corners, .part = p->part,
+    struct oracle_mesh level = {mesh->slot_count, 0, p->original.value_count, mesh->positions, p->corners,
+                                .part = p->part,
                                 .turn = p->original.turn};
     for (size_t t = 0; t < mesh->stored; t++)
         if (mesh->states[t] < COARSE_DIED)
@@ -236,9 +251,11 @@ static void check_mark(struct proof *p, uint32_t mark)
     check_max(p, mark, &level);
     check_partners(p, mark, &level);
     check_local(p, mark, &level);
-    double distance = fmax(oracle_boundary_distance(&p->original, &level), oracle_boundary_distance(&level, &p->original));
+    double distance = fmax(oracle_boundary_distance(&p->original, &level),
+                           oracle_boundary_distance(&level, &p->original));
     if (distance > radius(p, mark))
-        found(p, "distance", "mark %u of %u: %.9g, it is %.9g", mark, p->log.mark_count, p->log.marks[mark].moved, distance);
+        found(p, "distance", "mark %u of %u: %.9g, it is %.9g", mark, p->log.mark_count, p->log.marks[mark].moved,
+              distance);
     oracle_finish(&level);
 }
 

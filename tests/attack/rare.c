@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What shapes.c and odd.c leave out: seams of double points, tetrahedra listed either way round, flat tetrahedra on the boundary, needles,
- * boundaries that are almost flat or almost meet, double tetrahedra, regions; and fields of one peak, of whole numbers, of extreme sizes.
+ * What shapes.c and odd.c leave out: seams of double points, tetrahedra listed either way round, flat tetrahedra on the
+ * boundary, needles, boundaries that are almost flat or almost meet, double tetrahedra, regions; and fields of one
+ * peak, of whole numbers, of extreme sizes.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -50,7 +51,8 @@ static double middle_of(const struct shape *s, uint32_t t, uint32_t d)
 static void split(struct shape *s, struct dice *dice, uint32_t pieces, double jump)
 {
     double low[3], size[3], place = 0.2 + 0.6 * dice_unit(dice);
-    uint32_t axis = dice_below(dice, 3), before = s->vertices, *copies = calloc((size_t)before * pieces, sizeof *copies);
+    uint32_t axis = dice_below(dice, 3), before = s->vertices, *copies = calloc((size_t)before * pieces,
+                                                                                sizeof *copies);
     if (!copies)
         exit(2);
     find_bounds(s, low, size);
@@ -93,7 +95,8 @@ static void add_flat(struct shape *s, struct dice *dice)
     if (!used)
         exit(2);
     for (uint32_t i = 0; i < 4 * mesh.tets; i++)
-        if ((!i || !oracle_same_face(&faces[i], &faces[i - 1])) && (i + 1 == 4 * mesh.tets || !oracle_same_face(&faces[i], &faces[i + 1])))
+        if ((!i || !oracle_same_face(&faces[i], &faces[i - 1])) &&
+            (i + 1 == 4 * mesh.tets || !oracle_same_face(&faces[i], &faces[i + 1])))
             faces[count++] = faces[i];
     for (uint32_t trial = 0; trial < 200 && wanted && s->tets < SHAPE_MOST_TETS; trial++) {
         const uint32_t *a = faces[dice_below(dice, count)].v, *b = faces[dice_below(dice, count)].v;
@@ -156,7 +159,8 @@ static void roughen(struct shape *s, struct dice *dice)
         s->positions[i] += by * size[i % 3] * (2 * dice_unit(dice) - 1);
 }
 
-/* Bends the mesh into a ring that stays open by a gap, or overlaps its own end; a screw may take the ends past each other. */
+/* Bends the mesh into a ring that stays open by a gap, or overlaps its own end; a screw may take the ends past each
+ * other. */
 static void close_ring(struct shape *s, struct dice *dice)
 {
     double low[3], size[3], gap = (dice_once_in(dice, 3) ? -1 : 1) * power_of_ten(dice, -9, -1);
@@ -199,7 +203,8 @@ static void wave(struct shape *s, struct dice *dice)
 
 /* ---- values */
 
-static double value_of(uint32_t kind, double value, uint32_t v, uint32_t peak, double size, double exponent, struct dice *dice)
+static double value_of(uint32_t kind, double value, uint32_t v, uint32_t peak, double size, double exponent,
+                       struct dice *dice)
 {
     switch (kind) {
     case 0:
@@ -249,7 +254,8 @@ static void add_regions(struct shape *s, struct dice *dice)
 
 void shape_make_rare(struct shape *out, struct dice *dice)
 {
-    static const char *const kinds[] = {"scattered", "cut", "cut with a jump", "turned", "some turned", "flat on the boundary", "double tetrahedra",
+    static const char *const kinds[] = {"scattered", "cut", "cut with a jump", "turned", "some turned",
+                                        "flat on the boundary", "double tetrahedra",
                                         "flattened", "rough", "ring", "waist", "waves", "plain"};
     shape_make(out, dice);
     uint32_t kind = dice_below(dice, sizeof kinds / sizeof *kinds);

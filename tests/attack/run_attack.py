@@ -18,7 +18,8 @@ CHUNK = 10
 def attack(command, program, folder, first, count):
     own = os.path.join(folder, 'seeds-%d' % first)
     os.makedirs(own, exist_ok=True)
-    done = subprocess.run([command, program, own, str(first), str(count)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    done = subprocess.run([command, program, own, str(first), str(count)], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT)
     lines = done.stdout.decode(errors='replace').splitlines()
     if done.returncode not in (0, 1) or (done.returncode == 1) != bool(lines):
         lines.append('seed %d + %d: the attack: exit status %d' % (first, count, done.returncode))

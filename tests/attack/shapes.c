@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Outline: a recipe makes one or more bodies in about the unit cube (blocks of six tetrahedra a cell, bent by a map, or
- * Delaunay clouds), spoils them (holes, folds, slivers, coincident points), moves and stretches the whole, rounds it to its
- * type, and gives it fields of random kinds, offsets and magnitudes.
+ * Delaunay clouds), spoils them (holes, folds, slivers, coincident points), moves and stretches the whole, rounds it to
+ * its type, and gives it fields of random kinds, offsets and magnitudes.
  */
 #include "tests/attack/shapes.h"
 
@@ -211,7 +211,8 @@ static void add_cloud(struct shape *s, struct dice *dice, uint32_t body, bool ro
 /* One body of a kind that tiles what it covers. */
 static const char *add_body(struct shape *s, struct dice *dice, uint32_t kind, uint32_t body, uint32_t most)
 {
-    static const char *const names[] = {"box", "holes", "ball", "shell", "torus", "knot", "plate", "cloud", "ball cloud"};
+    static const char *const names[] = {"box", "holes", "ball", "shell", "torus", "knot", "plate", "cloud",
+                                        "ball cloud"};
     struct block b = {.map = map_box, .shape = between(dice, 0.2, 1)};
     double jitter = dice_once_in(dice, 3) ? 0 : between(dice, 0, 0.25);
     set_cells(&b, dice, 1, most);
@@ -292,7 +293,8 @@ static void squeeze(struct shape *s, struct dice *dice, bool wholly)
         uint32_t a = c[dice_below(dice, 4)], b = c[dice_below(dice, 4)];
         double left = wholly ? 0 : pow(10, -between(dice, 1, 9));
         for (uint32_t d = 0; d < 3; d++)
-            s->positions[3 * a + d] = s->positions[3 * b + d] + left * (s->positions[3 * a + d] - s->positions[3 * b + d]);
+            s->positions[3 * a + d] = s->positions[3 * b + d] + left * (s->positions[3 * a + d] -
+                                                                        s->positions[3 * b + d]);
     }
 }
 
@@ -576,7 +578,8 @@ bool shape_write(const struct shape *shape, const char *path)
     const uint32_t four = 4, type = 10;
     if (!file)
         return false;
-    fprintf(file, "# vtk DataFile Version 3.0\nattack\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS %u %s\n", shape->vertices,
+    fprintf(file, "# vtk DataFile Version 3.0\nattack\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS %u %s\n",
+            shape->vertices,
             shape->wide ? "double" : "float");
     put_numbers(file, shape->positions, 3 * (size_t)shape->vertices, shape->wide);
     fprintf(file, "CELLS %u %u\n", shape->tets, 5 * shape->tets);
@@ -603,7 +606,8 @@ bool shape_write(const struct shape *shape, const char *path)
     fprintf(file, "\nPOINT_DATA %u\nFIELD FieldData %u\n", shape->vertices, shape->field_count);
     for (uint32_t f = 0; f < shape->field_count; f++) {
         const struct shape_field *field = &shape->fields[f];
-        fprintf(file, "%s %u %u %s\n", field->name, field->components, shape->vertices, field->wide ? "double" : "float");
+        fprintf(file, "%s %u %u %s\n", field->name, field->components, shape->vertices,
+                field->wide ? "double" : "float");
         put_numbers(file, field->values, (size_t)field->components * shape->vertices, field->wide);
     }
     return fclose(file) == 0;

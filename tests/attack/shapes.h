@@ -2,7 +2,8 @@
 /*
  * Random adversarial meshes with fields. A seed gives the same mesh everywhere.
  *
- * Positions and values are doubles that their type (float or double) holds exactly: what a mesh file says is what the oracle sees.
+ * Positions and values are doubles that their type (float or double) holds exactly: what a mesh file says is what the
+ * oracle sees.
  */
 #ifndef TETLOD_ATTACK_SHAPES_H
 #define TETLOD_ATTACK_SHAPES_H
@@ -11,7 +12,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Seeds from here on make the odd ones, and the rare ones; and all three again, with marks, to be extracted finer in boxes. */
+/* Seeds from here on make the odd ones, and the rare ones; and all three again, with marks, to be extracted finer in
+ * boxes. */
 enum { SHAPE_ODD_SEEDS = 1000000, SHAPE_RARE_SEEDS = 2000000, SHAPE_REGION_SEEDS = 3000000 };
 
 /* The name of the field of cells that tells the mesh's parts. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What of a stream is what: bench_columns FILE.tetlod prints bits per tetrahedron, comma-separated: which vertices split,
- * labels, tetrahedra that come back, base mesh's connectivity, positions, fields. A bit under a model costs the logarithm
- * of its chance. The decoder is compiled once more here, with the hook of coder.h.
+ * What of a stream is what: bench_columns FILE.tetlod prints bits per tetrahedron, comma-separated: which vertices
+ * split, labels, tetrahedra that come back, base mesh's connectivity, positions, fields. A bit under a model costs the
+ * logarithm of its chance. The decoder is compiled once more here, with the hook of coder.h.
  */
 #include <math.h>
 #include <stdio.h>
@@ -67,7 +67,8 @@ int main(int argc, char **argv)
     double positions = SUM(m->placement) + SUM(m->step) + SUM(m->middle) + SUM(m->corner);
     for (uint32_t f = 0; f < tetlod_info(file)->field_count; f++)
         fields += SUM(cursor->recorder.field_models[f]);
-    printf("%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", (SUM(m->splits) + leaves) / tets, SUM(m->label) / tets, made / tets, base / tets,
+    printf("%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", (SUM(m->splits) + leaves) / tets, SUM(m->label) / tets, made / tets,
+           base / tets,
            positions / tets, fields / tets);
     tetlod_cursor_free(cursor);
     tetlod_close(file);

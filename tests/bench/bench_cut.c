@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * How long pictures of a mesh take: bench_cut [SIDE] cuts a cube of SIDE^3 cells of six tetrahedra (44: 511,104), its vertices
- * moved and numbered at random, and prints milliseconds, the least of five. Also built for WebAssembly (`make bench-cut`).
+ * How long pictures of a mesh take: bench_cut [SIDE] cuts a cube of SIDE^3 cells of six tetrahedra (44: 511,104), its
+ * vertices moved and numbered at random, and prints milliseconds, the least of five. Also built for WebAssembly
+ * (`make bench-cut`).
  */
 #include <math.h>
 #include <stdio.h>
@@ -16,7 +17,8 @@ enum { TIMES = 5 };
 
 struct picture {
     struct tetmesh mesh;
-    double *plane, *shell, *noise; /* functions to cut at zero; noise cuts nearly every tetrahedron, the most work there can be */
+    /* functions to cut at zero; noise cuts nearly every tetrahedron, the most work there can be */
+    double *plane, *shell, *noise;
     struct cut boundary, cut;
     struct cut_grid grid;
     struct cut_voxels voxels;
@@ -65,7 +67,8 @@ static void make_vertices(struct picture *p, uint32_t side, const uint32_t *ids)
 
 static void make_mesh(struct picture *p, uint32_t side)
 {
-    static const uint8_t paths[6][4] = {{0, 1, 3, 7}, {0, 5, 1, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 6, 4, 7}};
+    static const uint8_t paths[6][4] = {{0, 1, 3, 7}, {0, 5, 1, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 4, 5, 7},
+                                        {0, 6, 4, 7}};
     uint32_t row = side + 1, count = row * row * row, *ids = need(array_new(count, sizeof *ids));
     uint64_t state = 2;
     p->mesh = (struct tetmesh){.vertex_count = count, .tet_count = 6 * side * side * side};

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a stream takes and how fast it is replayed: bench_format FILE.tetlod OUT [POSITION_BITS FIELD_BITS] writes it once
- * more to OUT, rounded if bits are given, and prints one line of
- * comma-separated values: name, bits per tetrahedron in all, of geometry frames, of field frames, of header and index, then
- * millions of tetrahedra a second decoded, undone and redone, milliseconds for a level near 50,000 tetrahedra, bytes of
- * memory per tetrahedron.
+ * What a stream takes and how fast it is replayed: bench_format FILE.tetlod OUT [POSITION_BITS FIELD_BITS] writes it
+ * once more to OUT, rounded if bits are given, and prints one line of comma-separated values: name, bits per
+ * tetrahedron in all, of geometry frames, of field frames, of header and index, then millions of tetrahedra a second
+ * decoded, undone and redone, milliseconds for a level near 50,000 tetrahedra, bytes of memory per tetrahedron.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <malloc.h>

@@ -32,7 +32,8 @@ def others(folder, source, fields, tets):
     reader.SetFileName(mesh)
     reader.Update()
     grid = reader.GetOutput()
-    arrays = [vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).astype('<u4')]
+    arrays = [vtk_to_numpy(grid.GetPoints().GetData()),
+              vtk_to_numpy(grid.GetCells().GetConnectivityArray()).astype('<u4')]
     arrays += [vtk_to_numpy(grid.GetPointData().GetArray(name)) for name in fields]
     raw = os.path.join(folder, 'raw')
     with open(raw, 'wb') as file:

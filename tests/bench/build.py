@@ -71,7 +71,8 @@ def decimate(path, field, out):
 
 def build(path, field, threads, least, out, *more):
     options = (['--field', field] if field else []) + list(more)
-    return json.loads(run('build', path, '-o', out, '--json', '--quiet', '--growth', '2', '--threads', str(threads), '--min-tets', str(least), *options))
+    return json.loads(run('build', path, '-o', out, '--json', '--quiet', '--growth', '2', '--threads', str(threads),
+                          '--min-tets', str(least), *options))
 
 
 def true_error(path, field, level):
@@ -102,18 +103,21 @@ def bench(mesh, folder):
     tets, left = peer[0][2], peer[0][3]
     seconds = statistics.median(p[1] for p in peer)
     print('%s, %d tetrahedra' % (mesh, tets))
-    print('  VTK               %7.0f K/s   read %.2f decimate %.2f s' % (rate(tets, left, seconds), statistics.median(p[0] for p in peer), seconds))
+    print('  VTK               %7.0f K/s   read %.2f decimate %.2f s' % (rate(tets, left, seconds),
+                                                                         statistics.median(p[0] for p in peer), seconds))
     rates, bytes_each = [], 0
     for threads, results in ours.items():
         contract = statistics.median(r['seconds']['contract'] for r in results)
-        phases = ' '.join('%s %.2f' % (phase, statistics.median(r['seconds'][phase] for r in results)) for phase in ('read', 'contract', 'measure', 'encode', 'write'))
+        phases = ' '.join('%s %.2f' % (phase,
+                                       statistics.median(r['seconds'][phase] for r in results)) for phase in ('read', 'contract', 'measure', 'encode', 'write'))
         own = rate(tets, results[0]['levels'][0]['tets'], contract)
         rates.append(own)
         bytes_each = max(r['peak_memory'] for r in results) / tets
         print('  tetlod, %d thread%s %7.0f K/s   %.2f x   %s s   %.0f bytes a tetrahedron' % (
             threads, 's' if threads > 1 else ' ', own, own / rate(tets, left, seconds), phases, bytes_each))
     peer_error = true_error(path, field, peer_out)
-    print('  at %.1f %% left: VTK: true max %.3f %%, rms %.4f %%' % (100 * left / tets, 100 * peer_error[0], 100 * peer_error[1]))
+    print('  at %.1f %% left: VTK: true max %.3f %%, rms %.4f %%' % (100 * left / tets, 100 * peer_error[0],
+                                                                     100 * peer_error[1]))
     level, built = os.path.join(folder, 'level.vtu'), {'fast': ours[2][0]}
     for certify in ('fast', 'exact') if os.environ.get('EXACT') else ('fast',):
         if certify == 'exact':
@@ -123,7 +127,9 @@ def bench(mesh, folder):
         run('extract', stream, '--level', '0', '-o', level)
         report_error(certify, true_error(path, field, level), peer_error,
                      max(e.get('max', 0) for e in built[certify]['levels'][0]['errors'].values()))
-    return [mesh, '{:,}'.format(tets), '%.0f K' % rate(tets, left, seconds)] + ['%.0f K (%.1f x)' % (r, r / rate(tets, left, seconds)) for r in rates] + [
+    return [mesh, '{:,}'.format(tets),
+            '%.0f K' % rate(tets, left,
+                            seconds)] + ['%.0f K (%.1f x)' % (r, r / rate(tets, left, seconds)) for r in rates] + [
         '%.0f' % bytes_each]
 
 

@@ -7,7 +7,8 @@ import sys
 import tempfile
 
 TETLOD = os.path.abspath(sys.argv[1])
-BLUNT = os.environ.get('BLUNT') or os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', '..', 'shared', 'data')
+BLUNT = os.environ.get('BLUNT') or os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', '..', 'shared',
+                                                'data')
 SAMPLES = {'cube': 'xyz', 'delta': 'potential', 'shell': 'temperature', 'torus': 'temperature', 'fin': 'Pressure'}
 place = tempfile.TemporaryDirectory(prefix='tetlod-bench-')
 
@@ -25,7 +26,8 @@ def mesh(name):
 
 def build(name, *options):
     """The stream's index, with times."""
-    done = subprocess.run([TETLOD, 'build', *mesh(name), *options, '-o', os.path.join(place.name, 'bench.tetlod'), '--json',
+    done = subprocess.run([TETLOD, 'build', *mesh(name), *options, '-o', os.path.join(place.name, 'bench.tetlod'),
+                           '--json',
                            '--quiet'], stdout=subprocess.PIPE, check=True)
     return json.loads(done.stdout)
 

@@ -30,7 +30,8 @@ def build(mesh, *options):
 
 
 def level(index, limits):
-    return next(one for one in index['levels'] if all(one['errors'][name]['max'] <= limit for name, limit in limits.items()))
+    return next(one for one in index['levels'] if all(one['errors'][name]['max'] <= limit for name,
+                                                      limit in limits.items()))
 
 
 def controlled(index, error):
@@ -52,7 +53,8 @@ def pipe(mesh, name, limits, *options):
     import vtk
     from vtk.util.numpy_support import vtk_to_numpy
     at = level(build(mesh, *options)[0], limits)
-    subprocess.run([sys.argv[1], 'extract', mesh + '.tetlod', '--level', str(at['level']), '-o', mesh + '.level.vtu', '--quiet'], check=True)
+    subprocess.run([sys.argv[1], 'extract', mesh + '.tetlod', '--level', str(at['level']), '-o', mesh + '.level.vtu',
+                    '--quiet'], check=True)
     reader = vtk.vtkXMLUnstructuredGridReader()
     reader.SetFileName(mesh + '.level.vtu')
     reader.Update()
@@ -72,7 +74,8 @@ def main():
         print('\n| limit of wallShearStress | tetrahedra | of these in the core | bytes |\n|---|---|---|---|')
         pipe(mesh, '1 %, as of all', {**LIMITS, 'wallShearStress': 0.01})
         for limit in '2', '5', '10', '20':
-            pipe(mesh, limit + ' %', LIMITS, '--field', 'p:1%,U:1%,wallShearStress:' + limit + '%', '--max-error', limit + '%')
+            pipe(mesh, limit + ' %', LIMITS, '--field', 'p:1%,U:1%,wallShearStress:' + limit + '%', '--max-error',
+                 limit + '%')
         pipe(mesh, 'none', {'p': 0.01, 'U': 0.01}, '--no-field', 'wallShearStress')
 
 

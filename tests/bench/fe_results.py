@@ -108,7 +108,8 @@ def elastic(points, tets):
     strain = np.zeros((len(tets), 6, 12))
     for i in range(4):
         x, y, z = b[:, i].T
-        for row, column, value in ((0, 0, x), (1, 1, y), (2, 2, z), (3, 0, y), (3, 1, x), (4, 1, z), (4, 2, y), (5, 0, z), (5, 2, x)):
+        for row, column, value in ((0, 0, x), (1, 1, y), (2, 2, z), (3, 0, y), (3, 1, x), (4, 1, z), (4, 2, y),
+                                   (5, 0, z), (5, 2, x)):
             strain[:, row, 3 * i + column] = value
     element = np.einsum('eki,kl,elj,e->eij', strain, d, strain, volume, optimize=True)
     numbers = (3 * tets[:, :, None] + np.arange(3)).reshape(-1, 12)
@@ -133,7 +134,10 @@ def heat(points, tets):
     element = np.einsum('eik,ejk,e->eij', b, b, volume)
     rows, columns = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
     matrix = coo_matrix((element.ravel(), (rows, columns)), shape=(count, count)).tocsr()
-    source = np.bincount(tets.ravel(), np.repeat(volume / 4 * (1 + 20 * np.exp(-8 * ((points[tets].mean(axis=1) - 0.7) ** 2).sum(axis=1))), 4), count)
+    source = np.bincount(tets.ravel(),
+                         np.repeat(volume / 4 *
+                                   (1 + 20 *
+                                    np.exp(-8 * ((points[tets].mean(axis=1) - 0.7) ** 2).sum(axis=1))), 4), count)
     low = np.flatnonzero(points[:, 2] < 1e-9)
     t = solve(matrix, source, low, 20.0)
     flux = nodal(tets, volume, -np.einsum('eik,ei->ek', b, t[tets]), count)
@@ -146,7 +150,8 @@ def write(path, points, tets, fields):
     grid, place, cells = vtk.vtkUnstructuredGrid(), vtk.vtkPoints(), vtk.vtkCellArray()
     place.SetDataType(vtk.VTK_DOUBLE)
     place.SetData(numpy_to_vtk(points, deep=True))
-    cells.SetCells(len(tets), numpy_to_vtkIdTypeArray(np.insert(tets, 0, 4, axis=1).astype(np.int64).ravel(), deep=True))
+    cells.SetCells(len(tets), numpy_to_vtkIdTypeArray(np.insert(tets, 0, 4, axis=1).astype(np.int64).ravel(),
+                                                      deep=True))
     grid.SetPoints(place)
     grid.SetCells(vtk.VTK_TETRA, cells)
     for name, values in fields.items():

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* make_golden FOLDER [plain]: writes the streams of tests/golden, whose bytes stay as they are for ever. Used once for each version of the
- * format. */
+/* make_golden FOLDER [plain]: writes the streams of tests/golden, whose bytes stay as they are for ever. Used once for
+ * each version of the format. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -40,7 +40,8 @@ static double *add_cells(struct tetlodi_write_input *input, struct tetlodi_write
     uint64_t seed = 12;
     for (int f = 0; f < CELL_FIELDS && values; f++) {
         uint32_t components = f == 0 ? 2 : 1;
-        double *at = values + (f ? (size_t)f + 1 : 0) * tets, most = f < 3 ? 0x1p7 : f == 3 ? 0x1p15 : f == 4 ? 0x1p31 : 0x1p52;
+        double *at = values + (f ? (size_t)f + 1
+                               : 0) * tets, most = f < 3 ? 0x1p7 : f == 3 ? 0x1p15 : f == 4 ? 0x1p31 : 0x1p52;
         for (size_t i = 0; i < components * tets; i++) {
             double value = (double)(int64_t)(gen_random(&seed) >> 11) / 0x1p52 - 1; // -1 .. 1
             at[i] = f == 0 ? (double)(float)value : f == 1 ? value * 1e300 : f == 2 ? (double)(i * 8 / tets) - 4 : floor(value * most);

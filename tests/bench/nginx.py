@@ -58,7 +58,8 @@ http { access_log off; sendfile on; tcp_nodelay on; keepalive_requests 100000000
   server { listen 127.0.0.1:%d backlog=1024; root %s; } }
 ''' % (CORES, *[folder] * 7, self.port, root))
         nginx = shutil.which('nginx', path=os.environ['PATH'] + ':/usr/sbin')
-        self.process = subprocess.Popen([nginx, '-c', configuration, '-p', folder, '-e', os.path.join(folder, 'error.log')])
+        self.process = subprocess.Popen([nginx, '-c', configuration, '-p', folder, '-e',
+                                         os.path.join(folder, 'error.log')])
         wait_for(self.port)
 
     def __enter__(self):
@@ -89,14 +90,16 @@ def load(server, path, headers):
     many."""
     options = [part for header in headers for part in ('-H', header)]
     before, client = processor_seconds(server.process.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % SECONDS, '--latency', *options, 'http://127.0.0.1:%d%s' % (server.port, path)],
+    done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % SECONDS, '--latency', *options,
+                           'http://127.0.0.1:%d%s' % (server.port, path)],
                           check=True, stdout=subprocess.PIPE).stdout.decode()
     spent, after = processor_seconds(server.process.pid) - before, resource.getrusage(resource.RUSAGE_CHILDREN)
     both = spent + after.ru_utime + after.ru_stime - client.ru_utime - client.ru_stime
     if 'Non-2xx' in done or 'Socket errors' in done:
         sys.exit(path + ':\n' + done)
     count = int(re.search(r'(\d+) requests in', done)[1])
-    row = {'rate': float(re.search(r'Requests/sec:\s+([\d.]+)', done)[1]), 'us': spent * 1e6 / count, 'both': both * 1e6 / count}
+    row = {'rate': float(re.search(r'Requests/sec:\s+([\d.]+)', done)[1]), 'us': spent * 1e6 / count,
+           'both': both * 1e6 / count}
     row.update((name, milliseconds(re.search(r'\s%s%%\s+(\S+)' % name[1:], done)[1])) for name in ('p50', 'p99'))
     return row
 
@@ -123,7 +126,8 @@ def compare(ours, theirs, name, path, file, headers=()):
         return '%.0f /s, %.0f µs, %.1f, %.1f ms' % tuple(row)
 
     rate, processor, both = (statistics.median(a[key] / b[key] for a, b in rounds) for key in ('rate', 'us', 'both'))
-    print('| %s, %d bytes | %.2f | %.2f | %.2f | %s | %s |' % (name, len(body), rate, processor, both, medians(0), medians(1)))
+    print('| %s, %d bytes | %.2f | %.2f | %.2f | %s | %s |' % (name, len(body), rate, processor, both, medians(0),
+                                                               medians(1)))
     sys.stdout.flush()
     return rate >= LEAST_RATE and processor <= MOST_PROCESSOR
 
@@ -136,9 +140,11 @@ def make_streams(folder):
     subprocess.run([TILE, one, '24', large], check=True)
     for name, size in SIZES.items():
         source = one if size < 1 << 20 else large
-        levels = json.loads(subprocess.run([TETLOD, 'info', '--json', source], check=True, stdout=subprocess.PIPE).stdout)['levels']
+        levels = json.loads(subprocess.run([TETLOD, 'info', '--json', source], check=True,
+                                           stdout=subprocess.PIPE).stdout)['levels']
         level = min(levels, key=lambda level: abs(level['bytes'] - size))['level']
-        subprocess.run([TETLOD, 'extract', source, '--level', str(level), '-o', os.path.join(folder, 'www', name.replace(' ', '-') + '.tetlod'), '--quiet'], check=True)
+        subprocess.run([TETLOD, 'extract', source, '--level', str(level), '-o',
+                        os.path.join(folder, 'www', name.replace(' ', '-') + '.tetlod'), '--quiet'], check=True)
 
 
 def measure(folder):
@@ -157,7 +163,8 @@ def measure(folder):
             stream = name.replace(' ', '-')
             row('whole stream, ' + name, describe(stream)[0] + '/stream', '/%s.tetlod' % stream)
         for name, size in SIZES.items():
-            row('range, ' + name, describe('large')[0] + '/stream', '/large.tetlod', ['Range: bytes=100000-%d' % (99999 + size)])
+            row('range, ' + name, describe('large')[0] + '/stream', '/large.tetlod',
+                ['Range: bytes=100000-%d' % (99999 + size)])
         for name, size in SIZES.items():
             stream = name.replace(' ', '-')
             at, levels = describe(stream if size < 1 << 20 else 'large')
@@ -177,7 +184,8 @@ def main():
         make_streams(folder)
         failed = measure(folder)
         if failed:
-            sys.exit('missed (%.2f of the rate, %.1f times the processor time): %s' % (LEAST_RATE, MOST_PROCESSOR, ', '.join(failed)))
+            sys.exit('missed (%.2f of the rate, %.1f times the processor time): %s' % (LEAST_RATE, MOST_PROCESSOR,
+                                                                                       ', '.join(failed)))
     finally:
         shutil.rmtree(folder)
 

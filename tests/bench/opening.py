@@ -33,7 +33,8 @@ def times(stream):
                 query = 'tets=%d' % (server.level(name_of(stream), 'error=0')[1] // int(query[5:]))
             at, tets = server.level(name_of(stream), query)
             server.get('%s/%s' % (at, file))
-            rows[name] = {'tets': tets, 'seconds': time.monotonic() - start, 'processor_seconds': server.processor_seconds()}
+            rows[name] = {'tets': tets, 'seconds': time.monotonic() - start,
+                          'processor_seconds': server.processor_seconds()}
         print('%-18s %9d tetrahedra after %6.2f s, %5.2f s of processor time' % (name, *rows[name].values()))
     return rows
 

@@ -51,11 +51,13 @@ def trickling(folder):
     make(folder, 125, 'large')
     with Server(TETLOD, os.path.join(folder, 'large.tetlod')) as server:
         at, _ = server.level('large', 'error=0')
-        cached = [at.rsplit('/', 2)[0] + '/records/0-5', server.level('large', 'error=0.05')[0] + '/mesh.vtu', '/v1/meshes/large']
+        cached = [at.rsplit('/', 2)[0] + '/records/0-5', server.level('large', 'error=0.05')[0] + '/mesh.vtu',
+                  '/v1/meshes/large']
         for path in cached:
             server.get(path)
         end, accepted, waited = threading.Event(), [], []
-        slow = [threading.Thread(target=drop_by_drop, args=(server.port, at + '/mesh.vtu', end, accepted)) for _ in range(TRICKLING)]
+        slow = [threading.Thread(target=drop_by_drop,
+                                 args=(server.port, at + '/mesh.vtu', end, accepted)) for _ in range(TRICKLING)]
         for thread in slow:
             thread.start()
         until = time.monotonic() + SECONDS
@@ -81,7 +83,8 @@ def hundred(folder):
     for copies, name in enumerate(names, 80):
         make(folder, copies, os.path.join('hundred', name))
     files_mb = sum(entry.stat().st_size for entry in os.scandir(os.path.join(folder, 'hundred'))) / 2**20
-    with Server(TETLOD, os.path.join(folder, 'hundred'), '--cache', '%dM' % CACHE_MB, '--memory', '%dM' % MEMORY_MB) as server:
+    with Server(TETLOD, os.path.join(folder, 'hundred'), '--cache', '%dM' % CACHE_MB, '--memory',
+                '%dM' % MEMORY_MB) as server:
         def ask(name):
             fine, tets = server.level(name, 'error=0')
             server.get(fine + '/slice.stl?origin=0,0,0.37&normal=0,0,1')

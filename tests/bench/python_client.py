@@ -35,7 +35,8 @@ def main():
             for error in (None, 0.01):
                 for what, source in (('file', stream), ('server', url)):
                     seconds, level = least(times, source, decoder, error)
-                    print('%-8s %-7s %-6s %7d tetrahedra %8.3f s' % (decoder, '1 %' if error else 'whole', what, len(level.tets), seconds))
+                    print('%-8s %-7s %-6s %7d tetrahedra %8.3f s' % (decoder, '1 %' if error else 'whole', what,
+                                                                     len(level.tets), seconds))
 
 
 main()

@@ -81,14 +81,16 @@ def decimations(program, path, field, folder):
         grid, out = decimation.GetOutput(), os.path.join(folder, 'decimated.vtu')
         (grid.GetPointData().GetArray(field) or grid.GetPointData().GetArray(0)).SetName(field)
         size = write(grid, out)
-        yield size, grid.GetNumberOfCells(), json.loads(run(program, 'compare', path, out, '--field', field, '--json'))['errors']['max']
+        yield size, grid.GetNumberOfCells(), json.loads(run(program, 'compare', path, out, '--field', field,
+                                                            '--json'))['errors']['max']
 
 
 def plot(lines, marks):
     """A diagram with logarithmic axes. lines: (name, points); marks: vertical lines (name, bytes)."""
     xs = [x for _, points in lines for x, _ in points] + [x for _, x in marks]
     ys = [y for _, points in lines for _, y in points]
-    x0, x1, y0, y1 = math.log10(min(xs)), math.log10(max(xs) * 1.1), math.floor(math.log10(min(ys))), math.ceil(math.log10(max(ys)))
+    x0, x1, y0, y1 = math.log10(min(xs)), math.log10(max(xs) *
+                                                     1.1), math.floor(math.log10(min(ys))), math.ceil(math.log10(max(ys)))
     across = lambda x: LEFT + (math.log10(x) - x0) / (x1 - x0) * (WIDTH - LEFT - 10)  # noqa: E731
     down = lambda y: 10 + (y1 - math.log10(y)) / max(1, y1 - y0) * (HEIGHT - BOTTOM - 10)  # noqa: E731
     out = ['<svg viewBox="0 0 %d %d" role="img" aria-label="error against bytes">' % (WIDTH, HEIGHT)]
@@ -130,15 +132,19 @@ def section(program, columns, what, folder):
     stream, field_options = os.path.join(folder, 'one.tetlod'), [o for name in controlled for o in ('--field', name)]
     index = json.loads(run(program, 'build', path, '-o', stream, '--json', '--quiet', *field_options))
     field = next(f['name'] for f in index['fields'] if f['controlled'])
-    single = json.loads(run(program, 'build', path, '-o', os.path.join(folder, 'field.tetlod'), '--json', '--quiet', '--field', field, '--carry', field))
+    single = json.loads(run(program, 'build', path, '-o', os.path.join(folder, 'field.tetlod'), '--json', '--quiet',
+                            '--field', field, '--carry', field))
     whole = write(with_one_field(read(path), field), os.path.join(folder, 'whole.vtu'))
-    lines = [('tetlod, certified', [(k['bytes'], k['errors'][field]['max']) for k in single['levels'] if k['errors'][field]['max'] > 1e-6]),
-             ('tetlod, measured', [(k['bytes'], k['errors'][field]['sampled']) for k in single['levels'] if k['errors'][field]['sampled'] > 1e-6])]
+    lines = [('tetlod, certified',
+              [(k['bytes'], k['errors'][field]['max']) for k in single['levels'] if k['errors'][field]['max'] > 1e-6]),
+             ('tetlod, measured',
+              [(k['bytes'], k['errors'][field]['sampled']) for k in single['levels'] if k['errors'][field]['sampled'] > 1e-6])]
     found = list(decimations(program, path, field, folder)) if ':' not in field else []
     if found:
         lines.append(('VTK decimation, true maximum', [(size, error) for size, _, error in found if error > 0]))
     bits = [float(n) for n in run(columns, stream).strip().split(',')]
-    parts = list(zip(COLUMNS, bits)) + [('values of the last level, index, header', max(0, 8 * index['bytes'] / index['tets'] - sum(bits)))]
+    parts = list(zip(COLUMNS, bits)) + [('values of the last level, index, header',
+                                         max(0, 8 * index['bytes'] / index['tets'] - sum(bits)))]
     rows = ''
     for size, tets, error in found:
         same = next(k for k in single['levels'] if k['errors'][field]['max'] <= error)
@@ -149,7 +155,8 @@ def section(program, columns, what, folder):
 <h3>Bytes by column, all fields</h3>%s<h3>Build time by phase</h3>%s''' % (
         html.escape(os.path.basename(what)), index['vertices'], index['tets'], len(index['fields']), 's'[:len(index['fields']) - 1], size_text(index['bytes']),
         8 * index['bytes'] / index['tets'], index['threads'], html.escape(field),
-        plot(lines, [('compressed VTU, ' + size_text(whole), whole), ('whole stream, ' + size_text(single['bytes']), single['bytes'])]), rows,
+        plot(lines, [('compressed VTU, ' + size_text(whole), whole),
+                     ('whole stream, ' + size_text(single['bytes']), single['bytes'])]), rows,
         bar(parts, 'bits/tet'), bar([(name, index['seconds'][name]) for name in PHASES], 's'))
 
 

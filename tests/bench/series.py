@@ -30,7 +30,8 @@ def displaced(values, by):
 
 def make(tetlod, blunt, folder, steps):
     base = os.path.join(folder, 'base.vtu')
-    subprocess.run([tetlod, 'convert', os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'), '-o', base],
+    subprocess.run([tetlod, 'convert', os.path.join(blunt, 'bluntfinxyz.bin'), '--q',
+                    os.path.join(blunt, 'bluntfinq.bin'), '-o', base],
                    check=True, stdout=subprocess.DEVNULL)
     reader, writer = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
     reader.SetFileName(base)
@@ -56,7 +57,8 @@ def make(tetlod, blunt, folder, steps):
 def build(tetlod, folder):
     """Processor time."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([tetlod, 'build', os.path.join(folder, 'fin.pvd'), '--field', 'Pressure', '-o', os.path.join(folder, 'fin.tetlod'), '--quiet'], check=True)
+    subprocess.run([tetlod, 'build', os.path.join(folder, 'fin.pvd'), '--field', 'Pressure', '-o',
+                    os.path.join(folder, 'fin.tetlod'), '--quiet'], check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -70,7 +72,8 @@ def main(tetlod, blunt, folder, steps=32):
     info = json.loads(subprocess.run([tetlod, 'info', '--json', stream], check=True, stdout=subprocess.PIPE).stdout)
     for band in info['series']['bands']:
         print('%6.2g %%: %5.1f %% of the tetrahedra, %8.0f bytes a step, largest error %.4g %%' %
-              (100 * band['error'], 100 * band['tets'] / info['tets'], band['bytes'] / steps, 100 * band['largest_error']))
+              (100 * band['error'], 100 * band['tets'] / info['tets'], band['bytes'] / steps,
+               100 * band['largest_error']))
     print(subprocess.run(['node', STEPS_MJS, stream], check=True, stdout=subprocess.PIPE).stdout.decode(), end='')
 
 

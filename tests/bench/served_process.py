@@ -12,7 +12,8 @@ class Server:
     """Serves a stream or a folder until the end of a `with`."""
 
     def __init__(self, tetlod, path, *options):
-        self.process = subprocess.Popen([tetlod, 'serve', path, '--listen', '127.0.0.1:0', '--quiet', *options], stdout=subprocess.PIPE)
+        self.process = subprocess.Popen([tetlod, 'serve', path, '--listen', '127.0.0.1:0', '--quiet', *options],
+                                        stdout=subprocess.PIPE)
         self.port = int(re.search(rb':(\d+)/', self.process.stdout.readline())[1])
 
     def __enter__(self):
@@ -35,7 +36,8 @@ class Server:
         """The address of a level, whose meshes are below it, and its tetrahedra."""
         about = '/v1/meshes/' + name
         answer, _ = self.get('%s/mesh?%s' % (about, query))
-        return urllib.parse.urljoin(about + '/mesh', answer.getheader('Location')).rsplit('/', 1)[0], int(answer.getheader('Tetlod-Tets'))
+        return urllib.parse.urljoin(about + '/mesh', answer.getheader('Location')).rsplit('/',
+                                                                                          1)[0], int(answer.getheader('Tetlod-Tets'))
 
     def metric(self, name):
         return float(re.search(r'^%s (\S+)' % name, self.get('/metrics')[1].decode(), re.M)[1])

@@ -55,7 +55,8 @@ def keep_alive(port, paths, until, out):
     """The many connections; a process of its own so that the other load does not lengthen what it measures."""
     async def all_of_them():
         latencies, errors = [], []
-        await asyncio.gather(*(patient(port, paths[i % len(paths)], until, latencies, errors) for i in range(CONNECTIONS)))
+        await asyncio.gather(*(patient(port, paths[i % len(paths)], until, latencies,
+                                       errors) for i in range(CONNECTIONS)))
         out.put(('kept', latencies, errors))
     asyncio.run(all_of_them())
 
@@ -71,7 +72,8 @@ def break_off(port, path):
 def malformed(port):
     with socket.create_connection(('127.0.0.1', port), timeout=20) as connection:
         try:
-            connection.sendall(random.choice((b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n', b'GET /%00 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n',
+            connection.sendall(random.choice((b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n',
+                                              b'GET /%00 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n',
                                               b'POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n', b'GET /' + b'a' * 30000)))
             connection.settimeout(0.02)
             connection.recv(4096)
@@ -92,9 +94,11 @@ def disturb(port, at, levels, until, out):
             elif kind == 'malformed':
                 malformed(port)
             else:
-                path = at + ('/stream' if kind == 'range' else '/levels/%d/%s' % (level, seed.choice(('mesh.vtu', 'surface.vtp', 'mesh.vtk'))))
+                path = at + ('/stream' if kind == 'range' else '/levels/%d/%s' % (level,
+                                                                                  seed.choice(('mesh.vtu', 'surface.vtp', 'mesh.vtk'))))
                 headers = {'Range': 'bytes=%d-%d' % (level * 10, level * 1000 + 10)} if kind == 'range' else {}
-                with urllib.request.urlopen(urllib.request.Request('http://127.0.0.1:%d%s' % (port, path), headers=headers), timeout=30) as answer:
+                with urllib.request.urlopen(urllib.request.Request('http://127.0.0.1:%d%s' % (port, path),
+                                                                   headers=headers), timeout=30) as answer:
                     answer.read()
         except OSError as error:
             if kind in ('level', 'range'):
@@ -117,13 +121,15 @@ def main():
     else:
         subprocess.run([TETLOD, 'sample', 'fin', '-o', os.path.join(folder, 'fin.vtu')], check=True)
         subprocess.run([TETLOD, 'build', os.path.join(folder, 'fin.vtu'), '-o', stream, '--quiet'], check=True)
-    server = subprocess.Popen([TETLOD, 'serve', stream, '--listen', '127.0.0.1:0', '--cache', '32M'], stdout=subprocess.PIPE)
+    server = subprocess.Popen([TETLOD, 'serve', stream, '--listen', '127.0.0.1:0', '--cache', '32M'],
+                              stdout=subprocess.PIPE)
     try:
         port = int(re.search(rb':(\d+)/', server.stdout.readline())[1])
         with urllib.request.urlopen('http://127.0.0.1:%d/v1/meshes/fin' % port) as answer:
             shown = json.load(answer)
         at, levels = '/v1/meshes/fin/' + shown['cid'], shown['levels']
-        cached = ['/v1/meshes/fin', at + '/records/0-5', at + '/levels/0/mesh.vtu', at + '/levels/3/mesh.tetlod', '/catalogue.css']
+        cached = ['/v1/meshes/fin', at + '/records/0-5', at + '/levels/0/mesh.vtu', at + '/levels/3/mesh.tetlod',
+                  '/catalogue.css']
         for path in cached:
             urllib.request.urlopen('http://127.0.0.1:%d%s' % (port, path)).read()
         until, out = time.monotonic() + SECONDS, multiprocessing.Queue()

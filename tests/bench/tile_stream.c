@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A large stream without building one: tile_stream FILE.tetlod COPIES OUT.tetlod writes so many copies of a mesh side by
- * side, contracted in turns, so that each level has so many copies of the tetrahedra of FILE's level, and its errors.
+ * A large stream without building one: tile_stream FILE.tetlod COPIES OUT.tetlod writes so many copies of a mesh side
+ * by side, contracted in turns, so that each level has so many copies of the tetrahedra of FILE's level, and its
+ * errors.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,7 +32,8 @@ static double *copies(const double *rows, size_t count, size_t columns, uint32_t
     double *all = room(count * n, columns * sizeof *all);
     for (size_t i = 0; i < n; i++)
         for (size_t row = 0; row < count; row++)
-            memcpy(all + columns * (in_turns ? row * n + i : i * count + row), rows + columns * row, columns * sizeof *all);
+            memcpy(all + columns * (in_turns ? row * n + i : i * count + row), rows + columns * row,
+                   columns * sizeof *all);
     return all;
 }
 
@@ -82,7 +84,8 @@ static void tile(struct recode *out, const struct recode *from, const struct tet
         out->fields[f].values = copies(from->fields[f].values, input->vertices, from->fields[f].components, n, 0);
         if (from->fields[f].exact)
             out->fields[f].exact = copies(from->fields[f].exact, input->vertices, from->fields[f].components, n, 0);
-        out->fields[f].node_values = copies(from->fields[f].node_values, input->contractions, from->fields[f].components, n, 1);
+        out->fields[f].node_values = copies(from->fields[f].node_values, input->contractions,
+                                            from->fields[f].components, n, 1);
     }
     for (uint32_t k = 0; k < input->level_count; k++) {
         out->levels[k] = from->levels[k];

@@ -7,7 +7,8 @@ import numpy as np
 
 LIBRARY = (glob.glob('/usr/lib/*/libcgns.so.*') + [None])[0]
 TYPES = {'float32': 3, 'float64': 4, 'int32': 2}  # DataType_t
-ELEMENTS = {'tetra': 10, 'tetra10': 11, 'pyramid': 12, 'wedge': 14, 'wedge15': 15, 'hexahedron': 17, 'hexahedron20': 18, 'triangle': 5,
+ELEMENTS = {'tetra': 10, 'tetra10': 11, 'pyramid': 12, 'wedge': 14, 'wedge15': 15, 'hexahedron': 17,
+            'hexahedron20': 18, 'triangle': 5,
             'mixed': 20, 'ngon': 22, 'nface': 23}
 UNSTRUCTURED, STRUCTURED, VERTEX, CELL = 3, 2, 2, 3
 
@@ -37,22 +38,26 @@ class File:
 
     def zone(self, name, points, cells=0, dims=None):
         size = np.array(list(dims) + [d - 1 for d in dims] + [0] * 3 if dims else [len(points), cells, 0], np.int32)
-        self.z = self.write('cg_zone_write', self.fn, self.base, name.encode(), size.ctypes, STRUCTURED if dims else UNSTRUCTURED)
+        self.z = self.write('cg_zone_write', self.fn, self.base, name.encode(), size.ctypes,
+                            STRUCTURED if dims else UNSTRUCTURED)
         for d in range(3):
             axis = np.ascontiguousarray(points[:, d])
-            self.write('cg_coord_write', self.fn, self.base, self.z, TYPES[str(axis.dtype)], b'Coordinate' + b'XYZ'[d:d + 1],
+            self.write('cg_coord_write', self.fn, self.base, self.z, TYPES[str(axis.dtype)],
+                       b'Coordinate' + b'XYZ'[d:d + 1],
                        axis.ctypes)
         self.last = 0
 
     def section(self, name, kind, elements):
         elements = np.ascontiguousarray(np.asarray(elements) + 1, np.int32)
         first, self.last = self.last + 1, self.last + len(elements)
-        self.write('cg_section_write', self.fn, self.base, self.z, name.encode(), ELEMENTS[kind], first, self.last, 0, elements.ctypes)
+        self.write('cg_section_write', self.fn, self.base, self.z, name.encode(), ELEMENTS[kind], first, self.last, 0,
+                   elements.ctypes)
 
     def poly(self, name, kind, numbers, offsets):
         numbers, offsets = np.array(numbers, np.int32), np.array(offsets, np.int32)
         first, self.last = self.last + 1, self.last + len(offsets) - 1
-        self.write('cg_poly_section_write', self.fn, self.base, self.z, name.encode(), ELEMENTS[kind], first, self.last, 0,
+        self.write('cg_poly_section_write', self.fn, self.base, self.z, name.encode(), ELEMENTS[kind], first,
+                   self.last, 0,
                    numbers.ctypes, offsets.ctypes)
 
     def solution(self, name, where, fields):
@@ -61,7 +66,8 @@ class File:
             columns = {field: values} if values.ndim == 1 else {field + 'XYZ'[d]: values[:, d] for d in range(3)}
             for column, v in columns.items():
                 v = np.ascontiguousarray(v)
-                self.write('cg_field_write', self.fn, self.base, self.z, s, TYPES[str(v.dtype)], column.encode(), v.ctypes)
+                self.write('cg_field_write', self.fn, self.base, self.z, s, TYPES[str(v.dtype)], column.encode(),
+                           v.ctypes)
 
     def times(self, times, solutions):
         self.do('cg_biter_write', self.fn, self.base, b'Times', len(times))

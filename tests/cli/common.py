@@ -36,7 +36,8 @@ def write(name, content):
 
 
 def tetlod(*arguments, **more):
-    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE,
                           cwd=SCRATCH, **more)
 
 

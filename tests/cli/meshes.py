@@ -22,7 +22,8 @@ def tet_mesh(count=300, precision=np.float64, seed=5):
     points, tets = points[used], np.searchsorted(used, tets)
     fields = {'heat': random.standard_normal(len(points)), 'wind': random.standard_normal((len(points), 3)),
               'mass': random.standard_normal(len(points)).astype(np.float32)}
-    cells = {'load': random.standard_normal(len(tets)), 'region': (points[tets].mean(axis=1)[:, 0] > 0.5).astype(np.int32) + 1}
+    cells = {'load': random.standard_normal(len(tets)),
+             'region': (points[tets].mean(axis=1)[:, 0] > 0.5).astype(np.int32) + 1}
     return points, tets, fields, cells
 
 
@@ -36,7 +37,8 @@ def read(name):
     grid = read_grid(name)
     if not grid.GetNumberOfCells():
         return np.zeros((0, 3)), np.zeros((0, 4), int), {}, {}
-    return (vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
+    return (vtk_to_numpy(grid.GetPoints().GetData()),
+            vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
             arrays_of(grid.GetPointData()), arrays_of(grid.GetCellData()))
 
 
@@ -138,7 +140,8 @@ def structured(kind, dims=(5, 4, 3)):
         at.SetData(numpy_to_vtk(points, deep=True))
         grid.SetPoints(at)
     count = (dims[0] - 1) * (dims[1] - 1) * (dims[2] - 1)
-    fields = {'heat': random.standard_normal(len(points)), 'wind': random.standard_normal((len(points), 3)).astype(np.float32)}
+    fields = {'heat': random.standard_normal(len(points)),
+              'wind': random.standard_normal((len(points), 3)).astype(np.float32)}
     cells = {'id': np.arange(count, dtype=np.int32), 'load': random.standard_normal(count)}
     add_arrays(grid.GetPointData(), fields)
     add_arrays(grid.GetCellData(), cells)

@@ -76,7 +76,8 @@ def keys(mesh, chosen=slice(None)):
     if 'keys' not in mesh:
         rows = np.hstack([mesh['points']] + [mesh['point'][name] for name in sorted(mesh['point'])])
         corners = np.array([hash(row.tobytes()) for row in rows])
-        mesh['keys'] = np.array([tuple(key) for key in np.sort(corners[mesh['tets']], axis=1).tolist()], dtype='i8,i8,i8,i8')
+        mesh['keys'] = np.array([tuple(key) for key in np.sort(corners[mesh['tets']], axis=1).tolist()],
+                                dtype='i8,i8,i8,i8')
     return set(mesh['keys'][chosen].tolist())
 
 
@@ -123,5 +124,6 @@ def judge(answer, coarse, fine, boxes, seed, domain_moves):
         assert keys(fine, touching) <= have, 'a fine tetrahedron with a corner in the box is missing'
         assert keys(fine, there[there >= 0]) <= have, 'a fine tetrahedron that meets the box is missing'
         ours = holders(answer, points)
-        assert not set(region[ours[ours >= 0]]) & {COARSE, TRANSITION} or keys(answer, ours[ours >= 0]) <= keys(fine), 'what meets the box is not fine'
+        assert not set(region[ours[ours >= 0]]) & {COARSE, TRANSITION} or keys(answer,
+                                                                               ours[ours >= 0]) <= keys(fine), 'what meets the box is not fine'
     return {part: int((region == part).sum()) for part in (COARSE, FINE, TRANSITION)}

@@ -113,7 +113,8 @@ def contents():
     check('unknown compressor', 3, [vtu('lzma.vtu', attributes=' compressor="vtkBestDataCompressor"')], 'zlib')
     check('a name with a line end', 3, [vtu('line.vtu', name='a&#10;b', field='1 2')], 'a?b')
     check('XML that is not VTK', 3, [write('page.vtu', '<?xml version="1.0"?><html/>')], 'html')
-    check('XML that is not well-formed', 3, [write('tag.vtu', '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><a></b>')],
+    check('XML that is not well-formed', 3,
+          [write('tag.vtu', '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><a></b>')],
           'line 1')
     check('garbage', 3, [write('garbage.vtu', bytes(range(256)) * 9)])
     check('text', 3, [write('readme.txt', 'This is not a mesh.\n')], 'not a mesh')
@@ -133,7 +134,8 @@ def outputs():
     """What only a reader has an extension for is no name for an output."""
     good = vtu('in.vtu')
     for extension in 'pvtu', 'vts', 'vti', 'vtm', 'pvd', 'foam', 'case':
-        done = subprocess.run([TETLOD, 'convert', good, '-o', path('out.' + extension)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'convert', good, '-o', path('out.' + extension)], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE)
         message = done.stderr.decode()
         problem = None if done.returncode == 2 and 'use one of .vtu' in message and 'out.' + extension in message else message
         report_problem('-o out.%s' % extension, 'left behind' if os.path.exists(path('out.' + extension)) else problem)
@@ -170,15 +172,18 @@ def plot3d():
     check('PLOT3D: grid without volume', 3, [write('flat.xyz', flat)], 'no volume')
     good = write('good.xyz', grid)
     check('PLOT3D: truncated solution', 3, [good, '--q', write('short.q', solution[:-4])], 'short.q')
-    check('PLOT3D: solution of another grid', 3, [good, '--q', write('other.q', struct.pack('>3i', 4, 3, 2) + solution[12:])],
+    check('PLOT3D: solution of another grid', 3,
+          [good, '--q', write('other.q', struct.pack('>3i', 4, 3, 2) + solution[12:])],
           'other.q')
-    check('PLOT3D: solution without density', 3, [good, '--q', write('zero.q', solution[:28] + bytes(4) + solution[32:])],
+    check('PLOT3D: solution without density', 3,
+          [good, '--q', write('zero.q', solution[:28] + bytes(4) + solution[32:])],
           'Pressure')
     check('PLOT3D: empty solution', 3, [good, '--q', write('empty.q', '')], 'empty.q')
     check('PLOT3D: solution of a VTU', 3, [vtu('good.vtu'), '--q', write('good.q', solution)], 'only PLOT3D')
     missing = path('nowhere.q')
     code, problem, message = run('convert', [good, '--q', missing])
-    report_problem('convert: PLOT3D: missing solution', problem or (None if code == 1 and missing in message else message))
+    report_problem('convert: PLOT3D: missing solution', problem or
+                   (None if code == 1 and missing in message else message))
     code, problem, message = run('convert', [good, '--q', path('good.q')])
     report_problem('the PLOT3D files that the others spoil are good', problem or (message if code else None))
 
@@ -224,7 +229,8 @@ def other_formats():
     check('Gmsh: a point that is not there', 3, [gmsh('missing.msh', last='5')], 'point 4')
     check('Gmsh: element type', 3, [gmsh('type.msh', type='77')], 'type 77')
     check('Gmsh: values missing', 3, [gmsh('values.msh', values='3\n1 5\n2 6\n3 7')], '3 of 4')
-    check('Gmsh: section without end', 3, [write('end.msh', '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Other\n')], '$Other')
+    check('Gmsh: section without end', 3, [write('end.msh', '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Other\n')],
+          '$Other')
     mesh = write('good.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 4 0'))
     solution = write('good.sol', SOL.format(count=4, type=1))
     code, problem, message = run('convert', [mesh, '--q', solution])
@@ -232,7 +238,8 @@ def other_formats():
     check('Medit: dimension', 3, [write('flat.mesh', MEDIT.format(dimension=2, tets='1\n1 2 3 4 0'))], 'line 2')
     check('Medit: index', 3, [write('index.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 5 0'))], 'line 11')
     check('Medit: count', 3, [write('count.mesh', MEDIT.format(dimension=3, tets='900'))], 'truncated')
-    check('Medit: solution of another mesh', 3, [mesh, '--q', write('count.sol', SOL.format(count=5, type=1))], 'count.sol')
+    check('Medit: solution of another mesh', 3, [mesh, '--q', write('count.sol', SOL.format(count=5, type=1))],
+          'count.sol')
     check('Medit: type of a field', 3, [mesh, '--q', write('type.sol', SOL.format(count=4, type=9))], 'type.sol')
     node = '4 3 0 0\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 {z}\n'
     write('good.node', node.format(z=1))
@@ -245,7 +252,8 @@ def other_formats():
     check('TetGen: index', 3, [path('good.node')], 'point 9')
     write('alone.node', node.format(z=1))
     code, problem, message = run('convert', [path('alone.node')])
-    report_problem('TetGen: one file of the two', problem or (None if code == 1 and 'alone.ele' in message else message))
+    report_problem('TetGen: one file of the two', problem or
+                   (None if code == 1 and 'alone.ele' in message else message))
 
 
 def truncated():
@@ -266,7 +274,8 @@ def truncated():
                 continue
             code, problem, message = run('convert', [write('cut' + extension, content[:length])])
             tried += 1
-            problem = problem or (None if code == 3 else 'cut at %d of %d: exit %d %r' % (length, len(content), code, message))
+            problem = problem or (None if code == 3 else 'cut at %d of %d: exit %d %r' % (length, len(content), code,
+                                                                                          message))
             if problem:
                 break
         report_problem('%s cut at %d lengths' % (name, tried), problem)
@@ -276,7 +285,8 @@ def no_field():
     """A mesh without a field can be converted; there is nothing to build levels for."""
     text = VTU.format(**GOOD)
     bare = text[:text.index('<PointData>')] + text[text.index('<Points>'):]
-    cells = bare.replace('<Points>', '<CellData><DataArray type="Float32" Name="c" format="ascii">1</DataArray></CellData>'
+    cells = bare.replace('<Points>',
+                         '<CellData><DataArray type="Float32" Name="c" format="ascii">1</DataArray></CellData>'
                          '<Points>')
     legacy = VTK.format(**GOOD_VTK)
     legacy_cells = legacy[:legacy.index('POINT_DATA')] + 'CELL_DATA 1\nSCALARS c float\nLOOKUP_TABLE default\n7\n'
@@ -297,7 +307,8 @@ def no_field():
 def shrinks():
     """A file that becomes shorter while it is mapped: the message names it."""
     values = b'%d\n' % 10 ** 9
-    name = write('shrinks.vtk', b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
+    name = write('shrinks.vtk',
+                 b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
     child = subprocess.Popen([TETLOD, 'convert', name, '-o', path('out.vtu')], stderr=subprocess.PIPE)
     with open('/proc/%d/maps' % child.pid) as maps:
         while name not in maps.read():
@@ -306,7 +317,8 @@ def shrinks():
     os.truncate(name, 4096)
     os.kill(child.pid, signal.SIGCONT)
     message = child.communicate()[1].decode(errors='replace')
-    report_problem('a file that shrinks', None if child.returncode == 1 and name in message and 'became shorter' in message else message)
+    report_problem('a file that shrinks', None if child.returncode == 1 and name in message and
+                   'became shorter' in message else message)
 
 
 def choices_of_nothing():

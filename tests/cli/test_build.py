@@ -29,7 +29,8 @@ def odd(order):
 def as_set(mesh):
     """A mesh apart from the order of its points, cells, and corners up to even permutations."""
     points, cells, fields = mesh
-    rows = np.concatenate([points.astype('f8')] + [fields[k].astype('f8').reshape(len(points), -1) for k in sorted(fields)], 1)
+    rows = np.concatenate([points.astype('f8')] + [fields[k].astype('f8').reshape(len(points),
+                                                                                  -1) for k in sorted(fields)], 1)
     keys = [row.tobytes() for row in rows]
     tets = set()
     for cell in cells:
@@ -85,10 +86,13 @@ def shape_of_json():
     report('build --json --quiet: JSON alone', done.returncode == 0 and not done.stderr, done)
     built, shown = json.loads(done.stdout), info('fin.tetlod')
     report('build --json is info --json and more', all(built[k] == v for k, v in shown.items()) and
-           set(built) - set(shown) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron', 'threads', 'nan_filled'}, set(built) ^ set(shown))
-    report('build --json: seconds by phase', set(built['seconds']) == {'read', 'contract', 'measure', 'encode', 'write'} and
+           set(built) - set(shown) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron',
+                                       'threads', 'nan_filled'}, set(built) ^ set(shown))
+    report('build --json: seconds by phase',
+           set(built['seconds']) == {'read', 'contract', 'measure', 'encode', 'write'} and
            all(s >= 0 for s in built['seconds'].values()), built['seconds'])
-    report('info --json: what it has', {'id', 'cid', 'vertices', 'tets', 'bytes', 'bounds', 'lossless', 'degenerate_tets',
+    report('info --json: what it has',
+           {'id', 'cid', 'vertices', 'tets', 'bytes', 'bounds', 'lossless', 'degenerate_tets',
            'inverted_tets', 'unused_points', 'fields', 'levels'} <= set(shown) and shown['id'] == 'fin', sorted(shown))
     points, cells, fields = read_vtu('fin.vtu')
     report('info --json: counts, bounds, bytes', (shown['vertices'], shown['tets'], shown['lossless']) ==
@@ -106,7 +110,8 @@ def shape_of_json():
 def levels_of_json(shown):
     levels = shown['levels']
     good = [l['level'] for l in levels] == list(range(len(levels))) and len(levels) > 5
-    good &= (levels[-1]['vertices'], levels[-1]['tets'], levels[-1]['bytes']) == (shown['vertices'], shown['tets'], shown['bytes'])
+    good &= (levels[-1]['vertices'], levels[-1]['tets'], levels[-1]['bytes']) == (shown['vertices'], shown['tets'],
+                                                                                  shown['bytes'])
     for a, b in zip(levels, levels[1:]):  # the last is the tail: the same mesh with the original's values
         good &= a['vertices'] < b['vertices'] or (b is levels[-1] and a['vertices'] == b['vertices'])
         good &= a['bytes'] < b['bytes'] and a['domain_error'] >= b['domain_error']
@@ -116,7 +121,8 @@ def levels_of_json(shown):
     report('info --json: a driving field has all four measures, others have what is measured',
            all(list(l['errors']['Pressure']) == MEASURES and list(l['errors']['Density']) == ['sampled', 'rms']
                for l in levels), levels[0])
-    report('info --json: the finest level is exact', all(e == 0 for f in levels[-1]['errors'].values() for e in f.values()))
+    report('info --json: the finest level is exact',
+           all(e == 0 for f in levels[-1]['errors'].values() for e in f.values()))
     report('a certified error is no less than what is sampled', all(
         l['errors']['Pressure']['max'] >= l['errors']['Pressure']['sampled'] * (1 - 1e-9) for l in levels))
     done = tetlod('info', 'fin.tetlod', '--all')
@@ -143,7 +149,8 @@ def extract():
 
     def check(name, wanted, *choice):
         got = extracted(*choice)
-        report('extract %s' % ' '.join(choice), got == (wanted['vertices'], wanted['tets']), (name, got, wanted['level']))
+        report('extract %s' % ' '.join(choice), got == (wanted['vertices'], wanted['tets']),
+               (name, got, wanted['level']))
 
     def by_error(limit, measure='max', field='Pressure'):
         return next(l for l in levels if l['errors'][field][measure] <= limit)
@@ -154,7 +161,8 @@ def extract():
         check('error', by_error(limit), '--error', text)
     for measure in MEASURES:
         check('measure', by_error(.02, measure), '--error', '2%', '--measure', measure)
-    check('another field', by_error(.02, 'sampled', 'Density'), '--error', '0.02', '--measure', 'sampled', '--field', 'Density')
+    check('another field', by_error(.02, 'sampled', 'Density'), '--error', '0.02', '--measure', 'sampled', '--field',
+          'Density')
     check('abs-error', by_error(.3 / (high - low)), '--abs-error', '0.3')
     for name, key in ('tets', 'tets'), ('bytes', 'bytes'):
         most = levels[4][key]
@@ -170,9 +178,11 @@ def extract():
     reader.Update()
     report('the legacy file of a level is read by VTK', reader.GetOutput().GetNumberOfCells() == levels[1]['tets'])
     fails('extract: a level that is not there', 2, ['level'], 'extract', 'fin.tetlod', '--level', '999', '-o', 'x.vtu')
-    fails('extract: a field that is not there', 3, ['heat'], 'extract', 'fin.tetlod', '--error', '0.1', '--field', 'heat',
+    fails('extract: a field that is not there', 3, ['heat'], 'extract', 'fin.tetlod', '--error', '0.1', '--field',
+          'heat',
           '-o', 'x.vtu')
-    fails('extract: no certified error of that field', 2, ['Density', '--measure'], 'extract', 'fin.tetlod', '--error', '0.1', '--field',
+    fails('extract: no certified error of that field', 2, ['Density', '--measure'], 'extract', 'fin.tetlod', '--error',
+          '0.1', '--field',
           'Density', '-o', 'x.vtu')
     for choice in ('--error', '-1'), ('--error', 'nan'), ('--error', 'x'), ('--tets', '-3'), ('--measure', 'mean'), ('--level', ''):
         fails('extract %s %r' % choice, 2, [choice[0].strip('-')], 'extract', 'fin.tetlod', *choice, '-o', 'x.vtu')
@@ -188,8 +198,10 @@ def compare():
     extracted('--level', '3')
     done = tetlod('compare', 'fin.vtu', 'level.vtu', '--field', 'Pressure', '--json')
     got, wanted = json.loads(done.stdout or '{}'), level['errors']['Pressure']
-    report('compare: what the builder measured', done.returncode == 0 and got['vertices'] == [shown['vertices'], level['vertices']]
-           and got['tets'] == [shown['tets'], level['tets']] and 0 < got['errors']['sampled'] <= wanted['sampled'] * (1 + 1e-9)
+    report('compare: what the builder measured', done.returncode == 0 and
+           got['vertices'] == [shown['vertices'], level['vertices']]
+           and got['tets'] == [shown['tets'],
+                               level['tets']] and 0 < got['errors']['sampled'] <= wanted['sampled'] * (1 + 1e-9)
            and got['errors']['rms'] <= wanted['rms'] * (1 + 1e-9), (got, level))
     report('compare: not far below either', got['errors']['sampled'] > .5 * wanted['sampled'], (got, wanted))
     one = tetlod('compare', 'fin.vtu', 'level.vtu', '--field', 'Pressure', '--json', '--threads', '1')
@@ -210,11 +222,13 @@ def domain():
     succeeds('sample: torus', 'sample', 'torus', '--size', '5', '-o', 'ring.vtu')
     left = {}
     for limit in '0', '0.2%', '1%':
-        succeeds('build: --domain-error %s' % limit, 'build', 'ring.vtu', '--domain-error', limit, '-o', 'ring.tetlod', '--quiet')
+        succeeds('build: --domain-error %s' % limit, 'build', 'ring.vtu', '--domain-error', limit, '-o', 'ring.tetlod',
+                 '--quiet')
         succeeds('verify: --domain-error %s' % limit, 'verify', 'ring.tetlod', '--against', 'ring.vtu')
         levels = info('ring.tetlod')['levels']
         left[limit] = min(l['tets'] for l in levels if l['errors']['temperature']['max'] <= .05)
-        report('info: the domain error is within %s' % limit, levels[0]['domain_error'] <= float(limit.strip('%')) / 100 + 1e-12,
+        report('info: the domain error is within %s' % limit,
+               levels[0]['domain_error'] <= float(limit.strip('%')) / 100 + 1e-12,
                levels[0])
     report('build: the more the boundary may move, the fewer tetrahedra are left', left['1%'] < .7 * left['0.2%'] and
            left['0.2%'] < left['0'], left)
@@ -233,7 +247,8 @@ def fields():
     names = [f['name'] for f in info('fin.tetlod')['fields']]
     succeeds('two fields', *build, '--field', 'Pressure', '--field', 'Density')
     shown = info('f.tetlod')
-    report('two fields: both are held', [n for n, c in controlled('f.tetlod').items() if c] == ['Pressure', 'Density'] or
+    report('two fields: both are held',
+           [n for n, c in controlled('f.tetlod').items() if c] == ['Pressure', 'Density'] or
            {n for n, c in controlled('f.tetlod').items() if c} == {'Pressure', 'Density'}, shown['fields'])
     report('two fields: a level for both', extracted_of('f.tetlod', '5%') == next(
         l['tets'] for l in shown['levels'] if all(l['errors'][f]['max'] <= .05 for f in ('Pressure', 'Density'))))
@@ -250,7 +265,8 @@ def fields():
     succeeds('--carry: verify', 'verify', 'f.tetlod', '--against', 'fin.vtu')
     succeeds('limits of their own', *build, '--field', 'Pressure:0.01', '--field', 'Density:10%', '--max-error', '1')
     base = info('f.tetlod')['levels'][0]['errors']
-    report('limits of their own: held', base['Pressure']['max'] <= .01 * (1 + 1e-6) and .01 < base['Density']['max'] <= .1 * (1 + 1e-6),
+    report('limits of their own: held', base['Pressure']['max'] <= .01 * (1 + 1e-6) and
+           .01 < base['Density']['max'] <= .1 * (1 + 1e-6),
            base)
     succeeds('--max-error', *build, '--field', 'Pressure', '--max-error', '2%')
     report('--max-error: held', info('f.tetlod')['levels'][0]['errors']['Pressure']['max'] <= .02 * (1 + 1e-6))
@@ -270,12 +286,14 @@ def extracted_of(name, error):
 
 
 def contraction_kinds():
-    for options in (('--contract', 'face'), ('--contract', 'tet'), ('--contract', 'hybrid'), ('--metric', 'sva'), ('--metric', 'measured'),
+    for options in (('--contract', 'face'), ('--contract', 'tet'), ('--contract', 'hybrid'), ('--metric', 'sva'),
+                    ('--metric', 'measured'),
                     ('--growth', '2')):
         name = 'torus'
         done = tetlod('build', 'torus.vtu', '-o', 'torus.tetlod', '--quiet', *options)
         checked = tetlod('verify', 'torus.tetlod', '--against', 'torus.vtu')
-        report('%s %s: verified' % (name, ' '.join(options)), done.returncode == 0 and checked.returncode == 0, (done, checked))
+        report('%s %s: verified' % (name, ' '.join(options)), done.returncode == 0 and checked.returncode == 0,
+               (done, checked))
 
 
 def certified_exactly():
@@ -288,39 +306,51 @@ def certified_exactly():
         left[how] = extracted_of(how + '.tetlod', '1%')
     report('--certify exact leaves far fewer tetrahedra at 1 %', left['exact'] < .5 * left['fast'], left)
     close = extracted_of('exact.tetlod', '0.5%')
-    report('--certify exact: values that fit, and positions searched for, leave less than 64 % at 0.5 %', close < .64 * 3072, close)
+    report('--certify exact: values that fit, and positions searched for, leave less than 64 % at 0.5 %',
+           close < .64 * 3072, close)
     tetlod('extract', 'exact.tetlod', '--error', '1%', '-o', 'level.vtu')
     truth = json.loads(tetlod('compare', 'cube8.vtu', 'level.vtu', '--json').stdout)['errors']
     level = next(l for l in info('exact.tetlod')['levels'] if l['errors']['xyz']['max'] <= .01)
-    report('--certify exact: the true maximum is at most what is stored, and most of it', .9 * level['errors']['xyz']['max'] <
+    report('--certify exact: the true maximum is at most what is stored, and most of it',
+           .9 * level['errors']['xyz']['max'] <
            truth['max'] <= level['errors']['xyz']['max'] * (1 + 1e-6), (truth, level))
     plain = digest('exact.tetlod')
     for threads in ('1', '3') if CONFIG == 'release' else ():
         tetlod('build', 'cube8.vtu', '-o', 'd.tetlod', '--quiet', '--certify', 'exact', '--threads', threads)
         report('--certify exact: the same bytes on %s threads' % threads, digest('d.tetlod') == plain)
-    done = tetlod('build', 'fin.vtu', '-o', 'f.tetlod', '--quiet', '--certify', 'exact', '--field', 'Pressure', '--field', 'Velocity:3%')
+    done = tetlod('build', 'fin.vtu', '-o', 'f.tetlod', '--quiet', '--certify', 'exact', '--field', 'Pressure',
+                  '--field', 'Velocity:3%')
     checked = tetlod('verify', 'f.tetlod', '--against', 'fin.vtu')
-    report('--certify exact: a scalar and a vector with a limit of its own', done.returncode == 0 and checked.returncode == 0,
+    report('--certify exact: a scalar and a vector with a limit of its own', done.returncode == 0 and
+           checked.returncode == 0,
            (done, checked))
 
 
 def usage():
-    fails('build --certify exact --metric sva', 2, ['--certify'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--certify', 'exact',
+    fails('build --certify exact --metric sva', 2, ['--certify'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--certify',
+          'exact',
           '--metric', 'sva')
     for words, options in ((['--metric', 'magic'], ('--metric', 'magic')), (['--contract'], ('--contract', 'cells')),
-                           (['--certify'], ('--certify', 'hope')), (['max-error'], ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
-                           (['growth'], ('--growth', '1')), (['growth'], ('--growth', '17')), (['domain-error', '0 to 1'], ('--domain-error', '2')), (['compress'], ('--compress', '23')),
+                           (['--certify'], ('--certify', 'hope')), (['max-error'],
+                                                                    ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
+                           (['growth'], ('--growth', '1')), (['growth'],
+                                                             ('--growth', '17')), (['domain-error', '0 to 1'],
+                                                                                   ('--domain-error',
+                                                                                    '2')), (['compress'], ('--compress', '23')),
                            (['measured', 'exact'], ('--metric', 'measured', '--certify', 'exact')), (['candidates'], ('--candidates', '5')), (['threads'], ('--threads', 'many')),
-                           (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'], ('--memory', '0'))):
+                           (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'],
+                                                                                          ('--memory', '0'))):
         fails('build %s' % ' '.join(options), 2, words, 'build', 'cube.vtu', '-o', 'x.tetlod', *options)
     fails('build without a mesh', 2, ['INPUT'], 'build')
     fails('build of two meshes that are no series', 3, ['step 1', 'fin.vtu'], 'build', 'cube.vtu', 'fin.vtu')
     fails('build --memory 1', 1, ['--memory'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--memory', '1')
-    fails('build into a folder that is not there', 1, ['nowhere'], 'build', 'cube.vtu', '-o', 'nowhere/x.tetlod', '--quiet')
+    fails('build into a folder that is not there', 1, ['nowhere'], 'build', 'cube.vtu', '-o', 'nowhere/x.tetlod',
+          '--quiet')
     report('failed builds leave no file', not os.path.exists(path('x.tetlod')))
     os.makedirs(path('elsewhere'), exist_ok=True)
     done = subprocess.run([TETLOD, 'build', '../cube.vtu', '--quiet'], cwd=path('elsewhere'), stderr=subprocess.PIPE)
-    report('build names its output after the input', done.returncode == 0 and os.listdir(path('elsewhere')) == ['cube.tetlod'],
+    report('build names its output after the input', done.returncode == 0 and
+           os.listdir(path('elsewhere')) == ['cube.tetlod'],
            (done, os.listdir(path('elsewhere'))))
 
 
@@ -334,7 +364,8 @@ def special_meshes():
     tet = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     write_vtu('one.vtu', tet, [[0, 1, 2, 3]], {'s': [1, 2, 3, 4]})
     round_trip('one')
-    report('one tetrahedron: one level, and its exact values', [l['tets'] for l in info('one.tetlod')['levels']] == [1, 1])
+    report('one tetrahedron: one level, and its exact values',
+           [l['tets'] for l in info('one.tetlod')['levels']] == [1, 1])
     write_vtu('turned.vtu', tet, [[1, 0, 2, 3]], {'s': [1, 2, 3, 4]}, 'Float64')
     round_trip('turned')
     report('one tetrahedron turned: not inverted', info('turned.tetlod')['inverted_tets'] == 0)
@@ -352,15 +383,19 @@ def special_meshes():
     report('a mesh numbered both ways: none is inverted, its levels are those of the mesh numbered one way',
            info('mixed.tetlod')['inverted_tets'] == 0 and counts('mixed.tetlod') == counts('cube.tetlod'))
     done = tetlod('build', 'mixed.vtu', '--keep-order', '-o', 'kept.tetlod')
-    report('and how many are turned is said', b'%d tetrahedra are numbered the other way round' % min(turned.sum(), (~turned).sum()) in done.stderr, done)
+    report('and how many are turned is said',
+           b'%d tetrahedra are numbered the other way round' % min(turned.sum(), (~turned).sum()) in done.stderr, done)
     tetlod('extract', 'kept.tetlod', '--original-order', '-o', 'kept.vtu')
     report('and the original order has every corner where it was', np.array_equal(read_vtu('kept.vtu')[1], mixed))
-    done = tetlod('extract', 'mixed.tetlod', '--error', '20%', '--box', '0,0,0,1.5,1.5,1.5', '--box-error', '0', '-o', 'part.vtu')
+    done = tetlod('extract', 'mixed.tetlod', '--error', '20%', '--box', '0,0,0,1.5,1.5,1.5', '--box-error', '0', '-o',
+                  'part.vtu')
     report('and a region of it is a mesh', done.returncode == 0 and abs(abs_volume('part.vtu') - 64) < 1e-9, done)
     bodies = np.concatenate([cells, cells[:, [1, 0, 2, 3]] + len(points)])
-    write_vtu('bodies.vtu', np.concatenate([points, points + 9]), bodies, {k: np.concatenate([v, v]) for k, v in values.items()})
+    write_vtu('bodies.vtu', np.concatenate([points, points + 9]), bodies,
+              {k: np.concatenate([v, v]) for k, v in values.items()})
     round_trip('bodies')
-    report('two bodies, each numbered its own way: none is inverted, both are contracted', info('bodies.tetlod')['inverted_tets'] == 0 and
+    report('two bodies, each numbered its own way: none is inverted, both are contracted',
+           info('bodies.tetlod')['inverted_tets'] == 0 and
            info('bodies.tetlod')['levels'][0]['tets'] < 60, info('bodies.tetlod')['levels'][0])
     write_vtu('constant.vtu', points, cells, {'s': np.full(len(points), 7.5)})
     round_trip('constant')
@@ -368,14 +403,16 @@ def special_meshes():
     report('a constant field: all errors are 0, the base is small', shown['levels'][0]['tets'] < 30 and
            all(e == 0 for l in shown['levels'] for e in l['errors']['s'].values()), shown['levels'][0])
     apart = np.concatenate([points, points + [10, 0, 0], points + [0, 20, 5]])
-    write_vtu('three.vtu', apart, np.concatenate([cells, cells + len(points), cells + 2 * len(points)]), {'s': apart[:, 0] * apart[:, 1]})
+    write_vtu('three.vtu', apart, np.concatenate([cells, cells + len(points), cells + 2 * len(points)]),
+              {'s': apart[:, 0] * apart[:, 1]})
     round_trip('three')
     report('three components: all are left in the base', components('three.tetlod') == 3)
     loose = np.concatenate([[[99, 99, 99]], points, [[-99, 0, 0]]])
     write_vtu('loose.vtu', loose, cells + 1, {'s': loose[:, 0]})
     done = tetlod('build', 'loose.vtu', '-o', 'loose.tetlod')
     shown = info('loose.tetlod')
-    report('isolated points: dropped, counted and said', shown['unused_points'] == 2 and shown['vertices'] == len(points) and
+    report('isolated points: dropped, counted and said', shown['unused_points'] == 2 and
+           shown['vertices'] == len(points) and
            shown['bounds'][1] == [4, 4, 4] and b'2 points' in done.stderr, (shown['bounds'], done.stderr))
     flat = np.array([[0, 0, 9], [1, 0, 9], [0, 1, 9], [1, 1, 9]], 'f4')
     write_vtu('flat.vtu', np.concatenate([points, flat]), np.concatenate([cells, [np.arange(4) + len(points)]]),
@@ -446,7 +483,8 @@ def stopped():
                 folder = path('stop')
                 shutil.rmtree(folder, ignore_errors=True)
                 os.makedirs(folder)
-                build = subprocess.Popen([TETLOD, 'build', '../big.vtu', '-o', 'out.tetlod', '--quiet'], cwd=folder, env=environment)
+                build = subprocess.Popen([TETLOD, 'build', '../big.vtu', '-o', 'out.tetlod', '--quiet'], cwd=folder,
+                                         env=environment)
                 time.sleep(delay)
                 while preload and not os.listdir(folder) and build.poll() is None:  # a busy machine is slow to begin
                     time.sleep(.01)
@@ -456,7 +494,8 @@ def stopped():
                 ended += code == -number and not left
                 if (code, left) not in ((-number, []), (0, ['out.tetlod'])):
                     problems.append((number, delay, code, left))
-        report('a stopped build%s leaves nothing' % name, ended and not problems and bool(seen) == bool(preload), (ended, seen, problems))
+        report('a stopped build%s leaves nothing' % name, ended and not problems and bool(seen) == bool(preload),
+               (ended, seen, problems))
 
 
 def memory():
@@ -464,14 +503,17 @@ def memory():
     if CONFIG != 'release':
         return report('--memory: right within 10 %', True, skip='release only')
     exact = ('--certify', 'exact', '--threads', '2')
-    for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')), ('fin', 24, ()),
+    for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')),
+                                  ('fin', 24, ()),
                                   ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity')),
                                   ('cube', 16, exact), ('fin', 12, exact), ('fin', 20, exact), ('post', 20, exact), ('delta', 6, exact)):
         tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
         refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
         said = int(refused.split('needs about ')[1].split()[0])
-        peak = json.loads(tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet', *options).stdout)['peak_memory'] / 2 ** 20
-        report('--memory: %s %d %s: right within 10 %%' % (sample, size, ' '.join(options)), abs(said - peak) <= .1 * peak + .5, (said, peak))
+        peak = json.loads(tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet',
+                                 *options).stdout)['peak_memory'] / 2 ** 20
+        report('--memory: %s %d %s: right within 10 %%' % (sample, size, ' '.join(options)),
+               abs(said - peak) <= .1 * peak + .5, (said, peak))
 
 
 def damaged():
@@ -490,13 +532,15 @@ def damaged():
             fails('damaged %s: info' % where, 3, ['damaged.tetlod'], 'info', 'damaged.tetlod')
         else:
             done = tetlod('info', 'damaged.tetlod', '--json')
-            report('damaged %s: the index can be read' % where, done.returncode == 0 and json.loads(done.stdout)['levels'] == levels)
+            report('damaged %s: the index can be read' % where, done.returncode == 0 and
+                   json.loads(done.stdout)['levels'] == levels)
     report('damaged streams: no output', not os.path.exists(path('x.vtu')))
     prefix = levels[2]['bytes']
     with open(path('cut.tetlod'), 'wb') as file:
         file.write(good[:prefix])
     done = tetlod('extract', 'cut.tetlod', '--level', '2', '-o', 'level.vtu')
-    report('a prefix gives its finest level', done.returncode == 0 and len(read_vtu('level.vtu')[1]) == levels[2]['tets'], done)
+    report('a prefix gives its finest level', done.returncode == 0 and
+           len(read_vtu('level.vtu')[1]) == levels[2]['tets'], done)
     fails('a prefix does not give more', 3, ['cut.tetlod'], 'extract', 'cut.tetlod', '--level', '3', '-o', 'x.vtu')
     fails('a prefix is not verified', 3, ['cut.tetlod'], 'verify', 'cut.tetlod', '--quiet')
     for name, content in ('empty', b''), ('text', b'not a stream\n' * 9), ('header alone', good[:40]):
@@ -517,7 +561,8 @@ def against():
     turned = cells.copy()
     turned[5] = turned[5][[1, 0, 2, 3]]
     for name, mesh in (('a coordinate', (moved, cells, fields)), ('a value', (points, cells, {'xyz': raised})),
-                       ('an orientation', (points, turned, fields)), ('a tetrahedron missing', (points, cells[:-1], fields))):
+                       ('an orientation', (points, turned, fields)), ('a tetrahedron missing',
+                                                                      (points, cells[:-1], fields))):
         fails('verify --against: %s' % name, 3, ['cube.tetlod'], 'verify', 'cube.tetlod', '--quiet', '--against',
               write_vtu('other.vtu', *mesh))
     order = np.random.default_rng(5).permutation(len(points))
@@ -534,7 +579,8 @@ def forge_max(name, coarsest, most):
     shown, data = info(name), bytearray(plain(open(path(name), 'rb').read()))
     size = struct.unpack_from('<I', data, 20)[0]
     for level in shown['levels'][coarsest:]:
-        at = data.index(struct.pack('<QQd', level['vertices'], level['tets'], level['domain_error']), 64, 64 + size) + 24
+        at = data.index(struct.pack('<QQd', level['vertices'], level['tets'], level['domain_error']), 64,
+                        64 + size) + 24
         stored = struct.unpack_from('<d', data, at)[0]
         struct.pack_into('<d', data, at, min(stored, most))
     data = sealed(data)
@@ -550,7 +596,8 @@ def forged():
     report('verify --against: measures every level, and takes the exact maximum of all of a small mesh',
            checked['measured_levels'] == levels and checked['exact_levels'] == list(range(levels)), checked)
     done = tetlod('verify', 'honest.tetlod', '--against', 'fin.vtu')
-    report('verify --against: says so', b'%d levels measured, max held against the exact maximum at all of them' % levels in
+    report('verify --against: says so',
+           b'%d levels measured, max held against the exact maximum at all of them' % levels in
            done.stdout, done)
     room = []
     for level in checked['exact_levels']:
@@ -572,10 +619,12 @@ def compression():
     """All of the coder's rates of learning give no more bytes than the usual one, and hardly fewer."""
     size = {}
     for effort in '1', '19', '22':
-        succeeds('compress %s' % effort, 'build', 'fin.vtu', '--field', 'Pressure', '-o', 'effort.tetlod', '--compress', effort, '--quiet')
+        succeeds('compress %s' % effort, 'build', 'fin.vtu', '--field', 'Pressure', '-o', 'effort.tetlod',
+                 '--compress', effort, '--quiet')
         succeeds('compress %s: verify' % effort, 'verify', 'effort.tetlod', '--quiet')
         size[effort] = os.path.getsize(path('effort.tetlod'))
-    report('compress: more effort, no more bytes, within 0.1 %', .999 * size['19'] <= size['22'] <= size['19'] <= size['1'], size)
+    report('compress: more effort, no more bytes, within 0.1 %',
+           .999 * size['19'] <= size['22'] <= size['19'] <= size['1'], size)
 
 
 def blunt_fin():
@@ -587,7 +636,8 @@ def blunt_fin():
                   '--growth', '1.3', '-o', 'blunt.tetlod', '--json')
     report(name + ': build', done.returncode == 0 and b'77 degenerate' in done.stderr, done)
     shown = json.loads(done.stdout)
-    report(name + ': counts', (shown['vertices'], shown['tets'], shown['degenerate_tets']) == (40960, 187395, 77), shown['tets'])
+    report(name + ': counts', (shown['vertices'], shown['tets'], shown['degenerate_tets']) == (40960, 187395, 77),
+           shown['tets'])
     for error, most in (.001, 74.05), (.002, 64.48), (.003, 58.13), (.005, 50.21), (.01, 39.54):
         left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['predicted'] <= error) / shown['tets'] * 100
         report('%s: predicted %g %%: at most %.2f %% of the tetrahedra, as in the thesis (Table 4.2)' % (name, 100 * error, most),
@@ -596,7 +646,8 @@ def blunt_fin():
     checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
     report(name + ': verify --against, the exact maximum at six levels', checked.returncode == 0 and
            checked.stdout.decode().split('levels')[-1].count(',') == 5, checked)
-    certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o', 'certified.tetlod',
+    certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o',
+                       'certified.tetlod',
                        '--json', '--quiet')
     shown = json.loads(certified.stdout)
     for error, most in (.001, 56), (.01, 18.5), (.05, 6.5):

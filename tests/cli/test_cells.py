@@ -79,16 +79,19 @@ def levels():
 
 
 def described():
-    text, info = must('info', path('a.tetlod')).stdout.decode(), json.loads(must('info', path('a.tetlod'), '--json').stdout)
+    text, info = must('info', path('a.tetlod')).stdout.decode(), json.loads(must('info', path('a.tetlod'),
+                                                                                 '--json').stdout)
     found = [(field['name'], field['components'], field['type']) for field in info['cell_fields']]
-    wanted = [('strain', 6, 'float32'), ('energy', 1, 'float64'), ('rank', 1, 'int8'), ('part', 1, 'int16'), ('number', 1, 'int32'),
+    wanted = [('strain', 6, 'float32'), ('energy', 1, 'float64'), ('rank', 1, 'int8'), ('part', 1, 'int16'),
+              ('number', 1, 'int32'),
               ('key', 1, 'int64'), ('one', 1, 'int8')]
     return None if found == wanted and 'cell field    strain, 6 x float32' in text else (found, text)
 
 
 def small():
     """Packed: ones cost next to nothing, and no field more than its bytes."""
-    sizes = [(section['stored'], section['size']) for section in reference.open(path('a.tetlod')).sections if section['tag'] == 'CVAL']
+    sizes = [(section['stored'],
+              section['size']) for section in reference.open(path('a.tetlod')).sections if section['tag'] == 'CVAL']
     return None if sizes[-1][0] < sizes[-1][1] / 50 and all(stored <= size for stored, size in sizes) else sizes
 
 
@@ -97,14 +100,16 @@ def verified():
     data = bytearray(open(path('a.tetlod'), 'rb').read())
     data[-5] ^= 1  # of the last field of cells
     open(path('bad.tetlod'), 'wb').write(data)
-    return None if tetlod('verify', path('bad.tetlod'), '--quiet').returncode == 3 else 'a changed value of a cell is not noticed'
+    return None if tetlod('verify', path('bad.tetlod'),
+                          '--quiet').returncode == 3 else 'a changed value of a cell is not noticed'
 
 
 def held_against_the_input():
     """One value of one tetrahedron that is another in the input is found, and so is one that changed places."""
     points, tets = block(6)
     fields = {'heat': np.sin(points @ [3.0, 2.0, 1.0])}
-    for name, change in (('energy', lambda v: v[10] + 1e200), ('rank', lambda v: v[10] + 1), ('strain', lambda v: v[11])):
+    for name, change in (('energy', lambda v: v[10] + 1e200), ('rank', lambda v: v[10] + 1),
+                         ('strain', lambda v: v[11])):
         cells = cell_data(len(tets))
         cells[name][10] = change(cells[name])
         save('other.vtu', points, tets, fields, cells)
@@ -126,7 +131,8 @@ def cut_off():
     data, stream = open(path('a.tetlod'), 'rb').read(), reference.open(path('a.tetlod'))
     values = [section for section in stream.sections if section['tag'] == 'CVAL']
     cuts = [(level, stream.levels[level]['bytes'] + 3 * (level % 2), 0) for level in range(0, len(stream.levels), 7)]
-    cuts += [(len(stream.levels) - 1, values[held]['offset'] + values[held]['stored'] // 2, held) for held in range(len(values))]
+    cuts += [(len(stream.levels) - 1,
+              values[held]['offset'] + values[held]['stored'] // 2, held) for held in range(len(values))]
     for level, size, held in cuts:
         write('cut.tetlod', data[:size])
         must('extract', path('a.tetlod'), '--level', str(level), '-o', path('wanted.vtu'), '--quiet')
@@ -153,8 +159,10 @@ def cut_series():
     """Steps before the cut are there, and of the cells what is whole."""
     points, tets = block(4)
     for step in range(9):
-        save('step_%d.vtu' % step, points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0] + step / 9)}, {'mat': np.arange(len(tets)) % 7})
-    must('build', *(path('step_%d.vtu' % step) for step in range(9)), '--field', 'heat', '-o', path('steps.tetlod'), '--quiet')
+        save('step_%d.vtu' % step, points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0] + step / 9)},
+             {'mat': np.arange(len(tets)) % 7})
+    must('build', *(path('step_%d.vtu' % step) for step in range(9)), '--field', 'heat', '-o', path('steps.tetlod'),
+         '--quiet')
     stream, data = reference.open(path('steps.tetlod')), open(path('steps.tetlod'), 'rb').read()
     sections = {section['tag']: section['offset'] + section['stored'] for section in stream.sections}
     for size in (sections['CVAL'] - 1, sections['CVAL'], sections['TIME'], sections['TVAL'] - 1):
@@ -184,10 +192,13 @@ def rounded_streams():
     del lacking['one']
     more = dict(cell_data(len(tets)), further=np.arange(len(tets)))
     save('lossy.vtu', places, tets, fields, cell_data(len(tets)))
-    for name, where, data, word in (('cells', places, other, b'values of cells'), ('lacking', places, lacking, b"'one' of cells"),
-                                    ('more', places, more, b"'further' of cells"), ('moved', moved, cell_data(len(tets)), b'differ')):
+    for name, where, data, word in (('cells', places, other, b'values of cells'),
+                                    ('lacking', places, lacking, b"'one' of cells"),
+                                    ('more', places, more, b"'further' of cells"), ('moved', moved,
+                                                                                    cell_data(len(tets)), b'differ')):
         save(name + '.vtu', where, tets, fields, data)
-        for options in (['--position-bits', '4', '--field-bits', '3'], ['--field-error', '1%', '--keep-order'], ['--position-error', '2%']):
+        for options in (['--position-bits', '4', '--field-bits', '3'], ['--field-error', '1%', '--keep-order'],
+                        ['--position-error', '2%']):
             must('build', path('lossy.vtu'), '--growth', '2', *options, '-o', path('lossy.tetlod'), '--quiet')
             must('verify', path('lossy.tetlod'), '--against', path('lossy.vtu'), '--quiet')
             done = tetlod('verify', path('lossy.tetlod'), '--against', path(name + '.vtu'), '--quiet')
@@ -206,7 +217,8 @@ def order_kept_wrong():
     must('build', path('plain.vtu'), '--keep-order', '--growth', '2', '-o', path('plain.tetlod'), '--quiet')
     must('verify', path('plain.tetlod'), '--against', path('plain.vtu'), '--quiet')
     done = tetlod('verify', path('plain.tetlod'), '--against', path('turned.vtu'), '--quiet')
-    return None if done.returncode == 3 and (b'another one' in done.stderr or b'original order' in done.stderr) else done
+    return None if done.returncode == 3 and (b'another one' in done.stderr or
+                                             b'original order' in done.stderr) else done
 
 
 def carried():

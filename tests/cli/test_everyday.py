@@ -19,12 +19,14 @@ def outputs_over_inputs():
     os.symlink(path('fin.vtu'), path('soft.tetlod'))
     fails('build refuses to write onto its input', 2, ['fin.vtu', 'input'], 'build', 'fin.vtu', '-o', 'fin.vtu')
     fails('also through a symbolic link', 2, ['input'], 'build', 'fin.vtu', '-o', 'soft.tetlod')
-    fails('convert refuses, also through a hard link', 2, ['linked.vtu', 'input'], 'convert', 'fin.vtu', '-o', 'linked.vtu')
+    fails('convert refuses, also through a hard link', 2, ['linked.vtu', 'input'], 'convert', 'fin.vtu', '-o',
+          'linked.vtu')
     fails('extract refuses', 2, ['input'], 'extract', 'fin.tetlod', '-o', './fin.tetlod')
     shutil.copy(path('fin.tetlod'), path('picture.svg'))
     fails('plot refuses', 2, ['input'], 'plot', 'picture.svg', '-o', 'picture.svg')
     write('two.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><Piece Source="fin.vtu"/></PUnstructuredGrid></VTKFile>')
-    fails('convert refuses to write onto a piece of its input', 2, ['two.pvtu', 'fin.vtu', 'output'], 'convert', 'two.pvtu', '-o', 'linked.vtu')
+    fails('convert refuses to write onto a piece of its input', 2, ['two.pvtu', 'fin.vtu', 'output'], 'convert',
+          'two.pvtu', '-o', 'linked.vtu')
     report('and the input is as it was', content('fin.vtu') == before)
 
 
@@ -84,14 +86,16 @@ def cut_off():
         return said
     must('extract', 'cut.tetlod', '-o', 'saved.tetlod')
     must('verify', 'saved.tetlod')
-    fails('a level that is not there is refused', 3, ['cut off', 'levels 0 to 9', 'level 10'], 'extract', 'cut.tetlod', '--level', '10', '-o', 'x.vtu')
+    fails('a level that is not there is refused', 3, ['cut off', 'levels 0 to 9', 'level 10'], 'extract', 'cut.tetlod',
+          '--level', '10', '-o', 'x.vtu')
     fails('and so is a file without level 0', 3, ['cut off'], 'extract', 'stub.tetlod', '-o', 'x.vtu')
     return None if len(info('saved.tetlod')['levels']) == 10 else info('saved.tetlod')
 
 
 def mail():
     must('build', 'fin.vtu', '-o', 'default.tetlod', '--field', 'Pressure', '--carry', 'Pressure', '--quiet')
-    said = must('build', 'fin.vtu', '--for', 'mail', '--error', '2%', '--field', 'Pressure', '-o', 'mail.tetlod').stdout.decode()
+    said = must('build', 'fin.vtu', '--for', 'mail', '--error', '2%', '--field', 'Pressure', '-o',
+                'mail.tetlod').stdout.decode()
     found, whole = info('mail.tetlod'), info('default.tetlod')
     bound = re.search(r'Pressure \u2264 ([\d.]+) % of the range', said)
     finest = found['levels'][-1]['errors']['Pressure']['max']
@@ -101,7 +105,8 @@ def mail():
     if found['lossless'] or [f['name'] for f in found['fields']] != ['Pressure'] or found['bytes'] > 1.2 * size:
         return found['bytes'], size
     must('verify', 'mail.tetlod')
-    must('build', 'fin.vtu', '--for', 'mail', '--error', '2%', '--field', 'Pressure', '-o', 'again.tetlod', '--threads', '1', '--quiet')
+    must('build', 'fin.vtu', '--for', 'mail', '--error', '2%', '--field', 'Pressure', '-o', 'again.tetlod',
+         '--threads', '1', '--quiet')
     if content('again.tetlod') != content('mail.tetlod'):
         return 'the bytes depend on threads'
     measured = must('compare', 'fin.vtu', 'mail.tetlod', '--field', 'Pressure', '--json').stdout.decode()
@@ -119,9 +124,11 @@ def units():
     levels = [info(name)['levels'] for name in ('units.tetlod', 'fraction.tetlod')]
     if levels[0][0]['errors'] != levels[1][0]['errors'] or not 0.05 / width < levels[0][0]['errors']['Pressure']['max'] <= 0.1 / width:
         return levels[0][0], levels[1][0]
-    fails('a limit that looks like units says how to give it', 3, ['--abs-error 500', 'Pressure'], 'build', 'fin.vtu', '--field', 'Pressure:500')
+    fails('a limit that looks like units says how to give it', 3, ['--abs-error 500', 'Pressure'], 'build', 'fin.vtu',
+          '--field', 'Pressure:500')
     fails('--abs-error belongs to a field', 2, ['--field'], 'build', 'fin.vtu', '--abs-error', '500')
-    fails('and to one that has no other limit', 2, ['--abs-error'], 'build', 'fin.vtu', '--field', 'Pressure:1%', '--abs-error', '500')
+    fails('and to one that has no other limit', 2, ['--abs-error'], 'build', 'fin.vtu', '--field', 'Pressure:1%',
+          '--abs-error', '500')
     return None
 
 
@@ -131,7 +138,8 @@ def compare_parts():
         said = must('compare', 'fin.vtu', 'five.vtu', '--field', name).stdout.decode()
         if not said.startswith('field         ' + name):
             return said
-    fails('compare names what there is', 3, ['second mesh', 'Velocity'], 'compare', 'fin.vtu', 'mail.tetlod', '--field', 'Velocity:mag')
+    fails('compare names what there is', 3, ['second mesh', 'Velocity'], 'compare', 'fin.vtu', 'mail.tetlod',
+          '--field', 'Velocity:mag')
     return None
 
 
@@ -150,7 +158,8 @@ def tables():
 
 def names():
     """Arrays that are left out are named."""
-    text = re.sub(rb'(<PointData[^>]*>)', rb'\1<DataArray type="String" Name="label" format="ascii">65 0</DataArray>', content('fin.vtu'), count=1)
+    text = re.sub(rb'(<PointData[^>]*>)', rb'\1<DataArray type="String" Name="label" format="ascii">65 0</DataArray>',
+                  content('fin.vtu'), count=1)
     write('label.vtu', text)
     done = tetlod('convert', 'label.vtu', '-o', 'label.vtk')
     return None if done.returncode == 0 and b"left out: 'label'" in done.stderr else done

@@ -49,12 +49,15 @@ def first(problems):
 def make():
     points, tets = block(5)
     heat = np.sin(points @ [3.0, 2.0, 1.0])
-    save('mesh.vtu', points, tets, {'heat': heat}, {'key': np.arange(len(tets)) * (2**53 // len(tets)), 'load': np.linspace(-1, 1, len(tets))})
+    save('mesh.vtu', points, tets, {'heat': heat},
+         {'key': np.arange(len(tets)) * (2**53 // len(tets)), 'load': np.linspace(-1, 1, len(tets))})
     for step in range(4):
         save('step_%d.vtu' % step, points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0] + step)}, {})
     must('build', 'mesh.vtu', '--growth', '1.5', '-o', 'mesh.tetlod', '--quiet')
-    must('build', 'mesh.vtu', '--growth', '1.5', '--position-bits', '12', '--field-bits', '12', '-o', 'rounded.tetlod', '--quiet')
-    must('build', *['step_%d.vtu' % step for step in range(4)], '--field', 'heat', '--growth', '1.5', '-o', 'steps.tetlod', '--quiet')
+    must('build', 'mesh.vtu', '--growth', '1.5', '--position-bits', '12', '--field-bits', '12', '-o', 'rounded.tetlod',
+         '--quiet')
+    must('build', *['step_%d.vtu' % step for step in range(4)], '--field', 'heat', '--growth', '1.5', '-o',
+         'steps.tetlod', '--quiet')
 
 
 def figures():
@@ -63,7 +66,8 @@ def figures():
     for name in ('mesh.tetlod', 'rounded.tetlod'):
         data, heat = plain(content(name)), range_at(plain(content(name)), 'heat')
         must('verify', name, '--quiet')
-        problems += [refused(['says that x is'], put(data, BOUNDS, 'd', -0.5)), refused(['says that z is'], put(data, BOUNDS + 40, 'd', 1.01)),
+        problems += [refused(['says that x is'], put(data, BOUNDS, 'd', -0.5)),
+                     refused(['says that z is'], put(data, BOUNDS + 40, 'd', 1.01)),
                      refused(['1 tetrahedra are degenerate'], put(data, DEGENERATE, 'Q', 1)),
                      refused(['7 tetrahedra are inverted'], put(data, INVERTED, 'Q', 7)), refused(['heat'], put(data, heat, 'd', -3.0)),
                      refused(['unused'], put(data, UNUSED, 'Q', 3), '--against', 'mesh.vtu')]
@@ -108,7 +112,8 @@ def steps_table():
     stream = decoder.open(data)
     series, table = stream.series(), stream.section('TIME')
     times = 16 + 24 + 16 * len(series.bands) + 8 * len(series.bands)
-    for at, value, words in ((times + 8, 0.0, ['same time']), (16 + 8, series.fields[0]['range'][0] - 1, ['heat', 'the steps have']),
+    for at, value, words in ((times + 8, 0.0, ['same time']),
+                             (16 + 8, series.fields[0]['range'][0] - 1, ['heat', 'the steps have']),
                              (16 + 16, series.fields[0]['range'][1] + 0.1, ['heat', 'the steps have'])):
         forged = bytearray(table)
         struct.pack_into('<d', forged, at, value)
@@ -135,7 +140,8 @@ def errors_of_steps():
         for entry in (1, 4 + 2):  # steps of the first two bands
             forged = bytearray(table)
             struct.pack_into('<f', forged, at + 8 * entry + 4, 1e-9)
-            problems.append(refused(['step %d' % (entry % 4), 'in the band'], with_section(data, 'TIME', bytes(forged)), *against))
+            problems.append(refused(['step %d' % (entry % 4), 'in the band'],
+                                    with_section(data, 'TIME', bytes(forged)), *against))
         if (stream.levels[series.bands[0]['level']]['tets'] == stream.tets) != (name == 'noise.tetlod'):
             return 'the meshes do not test what they should'
     return first(problems)
@@ -154,7 +160,8 @@ def behind_packed_parts():
 def names_of_the_input():
     """A field whose name is an expression that the input cannot answer is a stream that does not go with it, no wrong use."""
     data = plain(content('mesh.tetlod'))
-    return first(refused([], put(data, range_at(data, 'heat') + 18, '4s', name), '--against', 'mesh.vtu') for name in (b'he:9', b'k:at', b'heat'[::-1]))
+    return first(refused([], put(data, range_at(data, 'heat') + 18, '4s', name), '--against',
+                         'mesh.vtu') for name in (b'he:9', b'k:at', b'heat'[::-1]))
 
 
 def quality():
@@ -164,7 +171,8 @@ def quality():
         done, said = tetlod('verify', name, '--quiet'), tetlod('verify', name, '--json', '--quiet')
         found = json.loads(said.stdout)
         poor += done.returncode == 4
-        if done.returncode not in (0, 4) or said.returncode != done.returncode or done.stderr or not found['ok'] or found['message']:
+        if done.returncode not in (0,
+                                   4) or said.returncode != done.returncode or done.stderr or not found['ok'] or found['message']:
             return name, done, said
         if (done.returncode == 4) != (b'poor quality' in done.stdout) or (done.returncode == 4) != bool(found['quality']):
             return name, done, said
@@ -179,13 +187,16 @@ def terminal():
     for unit in ('\\u001b[31mred', '\x9b31m', 'K\x7f', '\\u0007'):
         text = ('{"units":{"heat":"%s"}}' % unit).encode()
         text += b' ' * (old['stored'] - len(text))
-        write('units.tetlod', sealed(data[:old['offset']] + text + data[old['offset'] + len(text):]).replace(old['digest'], decoder.digest(text)))
+        write('units.tetlod', sealed(data[:old['offset']] + text +
+                                     data[old['offset'] + len(text):]).replace(old['digest'], decoder.digest(text)))
         write('units.tetlod', sealed(content('units.tetlod')))
-        for arguments in (['info', 'units.tetlod'], ['info', 'units.tetlod', '--json'], ['extract', 'units.tetlod', '--error', '5%', '-o', 'x.vtu'],
+        for arguments in (['info', 'units.tetlod'], ['info', 'units.tetlod', '--json'],
+                          ['extract', 'units.tetlod', '--error', '5%', '-o', 'x.vtu'],
                           ['verify', 'units.tetlod']):
             done = tetlod(*arguments)
             said = (done.stdout + done.stderr).decode()
-            if done.returncode or any(ord(letter) < 32 and letter != '\n' or 0x7f <= ord(letter) < 0xa0 for letter in said):
+            if done.returncode or any(ord(letter) < 32 and letter != '\n' or
+                                      0x7f <= ord(letter) < 0xa0 for letter in said):
                 return unit, arguments, done
             if arguments[-1] == '--json' and json.loads(done.stdout)['metadata']['units']['heat'] != json.loads('"%s"' % unit):
                 return unit, done.stdout

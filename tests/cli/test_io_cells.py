@@ -35,15 +35,18 @@ def write_vtkhdf(name, cells, points, heat):
         root = file.create_group('VTKHDF')
         root.attrs['Version'], root.attrs['Type'] = (1, 0), np.bytes_('UnstructuredGrid')
         ends = np.cumsum([0] + [len(corners) for _, corners in cells])
-        for key, values in (('NumberOfPoints', [len(points)]), ('NumberOfCells', [len(cells)]), ('NumberOfConnectivityIds', [ends[-1]]),
-                            ('Points', points), ('Connectivity', sum((corners for _, corners in cells), [])), ('Offsets', ends),
+        for key, values in (('NumberOfPoints', [len(points)]), ('NumberOfCells', [len(cells)]),
+                            ('NumberOfConnectivityIds', [ends[-1]]),
+                            ('Points', points), ('Connectivity',
+                                                 sum((corners for _, corners in cells), [])), ('Offsets', ends),
                             ('Types', np.array([kind for kind, _ in cells], np.uint8)), ('PointData/heat', heat),
                             ('CellData/id', np.arange(len(cells)))):
             root[key] = values
 
 
 def write_meshio(name, cells, points, heat):
-    data = {} if name.endswith('.inp') else {'cell_data': {'id': [[n] for n in range(len(cells))]}, 'point_data': {'heat': heat}}
+    data = {} if name.endswith('.inp') else {'cell_data': {'id': [[n] for n in range(len(cells))]},
+                                             'point_data': {'heat': heat}}
     meshio.write(name, meshio.Mesh(points, [(NAMES[kind], [corners]) for kind, corners in cells], **data))
 
 
@@ -91,7 +94,8 @@ def partitions_case(extension):
     writer.SetFileName(path('parts' + extension))
     assert writer.Write()
     p, t, f, c = converted(path('parts' + extension))
-    same = len(p) == len(points) and len(t) == len(tets) and np.isclose(volumes(p, t).sum(), volumes(points, tets).sum())
+    same = len(p) == len(points) and len(t) == len(tets) and np.isclose(volumes(p, t).sum(),
+                                                                        volumes(points, tets).sum())
     return None if same and sorted(c['load']) == sorted(cells['load']) else '%d points' % len(p)
 
 
@@ -139,11 +143,14 @@ def blanked_case(extension, point):
 def main():
     all_kinds = set(NAMES.values())
     formats = [line.split()[:2] for line in tetlod('formats').stdout.decode().splitlines()]
-    for name, extension, writer, kinds in (('vtkhdf', '.vtkhdf', write_vtkhdf, all_kinds), ('xdmf', '.xdmf', write_meshio, all_kinds - {'wedge15', 'pyramid13'}),
+    for name, extension, writer, kinds in (('vtkhdf', '.vtkhdf', write_vtkhdf, all_kinds),
+                                           ('xdmf', '.xdmf', write_meshio, all_kinds - {'wedge15', 'pyramid13'}),
                                            ('cgns', '.cgns', write_cgns, all_kinds - {'pyramid13'}),
-                                           ('inp', '.inp', write_meshio, all_kinds - {'wedge15', 'pyramid', 'pyramid13'})):
+                                           ('inp', '.inp', write_meshio,
+                                            all_kinds - {'wedge15', 'pyramid', 'pyramid13'})):
         for quadratic in (False, True) if [name, 'read'] in formats else ():
-            case('%s: cells of the %s order' % (name, 'second' if quadratic else 'first'), cells_case, extension, writer, quadratic, kinds)
+            case('%s: cells of the %s order' % (name, 'second' if quadratic else 'first'), cells_case, extension,
+                 writer, quadratic, kinds)
     for extension in '.vtpd', '.vtpc':
         case('partitions as %s' % extension, partitions_case, extension)
     for extension in '.vts', '.vtk':

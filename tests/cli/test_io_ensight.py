@@ -61,7 +61,8 @@ def written_by_vtk():
     for step, at in enumerate((fields, later)):
         p, t, f, c = converted(name, '--time', str(step))
         c = {key: values for key, values in c.items() if not key.startswith('BlockId')}
-        problem = compare((points, tets, {k + '_n': v for k, v in single(at).items()}, {k + '_c': v for k, v in single(cells).items()}),
+        problem = compare((points, tets, {k + '_n': v for k, v in single(at).items()},
+                           {k + '_c': v for k, v in single(cells).items()}),
                           (p, t, f, c))
         if problem:
             return 'step %d: %s' % (step, problem)
@@ -263,7 +264,8 @@ def by_hand(*how):
     grid = read_by_vtk(name).GetBlock(0)
     if grid.GetNumberOfCells() != 5:
         return 'VTK reads %d cells' % grid.GetNumberOfCells()
-    if not np.isclose(volumes(p, t).sum(), 2 + (6 - 4 * (structured == 'curvilinear') if structured != 'uniform' else 4) * bool(structured)):
+    if not np.isclose(volumes(p, t).sum(),
+                      2 + (6 - 4 * (structured == 'curvilinear') if structured != 'uniform' else 4) * bool(structured)):
         return 'volume %g' % volumes(p, t).sum()
     if sorted(f) != ['pressure', 'stress', 'wind'] or sorted(c) != ['load']:
         return 'fields %s %s' % (sorted(f), sorted(c))
@@ -289,7 +291,8 @@ def in_one_file():
     line = lambda text: text.encode().ljust(80)
     later = data.replace(np.float32(5).tobytes(), np.float32(55).tobytes())
     write('hand/all', b''.join(line('BEGIN TIME STEP') + step + line('END TIME STEP') for step in (data, later)))
-    write('hand/mesh.case', (CASE % '**').replace('"p**"', 'all').replace('1 pressure', '1 1 pressure') + 'FILE\nfile set: 1\nnumber of steps: 2\n')
+    write('hand/mesh.case', (CASE % '**').replace('"p**"', 'all').replace('1 pressure',
+                                                                          '1 1 pressure') + 'FILE\nfile set: 1\nnumber of steps: 2\n')
     got = [sorted(converted(name, '--time', step)[2]['pressure']) for step in '01']
     return None if 55 in got[1] and 55 not in got[0] and 5 in got[0] else '%s' % got
 
@@ -325,7 +328,8 @@ def main():
     name = write_case('text', undefined=True)
     fails('an undefined value is NaN', 3, ['mesh.case', 'NaN', 'nan-fill'], 'convert', name, '-o', path('out.vtu'))
     name = write_case('little')
-    fails('a block that is not there', 3, ['mesh.case', 'nobody'], 'convert', name, '--block', 'nobody', '-o', path('out.vtu'))
+    fails('a block that is not there', 3, ['mesh.case', 'nobody'], 'convert', name, '--block', 'nobody', '-o',
+          path('out.vtu'))
     name = write_case('text')
     with open(path('hand/mesh.geo')) as file:
         text = file.read()

@@ -27,8 +27,10 @@ def exodus_file(name, names, small):
     with netCDF4.Dataset(path(name), 'w', format='NETCDF3_64BIT_OFFSET') as file:
         file.setncatts({'api_version': np.float32(5), 'version': np.float32(5), 'floating_point_word_size': np.int32(8),
                         'file_size': np.int32(not small), 'title': 'test'})
-        for dim, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets)), ('num_el_blk', 1), ('len_string', 33),
-                          ('time_step', None), ('num_nod_var', len(names)), ('num_el_in_blk1', len(tets)), ('num_nod_per_el1', 4)):
+        for dim, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets)), ('num_el_blk', 1),
+                          ('len_string', 33),
+                          ('time_step', None), ('num_nod_var', len(names)), ('num_el_in_blk1',
+                                                                             len(tets)), ('num_nod_per_el1', 4)):
             file.createDimension(dim, size)
         if small:
             file.createVariable('coord', 'f8', ('num_dim', 'num_nodes'))[:] = points.T
@@ -42,7 +44,8 @@ def exodus_file(name, names, small):
         connect[:], connect.elem_type = tets + 1, 'TETRA'
         file.createVariable('time_whole', 'f8', ('time_step',))[:] = range(STEPS)
         file.createVariable('name_nod_var', 'S1', ('num_nod_var', 'len_string'))[:] = text(names)
-        values = np.arange(STEPS)[:, None, None] / 8 + np.arange(len(names))[:, None] + 1 + np.arange(len(points)) / 1024
+        values = np.arange(STEPS)[:, None, None] / 8 + np.arange(len(names))[:,
+                                                                             None] + 1 + np.arange(len(points)) / 1024
         if small:
             file.createVariable('vals_nod_var', 'f8', ('time_step', 'num_nod_var', 'num_nodes'))[:] = values
         for v in range(0 if small else len(names)):
@@ -76,7 +79,8 @@ def names_case(names, small):
     return None
 
 
-NAMES = [['DISPX', 'DISPY', 'DISPZ', 'T'], ['disp_x', 'disp_y', 'disp_z'], ['p', 'vX', 'vy', 'vZ', 'q'], ['x', 'y', 'z'], ['u_X', 'u_Y', 'p'],
+NAMES = [['DISPX', 'DISPY', 'DISPZ', 'T'], ['disp_x', 'disp_y', 'disp_z'], ['p', 'vX', 'vy', 'vZ', 'q'],
+         ['x', 'y', 'z'], ['u_X', 'u_Y', 'p'],
          ['S_XX', 'S_YY', 'S_ZZ', 'S_XY', 'S_XZ', 'S_YZ', 'end'], ['sxx', 'syy', 'szz', 'sxy', 'syz', 'szx'], ['vx', 'vz', 'vy'], ['ax', 'ay'],
          ['sxx', 'syy', 'szz', 'sxy', 'sxz']]
 for small in False, True:

@@ -14,7 +14,8 @@ from meshes import arrays_of, compare, converted, read, volumes
 from test_io_vtkxml import other_cells
 
 POINTS = other_cells(())[1]
-CELLS = [([0, 1, 2, 3, 4, 5, 6, 7], [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
+CELLS = [([0, 1, 2, 3, 4, 5, 6, 7],
+          [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
          ([1, 8, 2, 5, 9, 6], [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]),
          ([4, 5, 6, 7, 10], [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]),
          ([5, 11, 6, 10], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])]
@@ -67,13 +68,15 @@ def write_case(split, binary, packed):
     put('case/constant/polyMesh/points', 'vectorField', list_of(points, binary), binary, packed)
     if binary:
         ends = np.cumsum([0] + [len(f) for f in faces])
-        put('case/constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + b'\n' + list_of(sum(faces, []), True), True, packed)
+        put('case/constant/polyMesh/faces', 'faceCompactList',
+            list_of(ends, True) + b'\n' + list_of(sum(faces, []), True), True, packed)
     else:
         put('case/constant/polyMesh/faces', 'faceList', '%d\n(\n%s\n)' % (len(faces), '\n'.join(
             '%d(%s)' % (len(f), ' '.join(map(str, f))) for f in faces)), False, packed)
     put('case/constant/polyMesh/owner', 'labelList', list_of(owner, binary), binary, packed)
     put('case/constant/polyMesh/neighbour', 'labelList', list_of(neighbour, binary), binary, packed)
-    put('case/constant/polyMesh/boundary', 'polyBoundaryMesh', '1\n(\nwalls { type wall; nFaces %d; startFace %d; }\n)' % (
+    put('case/constant/polyMesh/boundary', 'polyBoundaryMesh',
+        '1\n(\nwalls { type wall; nFaces %d; startFace %d; }\n)' % (
         len(faces) - len(neighbour), len(neighbour)), False, packed)
     for step, time in enumerate(('0', '0.5', '10')):
         p, u = np.arange(4.0) + step, np.arange(12.0).reshape(4, 3) * (step + 1)
@@ -81,11 +84,14 @@ def write_case(split, binary, packed):
             values, binary) + b'\n;\n\nboundaryField\n{\n walls { type zeroGradient; }\n}\n'
         put('case/%s/p' % time, 'volScalarField', field(p, b'scalar'), binary, packed)
         put('case/%s/U' % time, 'volVectorField', field(u, b'vector'), binary, packed)
-        put('case/%s/T' % time, 'volScalarField', 'dimensions [0 0 0 1 0 0 0];\ninternalField uniform 300;\nboundaryField\n{\n walls\n'
+        put('case/%s/T' % time, 'volScalarField',
+            'dimensions [0 0 0 1 0 0 0];\ninternalField uniform 300;\nboundaryField\n{\n walls\n'
             '{ type zeroGradient; }\n}\n', binary, packed)
-        put('case/%s/phi' % time, 'surfaceScalarField', 'dimensions [0 3 -1 0 0 0 0];\ninternalField uniform 0;\nboundaryField {}\n',
+        put('case/%s/phi' % time, 'surfaceScalarField',
+            'dimensions [0 3 -1 0 0 0 0];\ninternalField uniform 0;\nboundaryField {}\n',
             binary, packed)
-    put('case/system/controlDict', 'dictionary', 'application x; startTime 0; deltaT 0.5; writeInterval 1; writeControl timeStep;', False, False)
+    put('case/system/controlDict', 'dictionary',
+        'application x; startTime 0; deltaT 0.5; writeInterval 1; writeControl timeStep;', False, False)
     write('case/case.foam', '')
 
 
@@ -113,7 +119,8 @@ def foam_case(split, binary, packed):
     reader.CreateCellToPointOff()
     reader.UpdateTimeStep(10)
     grid = reader.GetOutput().GetBlock(0)
-    return None if np.array_equal(vtk_to_numpy(grid.GetCellData().GetArray('p')), np.arange(4.0) + 2) else 'VTK reads other values'
+    return None if np.array_equal(vtk_to_numpy(grid.GetCellData().GetArray('p')),
+                                  np.arange(4.0) + 2) else 'VTK reads other values'
 
 
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]  # faces, seen from outside
@@ -125,7 +132,8 @@ def foam_files(points, cells, sides, binary, packed):
     faces = cells[:, sides].reshape(-1, len(sides[0]))
     owner = np.repeat(np.arange(len(cells)), len(sides))
     corners = np.sort(faces, axis=1)[:, :3].astype(np.uint64)
-    order = np.argsort((corners[:, 0] << np.uint64(42)) + (corners[:, 1] << np.uint64(21)) + corners[:, 2], kind='stable')
+    order = np.argsort((corners[:, 0] << np.uint64(42)) + (corners[:, 1] << np.uint64(21)) + corners[:, 2],
+                       kind='stable')
     same = np.append((corners[order[1:]] == corners[order[:-1]]).all(axis=1), False)
     first = np.flatnonzero(~np.append(False, same[:-1]))
     inner, outer = first[same[first]], first[~same[first]]
@@ -134,7 +142,8 @@ def foam_files(points, cells, sides, binary, packed):
     put(folder + 'constant/polyMesh/points', 'vectorField', list_of(points, binary), binary, packed)
     if binary:
         ends = np.arange(len(listed) + 1) * faces.shape[1]
-        put(folder + 'constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + list_of(faces[listed].ravel(), True), True, packed)
+        put(folder + 'constant/polyMesh/faces', 'faceCompactList',
+            list_of(ends, True) + list_of(faces[listed].ravel(), True), True, packed)
     else:
         row = '3(%d %d %d)\n' if len(sides[0]) == 3 else '4(%d %d %d %d)\n'
         text = '%d\n(\n%s)' % (len(listed), row * len(listed) % tuple(faces[listed].ravel().tolist()))
@@ -158,7 +167,8 @@ def large_case():
     text = gzip.open(faces).read()
     with open(faces, 'wb') as file:
         file.write(gzip.compress(text[:100001]) + gzip.compress(text[100001:]))
-    if got or len(text) < 500000 or len(wanted[1]) != len(tets) or not np.allclose(volumes(*wanted[:2]).sum(), volumes(points, tets).sum()):
+    if got or len(text) < 500000 or len(wanted[1]) != len(tets) or not np.allclose(volumes(*wanted[:2]).sum(),
+                                                                                   volumes(points, tets).sum()):
         return got or 'mesh'
     return compare(wanted, converted(packed))
 
@@ -213,7 +223,8 @@ def main():
     for split in False, True:
         for binary in False, True:
             for packed in False, True:
-                case('openfoam%s, %s%s' % (' with polyhedra' if split else '', 'binary' if binary else 'text', ', packed' if packed else ''),
+                case('openfoam%s, %s%s' % (' with polyhedra' if split else '', 'binary' if binary else 'text',
+                                           ', packed' if packed else ''),
                      foam_case, split, binary, packed)
     for WIDTHS['label'], WIDTHS['scalar'] in (64, 64), (32, 32), (32, 64):
         case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)

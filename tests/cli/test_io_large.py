@@ -63,7 +63,8 @@ def vtkhdf_case():
         h5py.h5d.create(file.id, b'hole', h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple((HOLE,)), plan)
         root = file.create_group('VTKHDF')
         root.attrs['Version'], root.attrs['Type'] = (1, 0), np.bytes_('UnstructuredGrid')
-        for name, values in (('NumberOfPoints', [N]), ('NumberOfCells', [M]), ('NumberOfConnectivityIds', [4 * M]), ('Points', POINTS),
+        for name, values in (('NumberOfPoints', [N]), ('NumberOfCells', [M]), ('NumberOfConnectivityIds', [4 * M]),
+                             ('Points', POINTS),
                              ('Connectivity', TETS.ravel()), ('Offsets', np.append(0, ENDS)), ('Types', TYPES),
                              ('PointData/heat', MESH[2]['heat']), ('CellData/load', MESH[3]['load'])):
             root[name] = values

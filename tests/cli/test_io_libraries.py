@@ -129,7 +129,8 @@ def xdmf_steps_case():
         ' '.join(map(str, values.shape)), kind, ' '.join(map(repr, values.ravel().tolist())))
     grids = ''.join('''<Grid Name="t%d"><Time Value="%g"/><Topology TopologyType="Tetrahedron" NumberOfElements="%d">%s</Topology>
         <Geometry GeometryType="X_Y_Z">%s</Geometry><Attribute Name="heat" Center="Node">%s</Attribute></Grid>''' % (
-            s, s / 2, len(tets), item(tets, 'Int'), ''.join(item(points[:, d]) for d in range(3)), item(fields['heat'] + s))
+            s, s / 2, len(tets), item(tets,
+                                      'Int'), ''.join(item(points[:, d]) for d in range(3)), item(fields['heat'] + s))
                     for s in range(3))
     write('in.xdmf', '<Xdmf Version="3.0"><Domain><Grid GridType="Collection" CollectionType="Temporal">%s</Grid></Domain></Xdmf>' % grids)
     problem = compare((points, tets, {'heat': fields['heat'] + 2}, {}), converted(path('in.xdmf')))
@@ -154,12 +155,15 @@ def xdmf_hyperslab_case():
     text = '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>%s</Grid></Domain></Xdmf>'
     inside = (attribute('heat', 'Node', slab(n, '3 0 1 1 1 %d' % n, item('heat', '5 %d' % n))),
               attribute('wind', 'Node', slab('%d 3' % n, '2 0 0 1 1 1 1 %d 3' % n, item('wind', '5 %d 3' % n))),
-              attribute('load', 'Cell', slab(len(tets), '1 2 2 1 %d 1' % len(tets), item('wide', '%d 4' % (2 * len(tets))))),
-              attribute('joined', 'Node', '<DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem>' % ''.join(
+              attribute('load', 'Cell',
+                        slab(len(tets), '1 2 2 1 %d 1' % len(tets), item('wide', '%d 4' % (2 * len(tets))))),
+              attribute('joined', 'Node',
+                        '<DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem>' % ''.join(
                   item('w%d' % d, n) for d in range(3))))
     shape = item('tets', '%d 4' % len(tets)), item('points', '%d 3' % n)
     write('in.xdmf', text % (*shape, ''.join(inside)))
-    wanted = points, tets, {'heat': fields['heat'] + 3, 'wind': fields['wind'] + 2, 'joined': fields['wind']}, {'load': cells['load'] + 20}
+    wanted = points, tets, {'heat': fields['heat'] + 3, 'wind': fields['wind'] + 2,
+                            'joined': fields['wind']}, {'load': cells['load'] + 20}
     problem = compare(wanted, converted(path('in.xdmf')))
     for bad, word in (('4 1 1 1 1 %d' % n, 'beyond'), ('0 0 1 1 %d' % n, 'start, stride'), ('0 0 0 1 1 1', 'beyond')):
         write('in.xdmf', text % (*shape, attribute('heat', 'Node', slab(n, bad, item('heat', '5 %d' % n)))))
@@ -178,7 +182,8 @@ def xdmf_types_case():
     joined = item(whole, 'Int', 4) + item(points[:, 0], 'Float', 4) + item(points[:, 1], 'Float', 8)
     write('in.xdmf', '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="X_Y_Z">%s</Geometry>'
           '<Attribute Name="joined" Center="Node"><DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem></Attribute></Grid></Domain>'
-          '</Xdmf>' % (item(tets, 'Int', 8), ''.join(item(points[:, d], 'Float', 8 if d else 4) for d in range(3)), joined))
+          '</Xdmf>' % (item(tets, 'Int', 8), ''.join(item(points[:, d], 'Float', 8 if d else 4) for d in range(3)),
+                       joined))
     return compare((points, tets, {'joined': np.column_stack([whole, points[:, :2]])}, {}), converted(path('in.xdmf')))
 
 
@@ -189,13 +194,15 @@ def xdmf_included_case():
         writer.write_points_cells(points, [('tetra', tets)])
         for s in range(3):
             writer.write_data(s / 2, point_data={'heat': fields['heat'] + s}, cell_data={'load': [cells['load'] - s]})
-    problem = compare((points, tets, {'heat': fields['heat'] + 1}, {'load': cells['load'] - 1}), converted(path('in.xdmf'), '--time', '1'))
+    problem = compare((points, tets, {'heat': fields['heat'] + 1}, {'load': cells['load'] - 1}),
+                      converted(path('in.xdmf'), '--time', '1'))
     item = lambda values, kind='Float': '<DataItem Dimensions="%s" NumberType="%s" Precision="8">%s</DataItem>' % (
         ' '.join(map(str, values.shape)), kind, ' '.join(map(repr, values.ravel().tolist())))
     mesh = '<Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>' % (item(tets, 'Int'), item(points))
     step = lambda name, values, shape: '<Grid Name="%s">%s<Attribute Name="%s" Center="Node">%s</Attribute></Grid>' % (name, shape, name, item(values))
     series = lambda name, at: '<Grid Name="TimeSeries_%s" GridType="Collection" CollectionType="Temporal">%s</Grid>' % (name, ''.join(
-        step(name, fields[name] + s, '<xi:include xpointer="xpointer(%s/*[self::Topology or self::Geometry])"/>' % at) for s in range(2)))
+        step(name, fields[name] + s,
+             '<xi:include xpointer="xpointer(%s/*[self::Topology or self::Geometry])"/>' % at) for s in range(2)))
     write('in.xdmf', '<Xdmf xmlns:xi="http://www.w3.org/2001/XInclude"><Domain><Grid Name="mesh" GridType="Uniform">%s</Grid>%s%s</Domain></Xdmf>' % (
         mesh, series('heat', "/Xdmf/Domain/Grid[@GridType='Uniform'][1]"), series('wind', "//Grid[@Name='mesh']")))
     wanted = points, tets, {name: fields[name] + 1 for name in ('heat', 'wind')}, {}
@@ -203,7 +210,8 @@ def xdmf_included_case():
 
 
 def xdmf_structured_case(kind):
-    grid, points, fields, cells, volume = structured({'3DSMesh': 'structured', '3DRectMesh': 'rectilinear', '3DCoRectMesh': 'image'}[kind])
+    grid, points, fields, cells, volume = structured({'3DSMesh': 'structured', '3DRectMesh': 'rectilinear',
+                                                      '3DCoRectMesh': 'image'}[kind])
     arrays = {**fields, **cells}
     with h5py.File(path('in.h5'), 'w') as file:
         file['points'] = points
@@ -218,7 +226,8 @@ def xdmf_structured_case(kind):
     item = lambda name, shape: '<DataItem Dimensions="%s" Format="HDF">in.h5:/%s</DataItem>' % (shape, name)
     geometry = {'3DSMesh': ('XYZ', item('points', '3 4 5 3')),
                 '3DRectMesh': ('VXVYVZ', item('axis0', '5') + item('axis1', '4') + item('axis2', '3')),
-                '3DCoRectMesh': ('ORIGIN_DXDYDZ', '<DataItem Dimensions="3">3 2 1</DataItem><DataItem Dimensions="3">2 .25 .5</DataItem>')}[kind]
+                '3DCoRectMesh': ('ORIGIN_DXDYDZ',
+                                 '<DataItem Dimensions="3">3 2 1</DataItem><DataItem Dimensions="3">2 .25 .5</DataItem>')}[kind]
     attributes = ''.join('<Attribute Name="%s" Center="%s">%s</Attribute>' % (
         n, 'Node' if n in fields else 'Cell', item(n, ' '.join(map(str, v.shape)))) for n, v in arrays.items())
     write('in.xmf', '<?xml version="1.0"?><!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []><Xdmf><Domain><Grid><Topology TopologyType="%s" '
@@ -255,7 +264,8 @@ def exodus_netcdf_case(form, apart):
     tets, cells = tets[order], {n: v[order] for n, v in cells.items()}
     counts = np.bincount(cells['region'])[1:]
     with netCDF4.Dataset(path('in.exo'), 'w', format=form) as file:
-        for name, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets) + 2), ('num_el_blk', 3), ('len_string', 33),
+        for name, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets) + 2), ('num_el_blk', 3),
+                           ('len_string', 33),
                            ('time_step', None), ('num_nod_var', 2), ('num_elem_var', 1), ('four', 4), ('three', 3)):
             file.createDimension(name, size)
         if apart:
@@ -274,7 +284,8 @@ def exodus_netcdf_case(form, apart):
         begin = 0
         for b, count in enumerate(counts):
             file.createDimension('num_el_in_blk%d' % (b + 1), count)
-            connect = file.createVariable('connect%d' % (b + 1), 'i4', ('num_el_in_blk%d' % (b + 1), 'four'), zlib=form == 'NETCDF4')
+            connect = file.createVariable('connect%d' % (b + 1), 'i4', ('num_el_in_blk%d' % (b + 1), 'four'),
+                                          zlib=form == 'NETCDF4')
             connect.elem_type = 'TETRA'
             connect[:] = tets[begin:begin + count] + 1
             load = file.createVariable('vals_elem_var1eb%d' % (b + 1), 'f8', ('time_step', 'num_el_in_blk%d' % (b + 1)))
@@ -286,13 +297,15 @@ def exodus_netcdf_case(form, apart):
         connect.elem_type = 'TRI3'
         connect[:] = tets[:2, :3] + 1
         for v, name in enumerate(('heat', 'mass')):
-            values = file.createVariable('vals_nod_var%d' % (v + 1), fields[name].dtype, ('time_step', 'num_nodes'), zlib=form == 'NETCDF4')
+            values = file.createVariable('vals_nod_var%d' % (v + 1), fields[name].dtype, ('time_step', 'num_nodes'),
+                                         zlib=form == 'NETCDF4')
             for s in range(3):
                 values[s, :] = fields[name] + np.float32(s)
         times[:] = [0, 1, 2]
     ids = cells['region'] * 10
     for step in 0, 2:
-        wanted = (points, tets, {n: fields[n] + np.float32(step) for n in ('heat', 'mass')}, {'load': cells['load'] + step, 'ObjectId': ids})
+        wanted = (points, tets, {n: fields[n] + np.float32(step) for n in ('heat', 'mass')},
+                  {'load': cells['load'] + step, 'ObjectId': ids})
         problem = compare(wanted, converted(path('in.exo'), *(['--time', '0'] if step == 0 else [])))
         if problem:
             return 'step %d: %s' % (step, problem)
@@ -305,7 +318,8 @@ def exodus_netcdf_case(form, apart):
     second = ids == 20
     for block in '20', 'shell':
         p, t, f, c = converted(path('in.exo'), '--block', block)
-        if not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'], cells['load'][second] + 2) or set(c['ObjectId']) != {20}:
+        if not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'],
+                                                                                cells['load'][second] + 2) or set(c['ObjectId']) != {20}:
             return 'block ' + block
     done = tetlod('convert', path('in.exo'), '--block', 'Shell', '-o', path('out.vtu'))
     return None if done.returncode == 3 and "no element block 'Shell'" in done.stderr.decode() else done
@@ -322,12 +336,14 @@ def exodus_cells_case(quadratic):
     with netCDF4.Dataset(path('in.e'), 'a') as file:  # VTK leaves its own order, which is not that of Exodus
         for n in range(1, 5):
             connect = file.variables['connect%d' % n]
-            order = {20: [*range(12), *range(16, 20), *range(12, 16)], 15: [*range(9), 12, 13, 14, 9, 10, 11]}.get(connect.shape[1])
+            order = {20: [*range(12), *range(16, 20), *range(12, 16)],
+                     15: [*range(9), 12, 13, 14, 9, 10, 11]}.get(connect.shape[1])
             if order:
                 connect[:] = connect[:][:, order]
     p, t, f, c = converted(path('in.e'), *(['--subdivide'] if quadratic else []))
     v = volumes(p, t)
-    return None if (v > 0).all() and np.isclose(v.sum(), 2) and np.allclose(f['heat'], p @ [1, 2, 3.0]) else 'volumes %s' % v
+    return None if (v > 0).all() and np.isclose(v.sum(), 2) and np.allclose(f['heat'],
+                                                                            p @ [1, 2, 3.0]) else 'volumes %s' % v
 
 
 # ---- CGNS
@@ -372,7 +388,8 @@ def cgns_bases_case():
             file.section('Volume', 'tetra', tets)
             file.solution('AtVertices', cgns_file.VERTEX, fields)
     file.close()
-    wanted = {(): 4, ('--block', 'Other'): 2, ('--block', 'Other/Zone'): 1, ('--block', 'Zone'): 2, ('--block', 'OnlyBase'): 1}
+    wanted = {(): 4, ('--block', 'Other'): 2, ('--block', 'Other/Zone'): 1, ('--block', 'Zone'): 2,
+              ('--block', 'OnlyBase'): 1}
     got = {arguments: len(converted(path('in.cgns'), *arguments)[1]) // len(tets) for arguments in wanted}
     refused = tetlod('convert', path('in.cgns'), '--block', 'Nobody', '-o', path('out.vtu'))
     return None if got == wanted and refused.returncode == 3 and b'Base/OnlyBase Base/Zone Other/OnlyOther Other/Zone' in refused.stderr else (got, refused)
@@ -398,13 +415,16 @@ def cgns_steps_case():
     file.times([0, 1, 4.0], ['Step0', 'Step1', 'Step2'])
     file.close()
     problem = compare((points, tets, {'heat': fields['heat'] + 2}, {}), converted(path('in.cgns')))
-    return problem or compare((points, tets, {'heat': fields['heat'] + 1}, {}), converted(path('in.cgns'), '--time', '1'))
+    return problem or compare((points, tets, {'heat': fields['heat'] + 1}, {}),
+                              converted(path('in.cgns'), '--time', '1'))
 
 
-CELLS = [('hexahedron', [0, 1, 2, 3, 4, 5, 6, 7]), ('wedge', [1, 8, 2, 5, 9, 6]), ('pyramid', [4, 5, 6, 7, 10]), ('tetra', [5, 11, 6, 10])]
+CELLS = [('hexahedron', [0, 1, 2, 3, 4, 5, 6, 7]), ('wedge', [1, 8, 2, 5, 9, 6]), ('pyramid', [4, 5, 6, 7, 10]),
+         ('tetra', [5, 11, 6, 10])]
 FACES = {'hexahedron': [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
          'wedge': [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
-         'pyramid': [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]], 'tetra': [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]}
+         'pyramid': [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]], 'tetra': [[0, 2, 1], [0, 1, 3],
+                                                                                          [1, 2, 3], [2, 0, 3]]}
 
 
 def cgns_cells_case(kind):
@@ -491,7 +511,8 @@ def main():
         case('exodus by VTK %s' % np.dtype(precision), exodus_vtk_case, precision)
     for form in 'NETCDF3_CLASSIC', 'NETCDF3_64BIT_OFFSET', 'NETCDF4':
         for apart in True, False:
-            case('exodus by netCDF: %s%s' % (form, '' if apart else ', coordinates in one'), exodus_netcdf_case, form, apart)
+            case('exodus by netCDF: %s%s' % (form, '' if apart else ', coordinates in one'), exodus_netcdf_case, form,
+                 apart)
     for quadratic in False, True:
         case('exodus: %s cells of all kinds' % ('quadratic' if quadratic else 'linear'), exodus_cells_case, quadratic)
     damaged_cases('in.exo')

@@ -19,7 +19,8 @@ SMALL = 'import os, sys; _, status, usage = os.wait4(os.spawnv(os.P_NOWAIT, sys.
 
 def peak(*arguments):
     """Bytes that converting it takes, in whichever of its processes takes most. Legacy VTK is written without room for a copy."""
-    done = subprocess.run([sys.executable, '-S', '-c', SMALL, TETLOD, 'convert', *arguments, '-o', 'out.vtk'], cwd=SCRATCH,
+    done = subprocess.run([sys.executable, '-S', '-c', SMALL, TETLOD, 'convert', *arguments, '-o', 'out.vtk'],
+                          cwd=SCRATCH,
                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     status, kilobytes = map(int, done.stdout.split())
     return kilobytes * 1024 if status == 0 else float('inf')
@@ -30,7 +31,8 @@ def arrays():
     with open(path('out.vtk'), 'rb') as file:
         text = file.read()
     points, tets = (int(re.search(rb'\n%s (\d+)' % key, text).group(1)) for key in (b'POINTS', b'CELL_TYPES'))
-    fields = sum(int(a) * int(b) for a, b in re.findall(rb'\n\S+ (\d+) (\d+) (?:double|float|int|vtktypeint64)\n', text))
+    fields = sum(int(a) * int(b) for a,
+                 b in re.findall(rb'\n\S+ (\d+) (\d+) (?:double|float|int|vtktypeint64)\n', text))
     return 24 * points + 16 * tets + 8 * fields
 
 
@@ -52,7 +54,8 @@ def grid_of(kind, points, cells):
     at.SetData(numpy_to_vtk(points, deep=True))
     grid.SetPoints(at)
     ends = np.arange(len(cells) + 1) * cells.shape[1]
-    list_.SetData(numpy_to_vtkIdTypeArray(ends, deep=True), numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells).ravel(), deep=True))
+    list_.SetData(numpy_to_vtkIdTypeArray(ends, deep=True),
+                  numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells).ravel(), deep=True))
     grid.SetCells(kind, list_)
     add_arrays(grid.GetPointData(), {'f': points[:, 0] + 1})
     add_arrays(grid.GetCellData(), {'c': np.arange(len(cells)) / 7})
@@ -98,7 +101,8 @@ def other_files(points, tets):
     geometry = [line(t) for t in ('C Binary', 'a', 'b', 'node id assign', 'element id assign', 'part')] + [one(1), line('p'), line('coordinates'),
                 one(len(points)), points.T.astype('<f4').tobytes(), line('tetra4'), one(len(tets)), (tets + 1).astype('<i4').tobytes()]
     write('geometry', b''.join(geometry))
-    write('values', b''.join([line('v'), line('part'), one(1), line('coordinates'), points[:, 0].astype('<f4').tobytes()]))
+    write('values', b''.join([line('v'), line('part'), one(1), line('coordinates'),
+                              points[:, 0].astype('<f4').tobytes()]))
     write('in.case', 'FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: geometry\nVARIABLE\nscalar per node: f values\n')
     names.append('in.case')
     for hdf5 in True, False:
@@ -110,7 +114,8 @@ def other_files(points, tets):
         file.close()
     numbered = lambda values: ((np.arange(len(values)) + 1).tolist(), *values.T.tolist())
     rows = lambda form, values: ''.join(form % row for row in zip(*numbered(values)))
-    write('in.inp', '*NODE\n' + rows('%d, %.9g, %.9g, %.9g\n', points) + '*ELEMENT, TYPE=C3D4\n' + rows('%d, %d, %d, %d, %d\n', tets + 1))
+    write('in.inp', '*NODE\n' + rows('%d, %.9g, %.9g, %.9g\n',
+                                     points) + '*ELEMENT, TYPE=C3D4\n' + rows('%d, %d, %d, %d, %d\n', tets + 1))
     write('in.node', '%d 3 0 0\n' % len(points) + rows('%d %.9g %.9g %.9g\n', points))
     write('in.ele', '%d 4 0\n' % len(tets) + rows('%d %d %d %d %d\n', tets + 1))
     return names + ['in.inp', 'in.node']
@@ -119,9 +124,12 @@ def other_files(points, tets):
 def plot3d():
     """A grid and its solution, float32; split into five tetrahedra each."""
     import numpy as np
-    head, points = np.array([SIZE] * 3, '<i4').tobytes(), np.stack(np.meshgrid(*[np.arange(SIZE, dtype='<f4')] * 3)).reshape(3, -1)
+    head, points = np.array([SIZE] * 3,
+                            '<i4').tobytes(), np.stack(np.meshgrid(*[np.arange(SIZE, dtype='<f4')] * 3)).reshape(3, -1)
     write('in.xyz', head + points.tobytes())
-    write('in.q', head + np.zeros(4, '<f4').tobytes() + np.concatenate([points[:1] + 1, points, points[:1] + 9 * SIZE * SIZE]).tobytes())
+    write('in.q', head + np.zeros(4,
+                                  '<f4').tobytes() + np.concatenate([points[:1] + 1, points,
+                                                                     points[:1] + 9 * SIZE * SIZE]).tobytes())
 
 
 def write_all():
@@ -133,7 +141,8 @@ def write_all():
     n = SIZE + 1
     i, j, k = np.meshgrid(*[np.arange(SIZE)] * 3, indexing='ij')
     o = (i * n * n + j * n + k).ravel()
-    hexahedra = np.stack([o, o + 1, o + 1 + n, o + n, o + n * n, o + n * n + 1, o + n * n + 1 + n, o + n * n + n], axis=1)
+    hexahedra = np.stack([o, o + 1, o + 1 + n, o + n, o + n * n, o + n * n + 1, o + n * n + 1 + n, o + n * n + n],
+                         axis=1)
     plot3d()
     names = vtk_files(points, tets, hexahedra) + other_files(points, tets)
     for binary, packed in (True, False), (False, True):

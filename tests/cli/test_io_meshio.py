@@ -70,7 +70,8 @@ def medit_binary_case(mesh, version, order):
         return out
 
     def rows(block, references):
-        row = np.dtype([('a', order + ('f8' if block.dtype.kind == 'f' and version > 1 else 'f4' if block.dtype.kind == 'f' else integer), block.shape[1]),
+        row = np.dtype([('a', order + ('f8' if block.dtype.kind == 'f' and
+                                       version > 1 else 'f4' if block.dtype.kind == 'f' else integer), block.shape[1]),
                         ('r', order + integer)])
         table = np.zeros(len(block), row)
         table['a'], table['r'] = block, references
@@ -78,13 +79,16 @@ def medit_binary_case(mesh, version, order):
 
     tets = mesh.cells_dict['tetra']
     marks = np.arange(len(tets)) % 3 + 1
-    write('in.meshb', file_of((3, values('i4', 3)), (4, rows(mesh.points, 0)), (13, values(integer, 2, 1, 2)), (8, rows(tets + 1, marks))))
+    write('in.meshb', file_of((3, values('i4', 3)), (4, rows(mesh.points, 0)), (13, values(integer, 2, 1, 2)),
+                              (8, rows(tets + 1, marks))))
     both = np.column_stack([mesh.point_data['heat'], mesh.point_data['wind']])
-    write('in.solb', file_of((3, values('i4', 3)), (62, values(integer, len(both)) + values('i4', 2, 1, 2) + values(real, *both.ravel()))))
+    write('in.solb', file_of((3, values('i4', 3)),
+                             (62, values(integer, len(both)) + values('i4', 2, 1, 2) + values(real, *both.ravel()))))
     p, t, f, c = converted(path('in.meshb'), '--q', path('in.solb'))
     exact = (lambda a: np.asarray(a, np.float32)) if version == 1 else np.asarray
     good = np.array_equal(p, exact(mesh.points)) and np.array_equal(t, tets) and np.array_equal(c['medit:ref'], marks)
-    good = good and np.array_equal(f['solution'], exact(both[:, 0])) and np.array_equal(f['solution_2'], exact(both[:, 1:]))
+    good = good and np.array_equal(f['solution'], exact(both[:, 0])) and np.array_equal(f['solution_2'],
+                                                                                        exact(both[:, 1:]))
     return None if good and np.array_equal(meshio.read(path('in.meshb')).cells_dict['tetra'], tets) else 'arrays differ'
 
 
@@ -232,7 +236,8 @@ def main():
     case('medit binary: other cells', lambda: hexahedra_case('.meshb', file_format='medit'))
     for version in range(1, 5):
         for order in '<>':
-            case('medit binary, version %d, %s-endian, with its solution' % (version, 'big' if order == '>' else 'little'), medit_binary_case, mesh,
+            case('medit binary, version %d, %s-endian, with its solution' % (version,
+                                                                             'big' if order == '>' else 'little'), medit_binary_case, mesh,
                  version, order)
     case('tetgen from 0 by .node', tetgen_case, mesh, 0, '.node')
     case('tetgen from 1 by .ele', tetgen_case, mesh, 1, '.ele')

@@ -77,7 +77,8 @@ def vtkhdf_case():
     reader.SetFileName(path('out.vtkhdf'))
     reader.Update()
     grid = reader.GetOutput()
-    got = (vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
+    got = (vtk_to_numpy(grid.GetPoints().GetData()),
+           vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
            arrays_of(grid.GetPointData()), arrays_of(grid.GetCellData()))
     return compare((points, tets, fields, cells), got)
 
@@ -104,8 +105,10 @@ def gmsh_program_case():
     """Gmsh itself reads what is written and writes it again, in all versions that it has."""
     (points, tets, fields, cells), name = sample()
     must('convert', name, '-o', path('out.msh'))
-    for version, binary in ('msh22', 0), ('msh22', 1), ('msh40', 0), ('msh41', 0), ('msh41', 1):  # Gmsh writes 4.0 as text only
-        subprocess.run(['gmsh', path('out.msh'), '-0', '-save_all', '-bin' if binary else '-nopopup', '-format', version, '-o',
+    for version, binary in ('msh22', 0), ('msh22', 1), ('msh40', 0), ('msh41', 0), ('msh41',
+                                                                                    1):  # Gmsh writes 4.0 as text only
+        subprocess.run(['gmsh', path('out.msh'), '-0', '-save_all', '-bin' if binary else '-nopopup', '-format',
+                        version, '-o',
                         path('again.msh')], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         p, t, f, c = converted(path('again.msh'))
         if not np.allclose(p, points, atol=1e-14) or len(t) != len(tets):
@@ -124,12 +127,14 @@ def gmsh_groups_case(version, order, binary, more=()):
     p, t, f, c = converted(path('in.msh'), *(['--subdivide'] if order == 2 else []))
     v = np.abs(volumes(p, t))
     ids = c['gmsh:physical']
-    return None if set(ids) == {7, 9} and np.isclose(v[ids == 7].sum(), 1) and np.isclose(v[ids == 9].sum(), 1) else 'volumes'
+    return None if set(ids) == {7, 9} and np.isclose(v[ids == 7].sum(), 1) and np.isclose(v[ids == 9].sum(),
+                                                                                          1) else 'volumes'
 
 
 def gmsh_data_case(version, binary):
     points, tets, fields, cells = tet_mesh(80)
-    mesh = meshio.Mesh(points, [('tetra', tets)], point_data={'heat': fields['heat']}, cell_data={n: [v.astype(float)] for n, v in cells.items()})
+    mesh = meshio.Mesh(points, [('tetra', tets)], point_data={'heat': fields['heat']},
+                       cell_data={n: [v.astype(float)] for n, v in cells.items()})
     meshio.gmsh.write(path('in.msh'), mesh, fmt_version=version, binary=binary)
     return compare((points, tets, {'heat': fields['heat']}, cells), converted(path('in.msh')), binary)
 
@@ -151,14 +156,16 @@ def surface_case(extension):
         return 'volume %g' % volume
     at = {tuple(a): h for a, h in zip(points, fields['heat'])}
     if extension == '.vtp':
-        return None if all(at[tuple(a)] == h for a, h in zip(p, arrays_of(surface.GetPointData())['heat'])) else 'values'
+        return None if all(at[tuple(a)] == h for a,
+                           h in zip(p, arrays_of(surface.GetPointData())['heat'])) else 'values'
     blob = open(path('out.glb'), 'rb').read()
     size = struct.unpack_from('<I', blob, 12)[0]
     scene = json.loads(blob[20:20 + size])
     attribute = next(name for name, field in scene['meshes'][0]['extras']['fields'].items() if field == 'heat')
     view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes'][attribute]]['bufferView']]
     heat = np.frombuffer(blob, '<f4', view['byteLength'] // 4, 28 + size + view['byteOffset'])
-    good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h for a, h in zip(p, heat))
+    good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h for a,
+                                                                                h in zip(p, heat))
     return None if good else 'values'
 
 
@@ -210,7 +217,8 @@ a plate
 def abaqus_parts_case():
     """Two parts, the second one turned and shifted in the assembly, its elements in a file that is included; then one of them twice."""
     points, tets, _, _ = tet_mesh(30)
-    rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist()))) for i, v in enumerate(values + start))
+    rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist()))) for i,
+                                         v in enumerate(values + start))
     os.makedirs(path('more'), exist_ok=True)
     write('more/tets.inc', '*ELEMENT, TYPE=C3D4\n' + rows(tets, 1))
     write('nodes.inc', rows(points, 0.0))
@@ -219,7 +227,8 @@ def abaqus_parts_case():
            '*INSTANCE, NAME=b, PART=%s\n 10., 0., 0.\n 1., 0., 0., 1., 0., 2., 90.\n*END INSTANCE\n*END ASSEMBLY\n'
     p, t, f, c = converted(write('in.inp', text % (rows(points, 0.0), rows(tets, 1), 'Axle')))
     turned = np.stack([1 - points[:, 1], points[:, 0] + 9, points[:, 2]], axis=1)
-    wrong = compare((np.concatenate([points, turned]), np.concatenate([tets, tets + len(points)]), {}, {'region': np.repeat([1, 3], len(tets))}),
+    wrong = compare((np.concatenate([points, turned]), np.concatenate([tets, tets + len(points)]), {},
+                     {'region': np.repeat([1, 3], len(tets))}),
                     (p, t, f, c), False)
     done = tetlod('convert', write('in.inp', text % (rows(points, 0.0), rows(tets, 1), 'Wheel')), '-o', path('out.vtu'))
     return wrong or (None if done.returncode == 3 and 'only one instance' in done.stderr.decode() else done)
@@ -228,10 +237,12 @@ def abaqus_parts_case():
 def plot3d_file(grids, big, markers, count, blank, double):
     """Grids (points [k, j, i, 3], blanks) and their solutions (5 columns) as bytes."""
     i4, real = '>i4' if big else '<i4', ('>f8' if big else '<f8') if double else ('>f4' if big else '<f4')
-    record = lambda data: (np.array(len(data), i4).tobytes() + data + np.array(len(data), i4).tobytes()) if markers else data
+    record = lambda data: (np.array(len(data), i4).tobytes() + data + np.array(len(data),
+                                                                               i4).tobytes()) if markers else data
     head = (record(np.array(len(grids), i4).tobytes()) if count else b'') + record(
         b''.join(np.array(g.shape[2::-1], i4).tobytes() for g, _, _ in grids))
-    xyz = head + b''.join(record(g.reshape(-1, 3).T.astype(real).tobytes() + (b.astype(i4).tobytes() if blank else b'')) for g, b, _ in grids)
+    xyz = head + b''.join(record(g.reshape(-1,
+                                           3).T.astype(real).tobytes() + (b.astype(i4).tobytes() if blank else b'')) for g, b, _ in grids)
     q = head + b''.join(record(np.zeros(4, real).tobytes()) + record(s.astype(real).tobytes()) for _, _, s in grids)
     return xyz, q
 
@@ -245,7 +256,8 @@ def plot3d_case(big, markers, count, blank, double):
         mask = np.ones((3, 4, 5), int)
         if blank and n == 0:
             mask[0, 0, 0] = 0
-        solution = np.stack([1 + points[..., 0].ravel() * 0.01] + [points[..., d].ravel() for d in range(3)] + [points.sum(axis=-1).ravel() + 9])
+        solution = np.stack([1 + points[..., 0].ravel() * 0.01] + [points[..., d].ravel() for d in range(3)] +
+                            [points.sum(axis=-1).ravel() + 9])
         grids.append((points, mask, solution))
     xyz, q = plot3d_file(grids, big, markers, count, blank, double)
     p, t, f, c = converted(write('in.xyz', xyz), '--q', write('in.q', q))
@@ -263,7 +275,8 @@ def main():
             if BUILT[name]:
                 case('%s and back, %s' % (name, np.dtype(precision)), round_trip_case, extension,
                      np.float64 if extension == '.msh' else precision)
-    for extension, form in (('.xdmf', 'xdmf'), ('.msh', 'gmsh'), ('.mesh', 'medit'), ('.meshb', 'medit'), ('.vtk', 'vtk')):
+    for extension, form in (('.xdmf', 'xdmf'), ('.msh', 'gmsh'), ('.mesh', 'medit'), ('.meshb', 'medit'),
+                            ('.vtk', 'vtk')):
         case('meshio reads %s' % extension, meshio_case, extension, form)
     if BUILT['vtkhdf']:
         case('VTK reads .vtkhdf', vtkhdf_case)
@@ -273,7 +286,8 @@ def main():
     for version in 'msh22', 'msh40', 'msh41':
         for order in 1, 2:
             for binary in (False, True)[:1 if version == 'msh40' else 2]:  # Gmsh writes 4.0 as text only
-                case('groups of %s of order %d%s' % (version, order, ', binary' if binary else ''), gmsh_groups_case, version, order, binary)
+                case('groups of %s of order %d%s' % (version, order, ', binary' if binary else ''), gmsh_groups_case,
+                     version, order, binary)
     for version in '2.2', '4.1':  # meshio counts the cells of 4.0 from 0 and their data from 1
         for binary in False, True:
             case('element data of %s%s' % (version, ', binary' if binary else ''), gmsh_data_case, version, binary)
@@ -284,7 +298,8 @@ def main():
     case('calculix by hand', calculix_case)
     case('abaqus: parts, instances, files that are named', abaqus_parts_case)
     for binary in False, True:
-        case('groups of msh41 in partitions%s' % (', binary' if binary else ''), gmsh_groups_case, 'msh41', 1, binary, ['-part', '3', '-part_ghosts', '-part_topo'])
+        case('groups of msh41 in partitions%s' % (', binary' if binary else ''), gmsh_groups_case, 'msh41', 1, binary,
+             ['-part', '3', '-part_ghosts', '-part_topo'])
     for trial in range(32):
         how = [bool(trial >> bit & 1) for bit in range(5)]
         case('plot3d: big %d, markers %d, multi-grid %d, iblank %d, double %d' % tuple(how), plot3d_case, *how)

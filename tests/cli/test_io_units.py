@@ -24,7 +24,8 @@ def differs(name, wanted):
 
 def labelled():
     grid = vtk_mesh(*tet_mesh(40))
-    for data, name, unit in ((grid.GetPointData(), 'wind', 'm/s'), (grid.GetPointData(), 'heat', '°C'), (grid.GetCellData(), 'load', 'N m^-2')):
+    for data, name, unit in ((grid.GetPointData(), 'wind', 'm/s'), (grid.GetPointData(), 'heat', '°C'),
+                             (grid.GetCellData(), 'load', 'N m^-2')):
         data.GetArray(name).GetInformation().Set(vtk.vtkDataArray.UNITS_LABEL(), unit)
     return grid, {'wind': 'm/s', 'heat': '°C', 'load': 'N m^-2'}
 
@@ -110,7 +111,8 @@ def xdmf_case():
     write('in.xdmf', '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron" NumberOfElements="1">%s</Topology><Geometry GeometryType="XYZ">'
           '%s</Geometry>%s%s%s</Grid></Domain></Xdmf>' % (
               item('1 4', 'Int', '0 1 2 3'), item('4 3', 'Float', '0 0 0 1 0 0 0 1 0 0 0 1'), attribute('a', ' Units="Pa"', ''),
-              attribute('b', '', '<Information Name="Unit" Value=" kg "/>'), attribute('c', '', '<Information Name="Note" Value="x"/>')))
+              attribute('b', '', '<Information Name="Unit" Value=" kg "/>'), attribute('c', '',
+                                                                                       '<Information Name="Note" Value="x"/>')))
     return differs('in.xdmf', {'a': 'Pa', 'b': 'kg'})
 
 
@@ -141,7 +143,8 @@ def main():
     for extension in '.vtu', '.vtk', '.vtkhdf', '.xdmf', '.e':
         if extension[1:] in built or extension == '.e' and 'exodus' in built:
             case('written to %s and back' % extension, written_case, extension)
-    case('VTK reads those of legacy VTK', vtk_reads_case, 'out.vtk', vtk.vtkUnstructuredGridReader(), ('wind', 'heat', 'load'))
+    case('VTK reads those of legacy VTK', vtk_reads_case, 'out.vtk', vtk.vtkUnstructuredGridReader(),
+         ('wind', 'heat', 'load'))
     case('VTK reads those of a surface', vtk_reads_case, 'out.vtp', vtk.vtkXMLPolyDataReader(), ('wind', 'heat'))
     case('extract writes them', extracted_case)
     case('a stream as input', stream_case)

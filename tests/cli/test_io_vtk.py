@@ -379,7 +379,8 @@ def main():
             case('vtk %s %s with all attributes' % (label, kind), lambda: everything_case(binary, version))
     for kind in 'points', 'rectilinear', 'grid':
         for binary in False, True:
-            case('vtk structured %s %s' % (kind, 'binary' if binary else 'ascii'), lambda: structured_case(kind, binary))
+            case('vtk structured %s %s' % (kind, 'binary' if binary else 'ascii'),
+                 lambda: structured_case(kind, binary))
     case('mixed cells are split so that neighbours match', mixed_case)
     case('a quadratic tetrahedron is taken by its corners', quadratic_case)
     case('pieces follow one another', pieces_case)

@@ -22,7 +22,8 @@ def save(writer, data, name, mode='appended', compressor='zlib', header=64, orde
     writer.SetFileName(path(name))
     {'ascii': writer.SetDataModeToAscii, 'inline': writer.SetDataModeToBinary}.get(mode, writer.SetDataModeToAppended)()
     writer.SetEncodeAppendedData(mode == 'base64')
-    {'none': writer.SetCompressorTypeToNone, 'zlib': writer.SetCompressorTypeToZLib, 'lz4': writer.SetCompressorTypeToLZ4,
+    {'none': writer.SetCompressorTypeToNone, 'zlib': writer.SetCompressorTypeToZLib,
+     'lz4': writer.SetCompressorTypeToLZ4,
      'lzma': writer.SetCompressorTypeToLZMA}[compressor]()
     writer.SetHeaderTypeToUInt64() if header == 64 else writer.SetHeaderTypeToUInt32()
     writer.SetByteOrderToBigEndian() if order == 'big' else writer.SetByteOrderToLittleEndian()
@@ -162,14 +163,16 @@ def nested_case():
     write('nested.pvd', '<VTKFile type="Collection"><Collection><DataSet timestep="0" part="0" file="first.vtu"/>'
           '<DataSet timestep="1e-1" group="" part="0" file="nested.vtm"/><DataSet timestep="0.1" part="1" file="%s"/></Collection></VTKFile>'
           % path('./first.vtu'))
-    wanted = {(): masks, ('--block', 'Fluid'): masks[:2], ('--block', 'b'): masks[1:2], ('--block', 'Fluid/a'): masks[:1],
+    wanted = {(): masks, ('--block', 'Fluid'): masks[:2], ('--block', 'b'): masks[1:2],
+              ('--block', 'Fluid/a'): masks[:1],
               ('--block', 'Solid'): masks[2:]}
     for name in 'nested.vtm', 'nested.pvd':
         for arguments, parts in wanted.items():
             more = [load[masks[0]]] if name == 'nested.pvd' and not arguments else []
             if loads(name, *arguments)[0] != sorted(np.concatenate([load[m] for m in parts] + more)):
                 return '%s %s' % (name, arguments)
-    if loads('nested.pvd', '--time', '0')[0] != sorted(load[masks[0]]) or loads('nested.pvd', '--block', '1')[0] != sorted(load[masks[0]]):
+    if loads('nested.pvd', '--time', '0')[0] != sorted(load[masks[0]]) or loads('nested.pvd', '--block',
+                                                                                '1')[0] != sorted(load[masks[0]]):
         return 'one part'
     refused = tetlod('convert', 'nested.vtm', '--block', 'Flu', '-o', 'out.vtu')
     return None if refused.returncode == 3 and b'Fluid/a Fluid/b Solid' in refused.stderr else refused
@@ -186,7 +189,8 @@ def partitions_case():
     writer.SetInputData(collection)
     writer.SetFileName(path('parts.vtpc'))
     assert writer.Write()
-    good = loads('parts.vtpc')[0] == sorted(load) and loads('parts.vtpc', '--block', 'second')[0] == sorted(load[region == 2])
+    good = loads('parts.vtpc')[0] == sorted(load) and loads('parts.vtpc', '--block',
+                                                            'second')[0] == sorted(load[region == 2])
     return None if good else 'values'
 
 
@@ -196,7 +200,8 @@ def different_arrays_case():
     region = mesh[3]['region']
     for i in range(2):
         name = ('only_first', 'only_second')[i]
-        save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, region == i + 1, {name: mesh[2]['heat']}), 'piece%d.vtu' % i)
+        save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, region == i + 1, {name: mesh[2]['heat']}),
+             'piece%d.vtu' % i)
     save(vtk.vtkXMLUnstructuredGridWriter(), vtk.vtkUnstructuredGrid(), 'empty.vtu')
     write('mixed.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><PPoints>'
           '<PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="empty.vtu"/><Piece Source="piece0.vtu"/><Piece Source="piece1.vtu"/></PUnstructuredGrid></VTKFile>')
@@ -212,7 +217,8 @@ def different_arrays_case():
 def different_structured_case():
     grid, *wanted = structured('structured', (9, 7, 6))
     writer = vtk.vtkXMLPStructuredGridWriter()
-    for set_, value in ((writer.SetInputData, grid), (writer.SetFileName, path('whole.pvts')), (writer.SetNumberOfPieces, 2), (writer.SetEndPiece, 1)):
+    for set_, value in ((writer.SetInputData, grid), (writer.SetFileName, path('whole.pvts')),
+                        (writer.SetNumberOfPieces, 2), (writer.SetEndPiece, 1)):
         set_(value)
     assert writer.Write()
     reader = vtk.vtkXMLStructuredGridReader()
@@ -227,7 +233,8 @@ def different_structured_case():
 
 def other_cells(polyhedra):
     """A column of a hexahedron, a wedge beside it, a pyramid on it and a tetrahedron on that; as polyhedra or themselves."""
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1), (2, 0, 0),
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
+                       (2, 0, 0),
                        (2, 0, 1), (.5, .5, 2), (1.5, .5, 2)], float)
     kinds = [(vtk.VTK_HEXAHEDRON, [0, 1, 2, 3, 4, 5, 6, 7]), (vtk.VTK_WEDGE, [1, 2, 8, 5, 6, 9]),
              (vtk.VTK_PYRAMID, [4, 5, 6, 7, 10]), (vtk.VTK_TETRA, [5, 11, 6, 10])]
@@ -241,7 +248,8 @@ def other_cells(polyhedra):
     for n, (kind, corners) in enumerate(kinds):
         if n in polyhedra:
             stream = vtk.vtkIdList()
-            for number in [len(faces[kind])] + [x for face in faces[kind] for x in [len(face)] + [corners[i] for i in face]]:
+            for number in [len(faces[kind])] + [x for face in faces[kind] for x in [len(face)] +
+                                                [corners[i] for i in face]]:
                 stream.InsertNextId(number)
             grid.InsertNextCell(vtk.VTK_POLYHEDRON, stream)
         else:
@@ -270,7 +278,8 @@ def quadratic_grid():
     """A hexahedron, a wedge, a pyramid and two tetrahedra of the second order that share faces."""
     grid, points, _ = other_cells(())
     points, middles = list(map(tuple, points)), {}
-    edges = {vtk.VTK_HEXAHEDRON: [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
+    edges = {vtk.VTK_HEXAHEDRON: [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5),
+                                  (2, 6), (3, 7)],
              vtk.VTK_WEDGE: [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
              vtk.VTK_PYRAMID: [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
              vtk.VTK_TETRA: [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]}
@@ -301,7 +310,8 @@ def subdivide_case():
     name = save(vtk.vtkXMLUnstructuredGridWriter(), grid, 'in.vtu')
     p, t, f, c = converted(name, '--subdivide')
     v = volumes(p, t)
-    if len(p) != len(points) + 3 or (v <= 0).any() or not np.allclose(np.bincount(c['id'].astype(int), v), [1, 0.5, 1 / 3, 1 / 6]):
+    if len(p) != len(points) + 3 or (v <= 0).any() or not np.allclose(np.bincount(c['id'].astype(int), v),
+                                                                      [1, 0.5, 1 / 3, 1 / 6]):
         return '%d points, volumes %s' % (len(p), np.bincount(c['id'].astype(int), v))
     faces = np.sort(t[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     uses = np.unique(faces, axis=0, return_counts=True)[1]
@@ -341,7 +351,8 @@ def clean_case():
     if len(near[0]) != 6 or len(welded[0]) != 6 or list(welded[3]['id']) != [0, 3]:
         return 'welded: %d points, cells %s' % (len(welded[0]), welded[3])
     points[4] += 1e-3
-    name = save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(points, tets, {'heat': points[:, 1] * 0}, {'id': np.arange(5)}), 'in.vtu')
+    name = save(vtk.vtkXMLUnstructuredGridWriter(),
+                vtk_mesh(points, tets, {'heat': points[:, 1] * 0}, {'id': np.arange(5)}), 'in.vtu')
     return None if [len(converted(name, '--weld', w)[0]) for w in ('0.0001', '0.1')] == [7, 6] else 'tolerance'
 
 
@@ -360,7 +371,8 @@ def crowded_case():
     lost = points.copy()
     lost[4:] = np.nan
     for name, places, fails_with in ('crowded', points, b''), ('lost', lost, b'not a finite number'):
-        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': np.arange(count) / 2}, {}), name + '.vtu', compressor='none')
+        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': np.arange(count) / 2}, {}),
+             name + '.vtu', compressor='none')
         _, plain = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu')
         for tolerance in '0', '0.01':
             done, seconds = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu', '--weld', tolerance)
@@ -375,7 +387,8 @@ def equal_values_case():
     corner, heat = np.array([(0, 0, 0), (9, 0, 0), (0, 9, 0), (0, 0, 9)])[np.arange(4000) % 4], random.integers(-1, 2, 4000) * 0.5
     points, heat[heat == 0] = (corner + random.integers(-1, 2, (4000, 3))) * -1.0, -0.0
     heat[::3] += 0.0
-    name = save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(points, np.arange(4000).reshape(-1, 4), {'heat': heat}, {}), 'in.vtu')
+    name = save(vtk.vtkXMLUnstructuredGridWriter(),
+                vtk_mesh(points, np.arange(4000).reshape(-1, 4), {'heat': heat}, {}), 'in.vtu')
     wanted = len(np.unique(np.column_stack([points, heat]) + 0.0, axis=0))
     found = [len(converted(name, '--weld', tolerance)[0]) for tolerance in ('0', '0.001')]
     return None if found == [wanted, wanted] else (found, wanted)
@@ -403,7 +416,8 @@ def main():
         for mode in 'ascii', 'inline', 'base64', 'appended':
             for compressor in ('none',) if mode == 'ascii' else ('none', 'zlib', 'lz4', 'lzma'):
                 for header, order in ((32, 'little'), (64, 'big')):
-                    case('vtu %s %s %s %d %s' % (np.dtype(precision), mode, compressor, header, order), tets_case, mesh, mode,
+                    case('vtu %s %s %s %d %s' % (np.dtype(precision), mode, compressor, header, order), tets_case,
+                         mesh, mode,
                          compressor, header, order)
     for kind in WRITERS:
         for mode, compressor in (('ascii', 'none'), ('inline', 'zlib'), ('appended', 'lzma'), ('base64', 'none')):

@@ -31,7 +31,8 @@ def describes():
     field = info('fin.tetlod')['fields'][-1]
     top = max(level['errors']['Pressure']['max'] for level in info('fin.tetlod')['levels'])
     width = 1 / (info('fin.tetlod')['fields'][0]['range'][1] - info('fin.tetlod')['fields'][0]['range'][0])
-    if field['range'][0] or abs(field['range'][1] * width / top - 1) > 2 ** -14 or field['controlled'] or field['components'] != 1:
+    if field['range'][0] or abs(field['range'][1] * width / top -
+                                1) > 2 ** -14 or field['controlled'] or field['components'] != 1:
         return field
     text = must('info', 'fin.tetlod').stdout.decode()
     said = tetlod('extract', 'fin.tetlod', '--error', '1%', '-o', 'level.vtu').stderr.decode()
@@ -75,7 +76,8 @@ def changes_nothing_else():
         must('extract', name + '.tetlod', '--error', '1%', '-o', name + '-level.vtu')
     with_it, without = read_vtu('fin-level.vtu'), read_vtu('plain-level.vtu')
     same = (with_it[0] == without[0]).all() and (with_it[1] == without[1]).all() and all((with_it[2][name] == without[2][name]).all() for name in without[2])
-    return None if same and set(with_it[2]) - set(without[2]) == {'Pressure bound'} else (set(with_it[2]), set(without[2]))
+    return None if same and set(with_it[2]) - set(without[2]) == {'Pressure bound'} else (set(with_it[2]),
+                                                                                          set(without[2]))
 
 
 def same_bytes():
@@ -112,12 +114,14 @@ def memory():
     must('sample', 'fin', '--size', '24', '-o', 'm.vtu')
     refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', '--local-bound').stderr.decode()
     said = int(refused.split('needs about ')[1].split()[0])
-    peak = json.loads(must('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet', '--local-bound').stdout)['peak_memory'] / 2 ** 20
+    peak = json.loads(must('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet',
+                           '--local-bound').stdout)['peak_memory'] / 2 ** 20
     return None if abs(said - peak) <= .1 * peak + .5 else (said, peak)
 
 
 for sample, options in ((('fin', '--size', '8'), ('--field', 'Pressure', '--field', 'Velocity', '--growth', '1.3')),
-                        (('fin', '--size', '7'), ('--field', 'Velocity:mag', '--field', 'Density:1%', '--growth', '1.3')),
+                        (('fin', '--size', '7'),
+                         ('--field', 'Velocity:mag', '--field', 'Density:1%', '--growth', '1.3')),
                         (('shell',), ('--domain-error', '0', '--growth', '1.5')),
                         (('torus',), ('--metric', 'sva', '--growth', '1.5')),
                         (('cube', '--size', '8'), ('--contract', 'hybrid', '--certify-all', '--growth', '1.3')),
@@ -129,15 +133,20 @@ must('build', 'fin.vtu', '-o', 'fin.tetlod', '--local-bound', '--field', 'Pressu
 case('its range, and how it is told', describes)
 case('of a component of a scalar', of_a_scalar)
 case('the same bytes on 1, 2, 3 and 8 threads', same_bytes)
-for name, problem in (('vertices of the original', bounds_vertices), ('other fields are as without it', changes_nothing_else), ('it has the unit', has_unit)):
+for name, problem in (('vertices of the original', bounds_vertices),
+                      ('other fields are as without it', changes_nothing_else), ('it has the unit', has_unit)):
     case(name, problem) if numpy else report(name, True, skip='numpy or VTK is not there')
 case('--memory: right within 10 %', memory) if CONFIG == 'release' else report('--memory', True, skip='release only')
-for options, word in ((('--certify', 'exact'), 'carry no bound'), (('--metric', 'measured'), 'carry no bound'), (('--for', 'mail'), 'lossless'),
+for options, word in ((('--certify', 'exact'), 'carry no bound'), (('--metric', 'measured'), 'carry no bound'),
+                      (('--for', 'mail'), 'lossless'),
                       (('--field-bits', '12'), 'lossless'), (('--domain-error', '0.01'), '0.001')):
-    fails('not with ' + ' '.join(options), 2, ['--local-bound', word], 'build', 'fin.vtu', '-o', 'no.tetlod', '--local-bound', *options)
+    fails('not with ' + ' '.join(options), 2, ['--local-bound', word], 'build', 'fin.vtu', '-o', 'no.tetlod',
+          '--local-bound', *options)
 must('extract', 'fin.tetlod', '--error', '1%', '-o', 'again.vtu')
-fails('a field of that name', 3, ['Pressure bound', '--carry'], 'build', 'again.vtu', '-o', 'no.tetlod', '--local-bound')
-case('without that field', lambda: must('build', 'again.vtu', '-o', 'no.tetlod', '--local-bound', '--carry', 'Density') and None)
+fails('a field of that name', 3, ['Pressure bound', '--carry'], 'build', 'again.vtu', '-o', 'no.tetlod',
+      '--local-bound')
+case('without that field', lambda: must('build', 'again.vtu', '-o', 'no.tetlod', '--local-bound', '--carry',
+                                        'Density') and None)
 must('sample', 'wake', '--steps', '2', '--size', '6', '-o', 'wake.pvd')
 fails('not of a series', 2, ['--local-bound', '--time'], 'build', 'wake.pvd', '-o', 'no.tetlod', '--local-bound')
 case('of one step', lambda: must('build', 'wake.pvd', '-o', 'step.tetlod', '--local-bound', '--time', '1') and None)

@@ -27,7 +27,8 @@ def sample():
 
 
 def tetgen(mesh):
-    rows = ['%d %r %r %r %r' % (i, *map(float, p), float(s)) for i, (p, s) in enumerate(zip(mesh.points, mesh.point_data['heat']))]
+    rows = ['%d %r %r %r %r' % (i, *map(float, p), float(s)) for i,
+            (p, s) in enumerate(zip(mesh.points, mesh.point_data['heat']))]
     write('in.node', '%d 3 1 0\n%s\n' % (len(rows), '\n'.join(rows)))
     tets = mesh.cells_dict['tetra']
     write('in.ele', '%d 4 0\n%s\n' % (len(tets), '\n'.join('%d %d %d %d %d' % (i, *t) for i, t in enumerate(tets))))
@@ -74,13 +75,15 @@ def reader(name, field, arguments, filled=len(HOLES)):
     fails('%s: NaN is refused by name' % name, 3, [field, 'NaN', '--nan-fill', arguments[0].split('.')[0]], 'convert',
           *arguments, '-o', 'out.vtu')
     done = tetlod('convert', *arguments, '--nan-fill', '7', '-o', 'seven.vtu')
-    report('%s: --nan-fill 7 says how many' % name, done.returncode == 0 and b': %d NaN values filled' % filled in done.stderr, done)
+    report('%s: --nan-fill 7 says how many' % name, done.returncode == 0 and
+           b': %d NaN values filled' % filled in done.stderr, done)
     done = tetlod('convert', *arguments, '--nan-fill', 'neighbours', '-o', 'means.vtu')
     (points, tets, sevens), (_, _, means) = read_vtu('seven.vtu'), read_vtu('means.vtu')
     s, m = sevens[field].astype(float), means[field].astype(float)
     holes = np.flatnonzero(s == 7)
     rest = np.setdiff1d(np.arange(len(s)), holes)
-    report('%s: the value is where NaN was, nowhere else' % name, np.array_equal(holes, HOLES) and np.isfinite(s).all(), holes)
+    report('%s: the value is where NaN was, nowhere else' % name, np.array_equal(holes, HOLES) and
+           np.isfinite(s).all(), holes)
     s[holes] = np.nan
     wanted = by_hand(s, tets)
     report('%s: the means of the points around' % name, np.array_equal(m[rest], s[rest]) and
@@ -110,10 +113,13 @@ def build(mesh):
     report('build: reports how many were filled', done.returncode == 0 and b'4 NaN values filled' in done.stderr and
            json.loads(done.stdout)['nan_filled'] == 4, done)
     metadata = info('holes.tetlod')['metadata']
-    report('build: the metadata says so', metadata['nan_filled'] == 4 and metadata['options']['nan_fill'] == 'neighbours', metadata)
-    succeeds('verify --against with the same filling', 'verify', 'holes.tetlod', '--against', 'holes.vtu', '--nan-fill', 'neighbours')
+    report('build: the metadata says so', metadata['nan_filled'] == 4 and
+           metadata['options']['nan_fill'] == 'neighbours', metadata)
+    succeeds('verify --against with the same filling', 'verify', 'holes.tetlod', '--against', 'holes.vtu',
+             '--nan-fill', 'neighbours')
     fails('verify --against without', 3, ['heat', 'NaN'], 'verify', 'holes.tetlod', '--against', 'holes.vtu', '--quiet')
-    fails('verify --against with another', 3, ['heat'], 'verify', 'holes.tetlod', '--against', 'holes.vtu', '--nan-fill', '-1',
+    fails('verify --against with another', 3, ['heat'], 'verify', 'holes.tetlod', '--against', 'holes.vtu',
+          '--nan-fill', '-1',
           '--quiet')
     tetlod('build', 'holes.vtu', '-o', 'value.tetlod', '--nan-fill', '-1.5', '--quiet')
     metadata = info('value.tetlod')['metadata']
@@ -131,13 +137,15 @@ def corners(mesh):
         fails('--nan-fill %r' % value, 2, words, 'convert', 'holes.vtu', '--nan-fill', value, '-o', 'x.vtu')
     heat = np.full(len(mesh.points), np.nan)
     meshio.Mesh(mesh.points, mesh.cells, point_data={'heat': heat}).write(path('none.vtu'))
-    fails('no value at all to fill from', 3, ['heat', 'NaN'], 'convert', 'none.vtu', '--nan-fill', 'neighbours', '-o', 'x.vtu')
+    fails('no value at all to fill from', 3, ['heat', 'NaN'], 'convert', 'none.vtu', '--nan-fill', 'neighbours', '-o',
+          'x.vtu')
     succeeds('no value at all, but one is given', 'convert', 'none.vtu', '--nan-fill', '2', '-o', 'x.vtu')
     heat = np.append(mesh.point_data['heat'], np.nan)
     points = np.append(mesh.points, [[9, 9, 9]], 0)
     meshio.Mesh(points, mesh.cells, point_data={'heat': heat}).write(path('loose.vtu'))
     done = tetlod('convert', 'loose.vtu', '--nan-fill', 'neighbours', '-o', 'x.vtu')
-    report('a point that nothing uses is dropped, not filled', done.returncode == 0 and b'4 NaN values' in done.stderr and
+    report('a point that nothing uses is dropped, not filled', done.returncode == 0 and
+           b'4 NaN values' in done.stderr and
            len(read_vtu('x.vtu')[0]) == len(mesh.points), done)
     heat = mesh.point_data['heat'].copy()
     heat[3] = np.inf

@@ -40,7 +40,8 @@ def plots(info):
     inside = all(80 <= x <= 1030 and 50 <= y <= 390 for lines in drawn.values() for p in lines for x, y in p)
     report('lines are inside the picture', inside)
     report('certified is not below sampled', all(
-        a[1] <= b[1] + 0.011 for side in (0, 1) for a, b in zip(drawn['max'][side], drawn['sampled'][side]) if a[0] == b[0]))
+        a[1] <= b[1] + 0.011 for side in (0, 1) for a, b in zip(drawn['max'][side],
+                                                                drawn['sampled'][side]) if a[0] == b[0]))
     labels = [t.text for t in root.iter(SVG + 'text')]
     report('axes and legend are labelled', all(t in labels for t in (
         'tetrahedra', 'bytes', 'max (certified)', 'sampled', 'rms', 'predicted', '1 %')), labels)
@@ -52,7 +53,8 @@ def plots(info):
 def plot_refusals():
     for name, code, said, arguments in (
             ('an unknown field', 3, "no field 'nope'", ('-o', path('no.svg'), '--field', 'nope')),
-            ('no output', 2, '-o OUT.svg', ()), ('an output that cannot be', 1, 'nowhere', ('-o', path('nowhere/no.svg')))):
+            ('no output', 2, '-o OUT.svg', ()), ('an output that cannot be', 1, 'nowhere',
+                                                 ('-o', path('nowhere/no.svg')))):
         done = tetlod('plot', path('a & <b>.tetlod'), *arguments)
         report('plot: ' + name + ' is refused', done.returncode == code and said in done.stderr, done)
     report('nothing is left of it', not os.path.exists(path('no.svg')))

@@ -31,7 +31,8 @@ def make_input():
     points = vtk_to_numpy(mesh.GetPoints().GetData()).astype(float)
     x, y, z = (points / points.max()).T
     fields = {'stress': 2.1e9 * np.sin(x) * y, 'jacobian': 0.5 + 0.5 * np.cos(5 * y * z),
-              'flow': np.column_stack([np.cos(4 * x + z), np.sin(4 * x + z), 0.3 * y]), 'noise': np.sin(40 * x * y + 9 * z)}
+              'flow': np.column_stack([np.cos(4 * x + z), np.sin(4 * x + z),
+                                       0.3 * y]), 'noise': np.sin(40 * x * y + 9 * z)}
     data = mesh.GetPointData()
     while data.GetNumberOfArrays():
         data.RemoveArray(0)
@@ -62,7 +63,8 @@ def width(values):
 
 
 def absolute_errors():
-    must('build', 'input.vtu', '-o', 'two.tetlod', '--field', 'stress', '--field', 'jacobian', '--carry', 'stress', '--quiet')
+    must('build', 'input.vtu', '-o', 'two.tetlod', '--field', 'stress', '--field', 'jacobian', '--carry', 'stress',
+         '--quiet')
     levels = info('two.tetlod')['levels']
     for error in 1e7, 1e8, 0.02:
         done = must('extract', 'two.tetlod', '--abs-error', repr(error), '-o', 'level.vtu')
@@ -100,11 +102,13 @@ def components():
 
 
 def rounding_is_inside():
-    must('build', 'input.vtu', '-o', 'round.tetlod', '--field', 'stress:1%', '--field-bits', '7', '--position-error', '0.1%', '--quiet')
+    must('build', 'input.vtu', '-o', 'round.tetlod', '--field', 'stress:1%', '--field-bits', '7', '--position-error',
+         '0.1%', '--quiet')
     base = info('round.tetlod')['levels'][0]['errors']['stress']
     if not 0.004 < base['max'] <= 0.01:
         return 'the base is at %s, the limit is 0.01' % base
-    must('build', 'input.vtu', '-o', 'stop.tetlod', '--field', 'stress', '--max-error', '1%', '--field-bits', '7', '--quiet')
+    must('build', 'input.vtu', '-o', 'stop.tetlod', '--field', 'stress', '--max-error', '1%', '--field-bits', '7',
+         '--quiet')
     base = info('stop.tetlod')['levels'][0]['errors']['stress']
     return None if 0.004 < base['max'] <= 0.01 else base
 
@@ -133,7 +137,8 @@ def what_is_off():
     said = must('extract', 'one.tetlod', '--error', '1%', '-o', 'level.vtu').stderr.decode()
     certified = re.search(r"stress \u2264 ([\d.]+) % of the range, [-+.e\d]+ in its units \(certified\)", said)
     measured = dict(re.findall(r"(\w+) about ([\d.]+) % of the range, [-+.e\d]+ in its units \(measured, not controlled\)", said))
-    if not certified or not 1 <= float(certified[1]) / (100 * level['errors']['stress']['max']) < 1.01 or set(measured) != set(others) or \
+    if not certified or not 1 <= float(certified[1]) / (100 *
+                                                        level['errors']['stress']['max']) < 1.01 or set(measured) != set(others) or \
             any(not 1 <= float(said) / (100 * others[name]) < 1.01 for name, said in measured.items()):
         return said, worst, others
     lines = must('info', 'one.tetlod').stdout.decode().splitlines()

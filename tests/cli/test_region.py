@@ -46,7 +46,8 @@ def check_measured(answer, fine, name, said, seed):
     near = np.nonzero(((fine['points'] >= low) & (fine['points'] <= high)).all(1))[0]
     chosen = np.random.default_rng(seed).permutation(near)[:500]
     worst = 0
-    for v, t in zip(chosen, holders({'points': answer['points'], 'tets': answer['tets'][transition]}, fine['points'][chosen])):
+    for v, t in zip(chosen, holders({'points': answer['points'], 'tets': answer['tets'][transition]},
+                                    fine['points'][chosen])):
         if t >= 0:
             worst = max(worst, abs(value_at(answer, transition[t], fine['points'][v], name)[0] - fine['point'][name][v, 0]))
     extent = fine['point'][name].max() - fine['point'][name].min()
@@ -90,7 +91,8 @@ def test_lossy_and_several_fields():
     """The last level is a tail: it has other values than the one before, and no more vertices."""
     tetlod('build', 'fin.vtu', '-o', 'all.tetlod', '--quiet')
     check_stream('all.tetlod', 'Pressure', '3%', 0.01, range(2), True, ('Density', 'Velocity'))
-    tetlod('build', 'fin.vtu', '-o', 'lossy.tetlod', '--carry', 'Pressure', '--field-bits', '14', '--position-bits', '16', '--quiet')
+    tetlod('build', 'fin.vtu', '-o', 'lossy.tetlod', '--carry', 'Pressure', '--field-bits', '14', '--position-bits',
+           '16', '--quiet')
     coarse, fine = level('lossy.tetlod', '--error', '3%'), level('lossy.tetlod', '--error', '0.5%')
     box = random_box(fine, 0.02, 3)
     tetlod('extract', 'lossy.tetlod', '--error', '3%', '--box-error', '0.5%', option(box), '-o', 'region.vtk')
@@ -118,7 +120,8 @@ def test_boxes_at_the_edges():
 
 def check_bounds(answer, fine, name, component_count):
     """A local bound holds at the original's vertices, in all three parts; returns by part how far the field is off at most."""
-    values, bounds, region = answer['point'][name], answer['point'][name + '%20bound'][:, 0], answer['cell']['Region'][:, 0]
+    values, bounds, region = answer['point'][name], answer['point'][name + '%20bound'][:,
+                                                                                       0], answer['cell']['Region'][:, 0]
     assert values.shape[1] == component_count
     corners = answer['points'][answer['tets']]
     low, high = corners.min(1), corners.max(1)
@@ -130,7 +133,8 @@ def check_bounds(answer, fine, name, component_count):
             weights = np.append(1 - weights.sum(), weights)
             if weights.min() < -1e-9:
                 continue
-            error, bound = np.abs(weights @ values[answer['tets'][t]] - value).max(), weights @ bounds[answer['tets'][t]]
+            error, bound = np.abs(weights @ values[answer['tets'][t]] -
+                                  value).max(), weights @ bounds[answer['tets'][t]]
             assert error <= bound + 1e-6 * np.abs(fine['point'][name]).max(), (name, point, region[t], error, bound)
             most[region[t]] = max(most[region[t]], error)
     return most
@@ -138,7 +142,8 @@ def check_bounds(answer, fine, name, component_count):
 
 def test_local_bounds():
     """Of several fields, one of them a vector: true in the transition, too, where vertices of several levels meet; and the server's are the same."""
-    tetlod('build', 'fin.vtu', '-o', 'bounds.tetlod', '--field', 'Pressure', '--field', 'Velocity', '--local-bound', '--domain-error', '0', '--quiet')
+    tetlod('build', 'fin.vtu', '-o', 'bounds.tetlod', '--field', 'Pressure', '--field', 'Velocity', '--local-bound',
+           '--domain-error', '0', '--quiet')
     fine, off = level('bounds.tetlod'), 0
     for seed, fraction in enumerate((0.002, 0.01, 0.05)):
         box = random_box(fine, fraction, seed)
@@ -173,7 +178,8 @@ def test_bodies_that_overlap():
     one = level('fixed.tetlod')
     values = one['point']['Pressure'][:, 0]
     count, extent = len(values), np.ptp(one['points'], axis=0)
-    write_vtk(os.path.join(SCRATCH, 'two.vtk'), np.vstack([one['points'], one['points'] + 0.01 * extent]), np.vstack([one['tets'], one['tets'] + count]),
+    write_vtk(os.path.join(SCRATCH, 'two.vtk'), np.vstack([one['points'], one['points'] + 0.01 * extent]),
+              np.vstack([one['tets'], one['tets'] + count]),
               {'f': np.append(values, values + 0.04 * np.ptp(values))}, {'Body': np.repeat([0.25, 0.75], len(one['tets']))})
     tetlod('build', 'two.vtk', '-o', 'two.tetlod', '--domain-error', '0', '--local-bound', '--quiet')
     fine = level('two.tetlod')
@@ -182,8 +188,10 @@ def test_bodies_that_overlap():
         message = tetlod('extract', 'two.tetlod', '--error', '10%', option(box), '-o', 'region.vtk')
         answer, said, worst = read_vtk(os.path.join(SCRATCH, 'region.vtk')), measured(message, 'f'), 0
         for body in (0.25, 0.75):
-            parts = [{'points': mesh['points'], 'tets': mesh['tets'][mesh['cell']['Body'][:, 0] == body], 'point': mesh['point'],
-                      'cell': {name: cell[mesh['cell']['Body'][:, 0] == body] for name, cell in mesh['cell'].items()}} for mesh in (answer, fine)]
+            parts = [{'points': mesh['points'], 'tets': mesh['tets'][mesh['cell']['Body'][:, 0] == body],
+                      'point': mesh['point'],
+                      'cell': {name: cell[mesh['cell']['Body'][:, 0] == body] for name,
+                               cell in mesh['cell'].items()}} for mesh in (answer, fine)]
             used = np.unique(parts[1]['tets'])
             parts[1]['points'], parts[1]['point'] = fine['points'][used], {'f': fine['point']['f'][used]}
             worst = max(worst, check_bounds(parts[0], parts[1], 'f', 1)[TRANSITION])
@@ -191,10 +199,12 @@ def test_bodies_that_overlap():
 
 
 def test_usage():
-    for wrong in (['--box', '1,2,3'], ['--box', '1,1,1,0,2,2'], ['--box', '0,0,0,1,1,nan'], ['--box-error', '1%'], ['--box', '0,0,0,1,1,1', '--box-error', 'x']):
+    for wrong in (['--box', '1,2,3'], ['--box', '1,1,1,0,2,2'], ['--box', '0,0,0,1,1,nan'], ['--box-error', '1%'],
+                  ['--box', '0,0,0,1,1,1', '--box-error', 'x']):
         assert 'box' in tetlod('extract', 'fixed.tetlod', '--error', '5%', *wrong, '-o', 'x.vtk', code=2)
     assert '--error' in tetlod('extract', 'fixed.tetlod', '--box', '0,0,0,1,1,1', '-o', 'x.vtk', code=2)
-    assert 'level' in tetlod('extract', 'fixed.tetlod', '--error', '1%', '--box', '0,0,0,1,1,1', '--box-error', '5%', '-o', 'x.vtk')  # no finer there
+    assert 'level' in tetlod('extract', 'fixed.tetlod', '--error', '1%', '--box', '0,0,0,1,1,1', '--box-error', '5%',
+                             '-o', 'x.vtk')  # no finer there
 
 
 def test_over_http():
@@ -213,8 +223,10 @@ def test_over_http():
         parts = judge(answer, coarse, fine, halves(boxes), 5, False)
         assert head['tetlod-tets'] == str(len(answer['tets'])) and head['tetlod-vertices'] == str(len(answer['points']))
         assert head['tetlod-transition-tets'] == str(parts[TRANSITION]) and int(head['tetlod-box-level']) > int(head['tetlod-level'])
-        check_measured(answer, level('fixed.tetlod'), 'Pressure', float(head['tetlod-transition-error'].split('measured=')[1]), 5)
-        tetlod('extract', 'fixed.tetlod', '--error', '5%', '--box-error', '0.2%', *map(option, boxes), '-o', 'region.vtk')
+        check_measured(answer, level('fixed.tetlod'), 'Pressure',
+                       float(head['tetlod-transition-error'].split('measured=')[1]), 5)
+        tetlod('extract', 'fixed.tetlod', '--error', '5%', '--box-error', '0.2%', *map(option, boxes), '-o',
+               'region.vtk')
         with open(os.path.join(SCRATCH, 'region.vtk'), 'rb') as file:
             assert file.read() == body
         assert server.get(path, If_None_Match=head['etag'])[0] == 304
@@ -222,13 +234,16 @@ def test_over_http():
         assert 'xml' in server.get(path.replace('.vtk', '.vtu'))[2][:20].decode()
         plain = server.get('/v1/meshes/fixed/mesh?error=0.01&box=0,0,0,1,1,1&box_error=0.5')
         assert plain[0] == 303 and '/mesh.vtu' in plain[1]['location']
-        for wrong in ('error=0.05&box=1,2,3', 'error=0.05&box=1,1,1,0,2,2', 'error=0.05&box_error=0.1', 'error=0.05&box=0,0,0,1,1,1&format=tetlod',
+        for wrong in ('error=0.05&box=1,2,3', 'error=0.05&box=1,1,1,0,2,2', 'error=0.05&box_error=0.1',
+                      'error=0.05&box=0,0,0,1,1,1&format=tetlod',
                       'error=0.05&box=0,0,0,1,1,1&box_error=x', 'error=0.05&box=' + ';'.join(['0,0,0,1,1,1'] * 17)):
             assert server.get('/v1/meshes/fixed/mesh?' + wrong)[0] == 400, wrong
         base = path.split('?')[0]
-        for wrong in ('', '?box=0,0,0,1,1,1', '?box_level=100', '?box=0,0,0,1,1,1&box_level=0', '?box=0,0,0,1,1,1&box_level=999999'):
+        for wrong in ('', '?box=0,0,0,1,1,1', '?box_level=100', '?box=0,0,0,1,1,1&box_level=0',
+                      '?box=0,0,0,1,1,1&box_level=999999'):
             assert server.get(base + wrong)[0] == 400, wrong
 
 
-run([test_a_fixed_boundary, test_a_boundary_that_moves, test_lossy_and_several_fields, test_several_boxes_and_a_level_between,
+run([test_a_fixed_boundary, test_a_boundary_that_moves, test_lossy_and_several_fields,
+     test_several_boxes_and_a_level_between,
      test_local_bounds, test_bodies_that_overlap, test_boxes_at_the_edges, test_usage, test_over_http])

@@ -79,7 +79,8 @@ def check_level(name, original, wanted, where, domain_error):
         return '%s: %d of %d faces of the interface, area %g; %d faces of more than two' % (
             name, len(faces & wanted), len(wanted), area(faces), crowded)
     sizes = np.ptp(points, axis=0)
-    skin = 2 * (sizes[0] * sizes[1] + sizes[1] * sizes[2] + sizes[0] * sizes[2]) * 1.5 * domain_error * np.linalg.norm(sizes)
+    skin = 2 * (sizes[0] * sizes[1] + sizes[1] * sizes[2] + sizes[0] *
+                sizes[2]) * 1.5 * domain_error * np.linalg.norm(sizes)
     for region in np.unique(regions):
         before, after = volumes(points, tets[regions == region]).sum(), volumes(at, corners[found == region]).sum()
         if abs(before - after) > skin + 1e-9:
@@ -106,7 +107,8 @@ def check(make, size, *options):
         return 'the base mesh still has %d of %d tetrahedra' % (info['levels'][0]['tets'], len(tets))
     for level in sorted({0, 1, levels // 8, levels // 4, levels // 2, 3 * levels // 4, levels - 1}):
         must('extract', path('a.tetlod'), '--level', str(level), '-o', path('level.vtu'), '--quiet')
-        problem = check_level('level.vtu', (points, tets, regions), wanted, where, info['levels'][level]['domain_error'])
+        problem = check_level('level.vtu', (points, tets, regions), wanted, where,
+                              info['levels'][level]['domain_error'])
         if problem:
             return 'level %d: %s' % (level, problem)
     return None
@@ -134,7 +136,8 @@ def named():
     regions = json.loads(must('info', path('b.tetlod'), '--json').stdout)
     refused = [tetlod('build', path('in.vtu'), '-o', path('c.tetlod'), '--region', name) for name in ('w', 'nothing')]
     good = [[f['region'] for f in info['cell_fields']] for info in (plain, regions)] == [[False, False], [True, False]]
-    good &= regions['levels'][0]['tets'] > plain['levels'][0]['tets'] and all(b'--region' in done.stderr and done.returncode for done in refused)
+    good &= regions['levels'][0]['tets'] > plain['levels'][0]['tets'] and all(b'--region' in done.stderr and
+                                                                              done.returncode for done in refused)
     return None if good else [done.stderr for done in refused]
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from common import DATA, TETLOD, finish, path, read_grid, read_vtu, report, tetlod
 
-SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'post': (6175, 25920), 'torus': (4050, 19200), 'shell': (3612, 18000),
+SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'post': (6175, 25920), 'torus': (4050, 19200),
+           'shell': (3612, 18000),
            'delta': (8598, 43416), 'wake': (5049, 20480)}
 
 
@@ -27,7 +28,8 @@ def samples():
     for name, (vertices, tets) in SAMPLES.items():
         done = tetlod('sample', name, '-o', path(name + '.vtu'))
         points, cells, fields = read_vtu(name + '.vtu')
-        report('sample %s' % name, done.returncode == 0 and not done.stderr and (len(points), len(cells)) == (vertices, tets)
+        report('sample %s' % name, done.returncode == 0 and not done.stderr and
+               (len(points), len(cells)) == (vertices, tets)
                and active_scalars(name + '.vtu') == list(fields)[0], (done, len(points), len(cells), list(fields)))
     points, _, fields = read_vtu('cube.vtu')
     report('cube: the field is x y z', np.array_equal(fields['xyz'], points.prod(axis=1)))
@@ -55,7 +57,8 @@ def names_in_xml():
     """Names with what XML reserves, in every XML that is written: of files, of fields, of streams."""
     name = 'a&b<"c>\''
     done = tetlod('sample', 'wake', '--steps', '2', '--size', '4', '-o', path(name + '.pvd'))
-    parts = [part.get('file') for part in ElementTree.parse(path(name + '.pvd')).iter('DataSet')] if done.returncode == 0 else done
+    parts = [part.get('file') for part in ElementTree.parse(path(name +
+                                                                 '.pvd')).iter('DataSet')] if done.returncode == 0 else done
     report('a PVD file names its parts as XML wants it', parts == ['%s_%d.vtu' % (name, i) for i in range(2)], parts)
     built = tetlod('build', path(name + '.pvd'), '-o', path(name + '.tetlod'), '--quiet')
     report('and is read again', built.returncode == 0, built)
@@ -74,19 +77,24 @@ def names_in_xml():
         found = [one.get('Name') for one in ElementTree.fromstring(text + end).iter()]
         report('names in %s' % extension, name in found and (extension == 'vtp' or 'd&e' in found), (done, found))
     done = tetlod('plot', path('names.tetlod'), '-o', path('names.svg'))
-    report('names in svg', done.returncode == 0 and name in ''.join(ElementTree.parse(path('names.svg')).getroot().itertext()), done)
+    report('names in svg', done.returncode == 0 and
+           name in ''.join(ElementTree.parse(path('names.svg')).getroot().itertext()), done)
 
 
 def usage():
     for name, arguments, mentions in (
             ('no name', ['sample', '-o', 'x.vtu'], 'NAME'), ('unknown name', ['sample', 'ball', '-o', 'x.vtu'], 'ball'),
-            ('no output', ['sample', 'cube'], '-o'), ('nothing moves', ['sample', 'cube', '--steps', '2', '-o', 'x.pvd'], 'wake'),
+            ('no output', ['sample', 'cube'], '-o'), ('nothing moves',
+                                                      ['sample', 'cube', '--steps', '2', '-o', 'x.pvd'], 'wake'),
             ('a series is a PVD file', ['sample', 'wake', '--steps', '2', '-o', 'x.vtu'], '.pvd'),
-            ('no steps', ['sample', 'wake', '--steps', '0', '-o', 'x.pvd'], 'steps'), ('size 0', ['sample', 'cube', '--size', '0', '-o', 'x.vtu'], 'size'),
+            ('no steps', ['sample', 'wake', '--steps', '0', '-o', 'x.pvd'], 'steps'), ('size 0',
+                                                                                       ['sample', 'cube', '--size',
+                                                                                        '0', '-o', 'x.vtu'], 'size'),
             ('size too large', ['sample', 'cube', '--size', '501', '-o', 'x.vtu'], '500'),
             ('unknown extension', ['sample', 'cube', '-o', 'x.obj'], '.vtu'),
             ('no extension', ['convert', path('fin.vtu'), '-o', 'x'], 'extension'),
-            ('no input', ['convert', '-o', 'x.vtu'], 'INPUT'), ('two inputs', ['convert', 'a', 'b', '-o', 'x.vtu'], 'INPUT'),
+            ('no input', ['convert', '-o', 'x.vtu'], 'INPUT'), ('two inputs', ['convert', 'a', 'b', '-o', 'x.vtu'],
+                                                                'INPUT'),
             ('unknown option', ['convert', '--fast', 'a', '-o', 'x.vtu'], '--fast'),
             ('option without value', ['convert', 'a', '-o'], '-o')):
         done = tetlod(*arguments)
@@ -127,7 +135,8 @@ def plot3d():
             with open(path('grid.xyz'), 'wb') as file:
                 file.write(head + points.T.astype(order + kind).tobytes())
             with open(path('flow.q'), 'wb') as file:
-                file.write(head + np.concatenate([[1, 2, 3, 4], values.ravel()]).astype(order + kind).tobytes() + b'more')
+                file.write(head + np.concatenate([[1, 2, 3, 4], values.ravel()]).astype(order + kind).tobytes() +
+                           b'more')
             done = tetlod('convert', path('grid.xyz'), '--q', path('flow.q'), '-o', path('out.vtu'))
             got, cells, fields = read_vtu('out.vtu')
             p = got.astype(float)[cells]
@@ -184,16 +193,19 @@ def output():
     for out in 'full.tetlod', 'rest.tetlod':
         os.symlink('/dev/full', path(out))
     done = tetlod('build', path('small.vtu'), '-o', path('full.tetlod'), '--quiet')
-    report('build says which device is full', done.returncode == 1 and done.stderr.startswith(b'tetlod: ' + path('full.tetlod').encode())
+    report('build says which device is full', done.returncode == 1 and
+           done.stderr.startswith(b'tetlod: ' + path('full.tetlod').encode())
            and b'No space' in done.stderr, done)
     tetlod('build', path('small.vtu'), '-o', path('small.tetlod'), '--quiet')
     done = tetlod('extract', path('small.tetlod'), '-o', path('rest.tetlod'), '--error', '1%')
-    report('extract as well', done.returncode == 1 and done.stderr.startswith(b'tetlod: ' + path('rest.tetlod').encode())
+    report('extract as well', done.returncode == 1 and
+           done.stderr.startswith(b'tetlod: ' + path('rest.tetlod').encode())
            and b'No space' in done.stderr, done)
     for words in ('info', '--json', path('small.tetlod')), ('help', 'build'):
         with open('/dev/full', 'w') as full:
             done = subprocess.run([TETLOD, *words], stdout=full, stderr=subprocess.PIPE)
-        report('what cannot be printed is said: ' + words[0], done.returncode == 1 and b'cannot write to standard output' in done.stderr, done)
+        report('what cannot be printed is said: ' + words[0], done.returncode == 1 and
+               b'cannot write to standard output' in done.stderr, done)
     done = subprocess.run('"%s" sample cube --size 2 -o "%s" && "%s" convert "%s" -o "%s"' % (
         TETLOD, path('a.vtu'), TETLOD, path('a.vtu'), path('a.vtu')), shell=True)
     report('the input is not written onto', done.returncode == 2 and len(read_vtu('a.vtu')[1]) == 48)

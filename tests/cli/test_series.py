@@ -26,7 +26,8 @@ def exact_case():
     for number in (0, 7, 8, STEPS - 1):
         (points, cells, fields), _ = step('wake.tetlod', '--step', str(number), '--original-order')
         wanted = read_vtu('wake_%d.vtu' % number)
-        if not (np.array_equal(points, wanted[0]) and np.array_equal(cells, wanted[1]) and set(fields) == {'Pressure', 'Velocity:mag', 'Velocity'}):
+        if not (np.array_equal(points, wanted[0]) and np.array_equal(cells, wanted[1]) and
+                set(fields) == {'Pressure', 'Velocity:mag', 'Velocity'}):
             return 'another mesh at step %d' % number
         for name in ('Pressure', 'Velocity'):
             if fields[name].tobytes() != wanted[2][name].tobytes():
@@ -42,7 +43,8 @@ def within_case():
             (points, _, fields), said = step('wake.tetlod', '--step', str(number), '--error', str(error))
             promised = float(re.search(r'Pressure within (\S+) %', said).group(1)) / 100
             must('convert', path('wake_%d.vtu' % number), '-o', path('original.vtk'))
-            done = must('compare', path('wake_%d.vtu' % number), path('step.vtu'), '--field', 'Pressure').stdout.decode()
+            done = must('compare', path('wake_%d.vtu' % number), path('step.vtu'), '--field',
+                        'Pressure').stdout.decode()
             found = float(re.search(r'max +\S+ % of the range \((\S+)\)', done).group(1)) / width
             if not 0 < found <= promised <= error:
                 return 'step %d: %g of the range, promised %g, asked %g' % (number, found, promised, error)
@@ -80,21 +82,24 @@ def plot_case():
     if [kind for kind, _ in curves] != ['rms', 'sampled'] * 2 or len(promises) != 2 or '>5 %<' not in picture:
         return picture
     for (_, rms), (_, sampled), promise in zip(curves[::2], curves[1::2], promises):
-        if not len(rms) == len(sampled) == STEPS or not all(r[1] > s[1] >= promise - 0.02 and r[0] == s[0] for r, s in zip(rms, sampled)):
+        if not len(rms) == len(sampled) == STEPS or not all(r[1] > s[1] >= promise - 0.02 and r[0] == s[0] for r,
+                                                            s in zip(rms, sampled)):
             return rms, sampled, promise
     return None
 
 
 def band_case():
     """An error of --bands is a rung of the ladder, even one between the round errors."""
-    must('build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '10%,4%,2%', '-o', path('bands.tetlod'))
+    must('build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '10%,4%,2%', '-o',
+         path('bands.tetlod'))
     tets = [band['tets'] for band in info(path('bands.tetlod'))['series']['bands']]
     return None if tets[0] < 0.97 * tets[1] < 0.97 ** 2 * tets[2] else tets
 
 
 def few_keys_case():
     """With little memory some steps drive, and what the others are certified to holds as well."""
-    build = ['build', path('wake.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('keys.tetlod'), '--memory']
+    build = ['build', path('wake.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o',
+             path('keys.tetlod'), '--memory']
     kilobytes = int(re.search(r'needs about (\d+) MB', tetlod(*build, '1M').stderr.decode()).group(1)) * 1024
     for kilobytes in range(kilobytes - 1024, kilobytes + 4096, 80):
         done = tetlod(*build, '%dK' % kilobytes)
@@ -117,9 +122,11 @@ def memory_case():
     sets = ''.join('<DataSet timestep="%d" file="few_%d.vtu"/>' % (i, i % STEPS) for i in range(1000))
     with open(path('many.pvd'), 'w') as file:
         file.write('<VTKFile type="Collection" version="0.1"><Collection>%s</Collection></VTKFile>' % sets)
-    build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('many.tetlod'), '--json', '--quiet']
+    build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o',
+             path('many.tetlod'), '--json', '--quiet']
     room = 2 + int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1))
-    peaks = [json.loads(must(*build, '--memory', '%dM' % room, '--threads', '8', '--times', times).stdout)['peak_memory'] / 2 ** 20 for times in ('0:99', ':')]
+    peaks = [json.loads(must(*build, '--memory', '%dM' % room, '--threads', '8', '--times',
+                             times).stdout)['peak_memory'] / 2 ** 20 for times in ('0:99', ':')]
     return None if peaks[1] - peaks[0] < 1.2 and max(peaks) < 1.1 * room else (peaks, room)
 
 
@@ -142,8 +149,10 @@ def temporary_case():
 def files_case():
     names = [path('wake_%d.vtu' % i) for i in (3, 5, 9)]
     must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%', '-o', path('files.tetlod'))
-    said = must('verify', path('files.tetlod'), *[word for name in names for word in ('--against', name)]).stdout.decode()
-    must('build', path('wake.pvd'), '--times', '3:9:3', '--field', 'Pressure', '--carry', 'Pressure', '-o', path('some.tetlod'))
+    said = must('verify', path('files.tetlod'),
+                *[word for name in names for word in ('--against', name)]).stdout.decode()
+    must('build', path('wake.pvd'), '--times', '3:9:3', '--field', 'Pressure', '--carry', 'Pressure', '-o',
+         path('some.tetlod'))
     some = info(path('some.tetlod'))['series']
     must('verify', path('some.tetlod'), '--against', path('wake.pvd'), '--times', '3:9:3')
     wrong = tetlod('verify', path('some.tetlod'), '--against', path('wake.pvd'), '--times', '4:10:3')
@@ -195,7 +204,8 @@ def own_range_case():
         names.append(write_grid('fading_%d.vtu' % number, grid))
     largest = {}
     for relative in ('series', 'step'):
-        must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%', '--range', relative, '-o', path('fading.tetlod'))
+        must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%', '--range', relative, '-o',
+             path('fading.tetlod'))
         must('verify', path('fading.tetlod'), *[word for name in names for word in ('--against', name)])
         largest[relative] = 0
         if info(path('fading.tetlod'))['series']['relative_to'] != relative:
@@ -219,11 +229,13 @@ def own_table_case():
         array.SetName('fading')
         grid.GetPointData().AddArray(array)
         names.append(write_grid('fades_%d.vtu' % number, grid))
-    must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%,2%,1%,0.5%,0.2%', '--range', 'step', '-o', path('fades.tetlod'))
+    must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%,2%,1%,0.5%,0.2%', '--range', 'step',
+         '-o', path('fades.tetlod'))
     stream, width, most = client.open(path('fades.tetlod')), np.ptp(np.array(steps, float)), 0
     for band in 0.05, 0.02, 0.01, 0.005, 0.002:
         for number, values in enumerate(steps):
-            most = max(most, stream.at(number, band).errors['fading']['max'] * width / (band * np.ptp(values.astype(float))))
+            most = max(most, stream.at(number,
+                                       band).errors['fading']['max'] * width / (band * np.ptp(values.astype(float))))
     return None if 0.99 < most <= 1 + 1e-12 else most
 
 
@@ -233,7 +245,8 @@ def turn(name, points, time):
     grid = read_grid(name)
     x, y, z = points.astype(np.float64).T
     angle = 0.5 * time * x / 12
-    moved = np.stack([x * (1 + 0.05 * time), y * np.cos(angle) - z * np.sin(angle), y * np.sin(angle) + z * np.cos(angle) + time], axis=1)
+    moved = np.stack([x * (1 + 0.05 * time), y * np.cos(angle) - z * np.sin(angle),
+                      y * np.sin(angle) + z * np.cos(angle) + time], axis=1)
     grid.GetPoints().SetData(numpy_to_vtk(moved.astype(points.dtype), deep=True))
     return write_grid('moved_%s' % name, grid)
 
@@ -241,7 +254,8 @@ def turn(name, points, time):
 def moving_case(dtype):
     points = read_vtu('wake_0.vtu')[0].astype(dtype)
     names = [turn('wake_%d.vtu' % i, points, i / 8) for i in range(0, 9, 2)]
-    said = must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%,1%', '--keep-order', '-o', path('moving.tetlod')).stderr.decode()
+    said = must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%,1%', '--keep-order',
+                '-o', path('moving.tetlod')).stderr.decode()
     against = [word for name in names for word in ('--against', name)]
     checked = must('verify', path('moving.tetlod'), *against).stdout.decode()
     series = info(path('moving.tetlod'))['series']
@@ -276,11 +290,13 @@ def shaking_case(offset, amplitude):
     for number in range(4):
         grid, swing = read_grid('rest.vtu'), amplitude * number
         x, y, z = points.astype(np.float64).T
-        moved.append(np.stack([x + offset + swing * np.sin(x + y), y + swing * np.cos(z), z + swing * np.sin(0.7 * x)], axis=1).astype(np.float32).astype(float))
+        moved.append(np.stack([x + offset + swing * np.sin(x + y), y + swing * np.cos(z), z + swing * np.sin(0.7 * x)],
+                              axis=1).astype(np.float32).astype(float))
         grid.GetPoints().SetData(numpy_to_vtk(moved[-1].astype(np.float32), deep=True))
         write_grid('shaking_%d.vtu' % number, grid)
     names = [path('shaking_%d.vtu' % number) for number in range(4)]
-    must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%,1%,0.1%', '-o', path('shaking.tetlod'))
+    must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%,1%,0.1%', '-o',
+         path('shaking.tetlod'))
     stream, corners = client.open(path('shaking.tetlod')), moved[0][cells]
     width = np.ptp([moved[number] - moved[0] for number in range(4)])
     low, high, inverse = corners.min(1), corners.max(1), np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
@@ -303,38 +319,56 @@ def shaking_case(offset, amplitude):
 
 def refuse_others():
     must('sample', 'cube', '--size', '3', '-o', path('other.vtu'))
-    fails('another mesh', 3, ['step 1', 'other.vtu', 'Pressure'], 'build', path('wake_0.vtu'), path('other.vtu'), '-o', path('x.tetlod'))
-    fails('a file that is not there', 1, ['bare.vtu'], 'build', path('wake_0.vtu'), path('bare.vtu'), '-o', path('x.tetlod'))
+    fails('another mesh', 3, ['step 1', 'other.vtu', 'Pressure'], 'build', path('wake_0.vtu'), path('other.vtu'), '-o',
+          path('x.tetlod'))
+    fails('a file that is not there', 1, ['bare.vtu'], 'build', path('wake_0.vtu'), path('bare.vtu'), '-o',
+          path('x.tetlod'))
     report('nothing is left', not os.path.exists(path('x.tetlod')))
-    crafted = os.path.join(os.environ.get('ROOT', '.'), 'tests', 'fuzz', 'corpus', 'reader', 'exact_band_below_the_original')
-    fails('an exact band below the finest level', 3, ['the table of steps does not go with the stream'], 'extract', crafted, '--step', '0', '--original-order',
+    crafted = os.path.join(os.environ.get('ROOT', '.'), 'tests', 'fuzz', 'corpus', 'reader',
+                           'exact_band_below_the_original')
+    fails('an exact band below the finest level', 3, ['the table of steps does not go with the stream'], 'extract',
+          crafted, '--step', '0', '--original-order',
           '-o', path('x.vtu'))
 
 
 def refuse_options():
-    for words, options in ((['--certify exact'], ['--certify', 'exact']), (['rounding'], ['--position-bits', '12']), (['--domain-error'], ['--domain-error', '0.01'])):
+    for words, options in ((['--certify exact'], ['--certify', 'exact']), (['rounding'], ['--position-bits', '12']),
+                           (['--domain-error'], ['--domain-error', '0.01'])):
         done = tetlod('build', path('wake.pvd'), *options, '-o', path('x.tetlod'))
         message = done.stderr.decode()
-        report('refused: ' + options[0], done.returncode in (2, 3) and message.count('\n') == 1 and all(word in message for word in words), done)
-    for name, words, arguments in (('--times', '--times', ['build', path('wake.pvd'), '--times', '3:1']), ('--bands', '--bands', ['build', path('wake.pvd'), '--bands', '1%,5%']),
+        report('refused: ' + options[0], done.returncode in (2, 3) and message.count('\n') == 1 and
+               all(word in message for word in words), done)
+    for name, words, arguments in (('--times', '--times', ['build', path('wake.pvd'), '--times', '3:1']),
+                                   ('--bands', '--bands', ['build', path('wake.pvd'), '--bands', '1%,5%']),
                                    ('--range', '--range', ['build', path('wake.pvd'), '--range', 'steps']),
-                                   ('files and --time', '--time', ['build', path('wake_0.vtu'), path('wake_1.vtu'), '--time', '1']),
-                                   ('a step and a level', '--level', ['extract', path('wake.tetlod'), '--step', '1', '--level', '2', '-o', path('x.vtu')]),
-                                   ('a step and a time', '--time', ['extract', path('wake.tetlod'), '--step', '1', '--time', '2', '-o', path('x.vtu')])):
+                                   ('files and --time', '--time',
+                                    ['build', path('wake_0.vtu'), path('wake_1.vtu'), '--time', '1']),
+                                   ('a step and a level', '--level',
+                                    ['extract', path('wake.tetlod'), '--step', '1', '--level', '2', '-o',
+                                     path('x.vtu')]),
+                                   ('a step and a time', '--time',
+                                    ['extract', path('wake.tetlod'), '--step', '1', '--time', '2', '-o',
+                                     path('x.vtu')])):
         fails('usage: ' + name, 2, [words], *arguments)
-    fails('a file behind an option without a value', 2, ['wake_1.vtu is a second step', '--json', 'no value'], 'build', path('wake_0.vtu'), '--json', path('wake_1.vtu'),
+    fails('a file behind an option without a value', 2, ['wake_1.vtu is a second step', '--json', 'no value'], 'build',
+          path('wake_0.vtu'), '--json', path('wake_1.vtu'),
           '--certify', 'exact', '-o', path('x.tetlod'))
-    fails('a step that is not there', 2, ['step 99'], 'extract', path('wake.tetlod'), '--step', '99', '-o', path('x.vtu'))
+    fails('a step that is not there', 2, ['step 99'], 'extract', path('wake.tetlod'), '--step', '99', '-o',
+          path('x.vtu'))
     fails('a stream without steps', 2, ['no series'], 'extract', path('one.tetlod'), '--step', '0', '-o', path('x.vtu'))
-    fails('a picture over time of one', 2, ['one.tetlod', 'no series'], 'plot', path('one.tetlod'), '--steps', '-o', path('x.svg'))
-    fails('a picture of a field without steps', 3, ["'Speed'"], 'plot', path('wake.tetlod'), '--steps', '--field', 'Speed', '-o', path('x.svg'))
+    fails('a picture over time of one', 2, ['one.tetlod', 'no series'], 'plot', path('one.tetlod'), '--steps', '-o',
+          path('x.svg'))
+    fails('a picture of a field without steps', 3, ["'Speed'"], 'plot', path('wake.tetlod'), '--steps', '--field',
+          'Speed', '-o', path('x.svg'))
 
 
 must('sample', 'wake', '--size', '5', '--steps', str(STEPS), '-o', path('wake.pvd'))
-build = ['build', path('wake.pvd'), '--field', 'Pressure', '--field', 'Velocity:mag', '--bands', '5%,1%', '--keep-order']
+build = ['build', path('wake.pvd'), '--field', 'Pressure', '--field', 'Velocity:mag', '--bands', '5%,1%',
+         '--keep-order']
 succeeds('build a series', *build, '--threads', '2', '-o', path('wake.tetlod'))
 must(*build, '--threads', '1', '-o', path('again.tetlod'))
-report('the same bytes on one thread', open(path('wake.tetlod'), 'rb').read() == open(path('again.tetlod'), 'rb').read())
+report('the same bytes on one thread',
+       open(path('wake.tetlod'), 'rb').read() == open(path('again.tetlod'), 'rb').read())
 succeeds('verify holds every step against the input', 'verify', path('wake.tetlod'), '--against', path('wake.pvd'))
 
 def other_times_case():
@@ -342,7 +376,8 @@ def other_times_case():
     with open(path('wake.pvd')) as file:
         text = file.read()
     times = re.findall(r'timestep="([^"]*)"', text)
-    write('later.pvd', text.replace('timestep="%s"' % times[3], 'timestep="%.17g"' % (0.9 * float(times[3]) + 0.1 * float(times[4]))))
+    write('later.pvd', text.replace('timestep="%s"' % times[3],
+                                    'timestep="%.17g"' % (0.9 * float(times[3]) + 0.1 * float(times[4]))))
     done = tetlod('verify', path('keys.tetlod'), '--against', path('later.pvd'))
     must('verify', path('keys.tetlod'), '--against', path('wake.pvd'))
     return None if done.returncode == 3 and b'step 3: its time is' in done.stderr else done
@@ -367,7 +402,8 @@ def stretched_case():
     names = []
     for step in range(4):
         names.append('flat_%d.vtu' % step)
-        save(names[-1], points * [1, 1, 1e-7] + [0, 0, 1000], tets, {'level': np.floor(4 * points[:, 0] + 3 * points[:, 2] * step) * 10.0 ** -(3 * step)}, {})
+        save(names[-1], points * [1, 1, 1e-7] + [0, 0, 1000], tets,
+             {'level': np.floor(4 * points[:, 0] + 3 * points[:, 2] * step) * 10.0 ** -(3 * step)}, {})
     must('build', *names, '--field', 'level', '--range', 'step', '-o', 'flat.tetlod', '--quiet')
     must('verify', 'flat.tetlod', *[word for name in names for word in ('--against', name)])
     return None

@@ -34,7 +34,8 @@ def main():
     must('convert', path('noisy.vtk'), '-o', path('noisy.vtu'))
     must('build', path('noisy.vtk'), '--field', 'n1', '-o', path('noisy.tetlod'), '--quiet')
     stream, vtu = (os.path.getsize(path(name)) for name in ('noisy.tetlod', 'noisy.vtu'))
-    report('values that repeat but for noise: the stream is the smaller', stream < vtu, '%d bytes, VTU %d' % (stream, vtu))
+    report('values that repeat but for noise: the stream is the smaller', stream < vtu,
+           '%d bytes, VTU %d' % (stream, vtu))
 
 
 main()

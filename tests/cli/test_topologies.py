@@ -79,7 +79,8 @@ def same_bytes_case():
     with open(path('changes.tetlod'), 'rb') as file:
         wanted = file.read()
     for threads in ('1', '3'):
-        must('build', path('changes.pvd'), '-o', path('again.tetlod'), '--field', 'Pressure', '--threads', threads, '--quiet', '--keep-order')
+        must('build', path('changes.pvd'), '-o', path('again.tetlod'), '--field', 'Pressure', '--threads', threads,
+             '--quiet', '--keep-order')
         with open(path('again.tetlod'), 'rb') as file:
             if file.read() != wanted:
                 return 'other bytes with %s threads' % threads
@@ -117,7 +118,8 @@ def refused_case():
 
 
 must('sample', 'wake', '--size', '5', '--steps', str(STEPS), '--remesh', str(EACH), '-o', path('changes.pvd'))
-said = must('build', path('changes.pvd'), '-o', path('changes.tetlod'), '--field', 'Pressure', '--keep-order').stderr.decode()
+said = must('build', path('changes.pvd'), '-o', path('changes.tetlod'), '--field', 'Pressure',
+            '--keep-order').stderr.decode()
 report('every group is said', said.count('topology group') >= 3 and 'steps 3 to 5' in said, said)
 case('exact values on both sides of every border', exact_case)
 case('info says where the groups are; the range is that of all steps', info_case)

@@ -29,7 +29,8 @@ def test_plugin():
                       ('build', 'wake.pvd', '--field', 'Pressure', '-o', series, '--quiet')):
         subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
     with Server(stream, series) as server:
-        done = subprocess.run([*PVPYTHON, '--force-offscreen-rendering', os.path.join(ROOT, 'tests', 'clients', 'paraview_script.py'),
+        done = subprocess.run([*PVPYTHON, '--force-offscreen-rendering',
+                               os.path.join(ROOT, 'tests', 'clients', 'paraview_script.py'),
                                tetlod.paraview_plugin(), stream, server.url + 'v1/meshes/fin',
                                series, server.url + 'v1/meshes/wake', SCRATCH],
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -37,7 +38,8 @@ def test_plugin():
     assert done.returncode == 0 and len(found) == 6, done.stdout
     for percent, cells, points, fields in found:
         mesh = tetlod.read(stream, error=percent + '%')
-        assert (int(cells), int(points)) == (len(mesh.tets), len(mesh.points)) and fields == str(sorted(mesh.fields)), (percent, cells, points, fields)
+        assert (int(cells), int(points)) == (len(mesh.tets),
+                                             len(mesh.points)) and fields == str(sorted(mesh.fields)), (percent, cells, points, fields)
     assert "fields ['Pressure']" in done.stdout, done.stdout
     check_steps(tetlod.open(series), done.stdout)
     if not os.environ.get('DISPLAY'):
@@ -56,7 +58,8 @@ def check_steps(series, printed):
     for percent, time, cells, low, high, shown in found:
         mesh = series.at(float(time), percent + '%')
         values = mesh.fields['Pressure']
-        assert (int(cells), float(low), float(high), float(shown)) == (len(mesh.tets), values.min(), values.max(), mesh.time), (percent, time, printed)
+        assert (int(cells), float(low), float(high), float(shown)) == (len(mesh.tets), values.min(), values.max(),
+                                                                       mesh.time), (percent, time, printed)
 
 
 STUB = """

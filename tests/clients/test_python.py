@@ -40,13 +40,15 @@ FIN = os.path.join(SCRATCH, 'fin.tetlod')
 
 
 def same(a, b):
-    return np.array_equal(a.points, b.points) and np.array_equal(a.tets, b.tets) and a.fields.keys() == b.fields.keys() and \
+    return np.array_equal(a.points, b.points) and np.array_equal(a.tets,
+                                                                 b.tets) and a.fields.keys() == b.fields.keys() and \
         all(np.array_equal(a.fields[name], b.fields[name]) for name in a.fields) and a.level == b.level and \
         (a.error == b.error or a.error != a.error and b.error != b.error)
 
 
 def command(*arguments):
-    subprocess.run([TETLOD, *arguments], check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    subprocess.run([TETLOD, *arguments], check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                   stderr=subprocess.DEVNULL)
 
 
 def raises(kind, words, function, *arguments, **more):
@@ -95,7 +97,8 @@ def test_levels_are_those_of_the_program():
         for made in (grid, mesh.to_vtk()):
             assert np.array_equal(vtk_to_numpy(made.GetPoints().GetData()), mesh.points)
             assert np.array_equal(vtk_to_numpy(made.GetCells().GetConnectivityArray()).reshape(-1, 4), mesh.tets)
-            assert all(np.array_equal(vtk_to_numpy(made.GetPointData().GetArray(name)), mesh.fields[name]) for name in mesh.fields)
+            assert all(np.array_equal(vtk_to_numpy(made.GetPointData().GetArray(name)),
+                                      mesh.fields[name]) for name in mesh.fields)
         assert mesh.error <= float(error[:-1]) / 100 and made.GetCellType(0) == 10
 
 
@@ -103,7 +106,8 @@ def test_choices():
     with open(os.path.join(ROOT, 'tests', 'choices', 'choices.json')) as file:
         table = json.load(file)
     fields = [_model.Field(f['name'], 1, 'float64', tuple(f['range']), f['controlled']) for f in table['fields']]
-    levels = [_model.Level(k['level'], k.get('vertices', 0), k.get('tets', 0), k.get('bytes', 0), 0, k['errors']) for k in table['levels']]
+    levels = [_model.Level(k['level'], k.get('vertices', 0), k.get('tets', 0), k.get('bytes', 0), 0,
+                           k['errors']) for k in table['levels']]
     for question in table['questions']:
         choice = _model.Choice(**{name: value for name, value in question.items() if name != 'level'})
         assert _model.level_for(fields, levels, choice) == question['level'], question
@@ -176,17 +180,20 @@ def test_server():
         url = server.url + 'v1/meshes/fin'
         for decoder in ('library', 'python'):
             reports = []
-            with tetlod.open(url, error=0.01, decoder=decoder, progress=lambda *report: reports.append(report)) as stream:
+            with tetlod.open(url, error=0.01, decoder=decoder,
+                             progress=lambda *report: reports.append(report)) as stream:
                 for mesh in stream:
                     pass
                 assert same(mesh, wanted) and stream._source.requests == 1
                 assert reports[-1] == (wanted_bytes(wanted), wanted_bytes(wanted))
-                assert stream.refine() and stream._source.requests == 2 and same(stream.mesh, tetlod.open(FIN).seek(wanted.level + 1).mesh)
+                assert stream.refine() and stream._source.requests == 2 and same(stream.mesh,
+                                                                                 tetlod.open(FIN).seek(wanted.level + 1).mesh)
                 assert np.array_equal(stream.mesh.tets, tetlod.read(FIN, level=wanted.level + 1).tets)
                 assert stream.seek(0).level == 0 and stream._source.requests == 2
         assert same(tetlod.read(server.url + 'view/fin#field=Pressure', error=0.01), wanted)
         assert same(tetlod.read(url), tetlod.read(FIN))
-        assert np.array_equal(tetlod.read(url, abs_error=0.1, field='Pressure').tets, tetlod.read(FIN, abs_error=0.1, field='Pressure').tets)
+        assert np.array_equal(tetlod.read(url, abs_error=0.1, field='Pressure').tets,
+                              tetlod.read(FIN, abs_error=0.1, field='Pressure').tets)
         raises(OSError, '404', tetlod.read, server.url + 'v1/meshes/none')
         raises(OSError, "'T'", tetlod.read, url, error=0.1, field='T')
         # any host that answers Range requests
@@ -239,14 +246,17 @@ def test_cells_cut_off():
         whole = file.read()
     ends = [section['offset'] + section['stored'] for section in stream.sections if section['tag'] == 'CVAL']
     for decoder in ('library', 'python'):
-        for size, level, held in ((stream.levels[4]['bytes'], 4, []), (ends[0], len(stream.levels) - 1, ['one']), (ends[1] - 1, len(stream.levels) - 1, ['one'])):
+        for size, level, held in ((stream.levels[4]['bytes'], 4, []), (ends[0], len(stream.levels) - 1, ['one']),
+                                  (ends[1] - 1, len(stream.levels) - 1, ['one'])):
             with warnings.catch_warnings(record=True) as warned:
                 warnings.simplefilter('always')
                 warnings.simplefilter('ignore', ResourceWarning)
                 found = tetlod.read(whole[:size], decoder=decoder)
             assert found.level == level and list(found.cells) == held and 'two' not in found.cells and 'values of cells' in str(warned[0].message)
             wanted = tetlod.read(whole, level=level, decoder=decoder)
-            assert np.array_equal(wanted.points, found.points) and all(np.array_equal(wanted.cells[name], found.cells[name]) for name in held)
+            assert np.array_equal(wanted.points,
+                                  found.points) and all(np.array_equal(wanted.cells[name],
+                                                                       found.cells[name]) for name in held)
             found.to_vtk()
 
 
@@ -255,9 +265,11 @@ def test_cells():
     mesh = tetlod.read(FIN)
     material = (mesh.points[mesh.tets].mean(axis=1)[:, 0] > 0).astype('i4')
     made = os.path.join(SCRATCH, 'material.tetlod')
-    tetlod.build(mesh.points, mesh.tets, mesh.fields, cells={'material': material}, output=made, program=TETLOD, field='Pressure')
+    tetlod.build(mesh.points, mesh.tets, mesh.fields, cells={'material': material}, output=made, program=TETLOD,
+                 field='Pressure')
     level = tetlod.read(made, error=0.02)
-    assert list(level.cells) == ['material'] and set(level.cells['material']) == {0, 1} and level.cells['material'].dtype.kind == 'i'
+    assert list(level.cells) == ['material'] and set(level.cells['material']) == {0,
+                                                                                  1} and level.cells['material'].dtype.kind == 'i'
     assert level.to_meshio().cell_data['material'][0].shape == (len(level.tets),)
     assert level.to_vtk().GetCellData().GetArray('material').GetNumberOfTuples() == len(level.tets)
     with Server(made) as server:
@@ -283,19 +295,24 @@ def test_series():
         streams = [tetlod.open(path, decoder=decoder) for decoder in ('library', 'python')]
         times = streams[0].times
         assert len(times) > 8 and times == streams[1].times
-        for time, choice in ((times[3], {}), (0.7 * times[7] + 0.3 * times[8], {'error': '10%'}), (times[0] - 1e-9, {'abs_error': 1e9}),
+        for time, choice in ((times[3], {}), (0.7 * times[7] + 0.3 * times[8], {'error': '10%'}),
+                             (times[0] - 1e-9, {'abs_error': 1e9}),
                              (times[2], {'error': 1.0})):
             a, b = meshes = [stream.at(time, **choice) for stream in streams]
             assert same(a, b) and a.time == b.time and a.errors == b.errors and a.fields, (path, time)
-            assert a.time == min(times, key=lambda t: abs(t - time)) and a.error <= (0.1 if choice == {'error': '10%'} else 1.0)
+            assert a.time == min(times,
+                                 key=lambda t: abs(t -
+                                                   time)) and a.error <= (0.1 if choice == {'error': '10%'} else 1.0)
             assert all(stream.level == -1 for stream in streams)  # it stays where it was
         for stream, far in zip(streams, (-1e300, times[-1] + 2)):
             raises(ValueError, 'the nearest is', stream.at, far)
             if choice != {'error': 1.0}:
-                options = [word for name, value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
+                options = [word for name,
+                           value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
                 command('extract', path, '--time', repr(time), *options, '-o', os.path.join(SCRATCH, 'step.vtu'))
                 points, tets, fields = read_vtu('step.vtu')
-                assert np.array_equal(points, a.points) and np.array_equal(tets, a.tets) and fields.keys() == a.fields.keys(), path
+                assert np.array_equal(points, a.points) and np.array_equal(tets,
+                                                                           a.tets) and fields.keys() == a.fields.keys(), path
                 assert all(fields[name].tobytes() == a.fields[name].astype(fields[name].dtype).tobytes() for name in fields), (path, time)
         for name in meshes[0].fields:
             raises(ValueError, 'read-only', a.fields[name].__setitem__, 0, 1.0)
@@ -308,7 +325,8 @@ def test_series():
             level = stream.levels[stream.at(0.5, '5%').level]
             assert len(stream._source.data) == level.bytes < stream.levels[-1].bytes, (len(stream._source.data), level)
             static = '%sv1/meshes/wake/%s/stream' % (server.url, stream.info.cid)
-            with mock.patch.multiple(tetlod._sources, FIRST=2048, CHUNK=2048):  # the table of steps needs none of the levels
+            with mock.patch.multiple(tetlod._sources, FIRST=2048,
+                                     CHUNK=2048):  # the table of steps needs none of the levels
                 stream = tetlod.open(static, decoder=decoder)
                 assert len(stream.times) == 12 and len(stream._source.data) < stream.levels[-1].bytes / 2, len(stream._source.data)
 
@@ -360,7 +378,8 @@ def test_levels_while_bytes_arrive():
 
 def canonical(mesh):
     """Tetrahedra as points and values, in an order that does not depend on numbering."""
-    rows = np.hstack([mesh.points, *(np.reshape(mesh.fields[name], (len(mesh.points), -1)) for name in sorted(mesh.fields))])
+    rows = np.hstack([mesh.points,
+                      *(np.reshape(mesh.fields[name], (len(mesh.points), -1)) for name in sorted(mesh.fields))])
     corners = rows[mesh.tets]
     sortable = np.sort(np.ascontiguousarray(corners).view([('', corners.dtype)] * corners.shape[2])[..., 0], axis=1)
     return np.sort(sortable, axis=0)
@@ -377,7 +396,8 @@ def test_build():
         stream = tetlod.open(data)
         assert [f.name for f in stream.fields if f.controlled] == ['Pressure'] and np.array_equal(canonical(tetlod.read(data)), wanted)
     out = os.path.join(SCRATCH, 'made.tetlod')
-    assert tetlod.build(mesh.points, mesh.tets, {'Pressure': mesh.fields['Pressure'].astype('f4')}, output=out, max_error=0.1, **pressure) is None
+    assert tetlod.build(mesh.points, mesh.tets, {'Pressure': mesh.fields['Pressure'].astype('f4')}, output=out,
+                        max_error=0.1, **pressure) is None
     assert tetlod.open(out).fields[0].type == 'float32' and tetlod.read(out, level=0).error <= 0.1
     whole = meshio.read(os.path.join(SCRATCH, 'whole.vtu'))
     tetlod.register_meshio()
@@ -396,8 +416,10 @@ def test_build_by_library():
     fields = {'Pressure': mesh.fields['Pressure'].astype('f4'), 'Velocity': mesh.fields['Velocity']}
     arrays = mesh.points.astype('f4'), mesh.tets, fields
     cells = {'material': (np.arange(len(mesh.tets)) % 3).astype('u1'), 'volume': np.linspace(0, 1, len(mesh.tets))}
-    for options in (dict(field='Pressure'), dict(field=['Velocity:mag', 'Pressure:2%'], max_error='10%', region='none', threads=2),
-                    dict(field='Pressure', certify='exact', min_tets=len(mesh.tets) // 2, keep_order=True, field_bits=16)):
+    for options in (dict(field='Pressure'),
+                    dict(field=['Velocity:mag', 'Pressure:2%'], max_error='10%', region='none', threads=2),
+                    dict(field='Pressure', certify='exact',
+                         min_tets=len(mesh.tets) // 2, keep_order=True, field_bits=16)):
         wanted = tetlod.build(*arrays, cells=cells, program=TETLOD, **options)
         phases = []
         text = wanted[wanted.index(b'{"program":'):].decode('latin-1')  # a byte each; the metadata end where the object does
@@ -406,10 +428,12 @@ def test_build_by_library():
                             progress=lambda phase, done: phases.append((phase, done)), **options)
         assert made == wanted, options
         order = [p for i, (p, _) in enumerate(phases) if i == 0 or phases[i - 1][0] != p]
-        assert order == ['contract', 'measure', 'encode'][-len(order):] and len(order) >= (2 if 'certify' in options else 3), (options, phases)
+        assert order == ['contract', 'measure',
+                         'encode'][-len(order):] and len(order) >= (2 if 'certify' in options else 3), (options, phases)
         assert all(0 <= done <= 1 for _, done in phases)
     out = os.path.join(SCRATCH, 'by_library.tetlod')
-    assert tetlod.build(mesh, output=out, max_error=0.1) is None and len(tetlod.read(out).tets) == len(mesh.tets) and not os.path.exists(out + '.part')
+    assert tetlod.build(mesh, output=out,
+                        max_error=0.1) is None and len(tetlod.read(out).tets) == len(mesh.tets) and not os.path.exists(out + '.part')
     raises(InterruptedError, 'cancelled', tetlod.build, mesh, progress=lambda phase, done: False)
     raises(ZeroDivisionError, 'division', tetlod.build, mesh, progress=lambda phase, done: 1 / 0)
     raises(ValueError, "'T'", tetlod.build, mesh, field='T')
@@ -421,8 +445,10 @@ def test_build_by_library():
 
     assert controlled(mesh.points, mesh.tets)[0].startswith('coordinate_')
     two = {'a': mesh.points[:, 0] ** 2, 'b': mesh.points[:, 1] ** 2, 'number': np.arange(len(mesh.points))}
-    assert controlled(mesh.points, mesh.tets, two) == ['a', 'b'] and controlled(mesh.points, mesh.tets, two, no_field='a') == ['b']
-    raises(ValueError, 'beyond 2^53', tetlod.build, mesh.points, mesh.tets, fields, cells={'i': np.full(len(mesh.tets), 2 ** 60)})
+    assert controlled(mesh.points, mesh.tets, two) == ['a', 'b'] and controlled(mesh.points, mesh.tets, two,
+                                                                                no_field='a') == ['b']
+    raises(ValueError, 'beyond 2^53', tetlod.build, mesh.points, mesh.tets, fields,
+           cells={'i': np.full(len(mesh.tets), 2 ** 60)})
     raises(TypeError, 'complex', tetlod.build, mesh.points, mesh.tets, {'a': np.zeros(len(mesh.points), complex)})
     raises(TypeError, 'progress=', tetlod.build, mesh, program=TETLOD, progress=print)
 
@@ -464,7 +490,8 @@ def test_documents():
             blocks = re.findall(r'```python\n(.*?)```', file.read(), re.S)
         mesh = tetlod.read(FIN)
         make_series(8)
-        names = {'points': mesh.points, 'tets': mesh.tets, 'temperature': mesh.fields['Pressure'], 'grid': with_names(mesh)}
+        names = {'points': mesh.points, 'tets': mesh.tets, 'temperature': mesh.fields['Pressure'],
+                 'grid': with_names(mesh)}
         os.environ['TETLOD'] = TETLOD
         for block in blocks:
             code = block.replace('http://127.0.0.1:8080/', server.url).replace('https://example.org/data/fin.tetlod',
@@ -490,7 +517,8 @@ def with_names(mesh):
 def test_types():
     if not shutil.which('mypy'):
         return 'mypy is not installed'
-    done = subprocess.run(['mypy', '--config-file', 'pyproject.toml', '--cache-dir', os.path.join(SCRATCH, 'mypy'), 'tetlod'], cwd=PACKAGE,
+    done = subprocess.run(['mypy', '--config-file', 'pyproject.toml', '--cache-dir', os.path.join(SCRATCH, 'mypy'),
+                           'tetlod'], cwd=PACKAGE,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, done.stdout
     return None
@@ -498,5 +526,6 @@ def test_types():
 
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '--field', 'Pressure', '-o', FIN)
-run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off, test_cells_cut_off,
+run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices,
+     test_local_sources, test_arrays_are_safe, test_cut_off, test_cells_cut_off,
      test_server, test_cells, test_series, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

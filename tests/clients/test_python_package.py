@@ -18,7 +18,8 @@ ENVIRONMENT.update(PIP_NO_CACHE_DIR='1', PIP_ROOT_USER_ACTION='ignore', TETLOD_L
 
 
 def run(*command, **more):
-    return subprocess.run(command, env=ENVIRONMENT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **more)
+    return subprocess.run(command, env=ENVIRONMENT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, **more)
 
 
 def step(name, done, good=True):
@@ -34,20 +35,25 @@ def main():
                              ignore=shutil.ignore_patterns('build', '*.egg-info', '__pycache__', '.mypy_cache'))
     python = os.path.join(SCRATCH, 'environment', 'bin', 'python')
     pip = ['/usr/bin/python3', '-m', 'pip', '--python', python, 'install']
-    step('a virtual environment', run('/usr/bin/python3', '-m', 'venv', '--without-pip', '--system-site-packages', os.path.join(SCRATCH, 'environment')))
+    step('a virtual environment',
+         run('/usr/bin/python3', '-m', 'venv', '--without-pip', '--system-site-packages',
+             os.path.join(SCRATCH, 'environment')))
     step('pip install .', run(*pip, *OFFLINE, '.', cwd=source))
     code = 'import tetlod; print(tetlod.__file__); print(len(tetlod.read(%r).tets)); import importlib.metadata as m; ' \
         'e, = [e for e in m.entry_points(group="pyvista.readers") if e.name == ".tetlod"]; print(e.load().__name__)' % \
         os.path.join(ROOT, 'tests', 'golden', 'grid_float32.tetlod')
     done = run(python, '-c', code, cwd=SCRATCH)
-    step('it reads a stream, and PyVista finds it', done, 'environment' in done.stdout and 'read_pyvista' in done.stdout)
+    step('it reads a stream, and PyVista finds it', done, 'environment' in done.stdout and
+         'read_pyvista' in done.stdout)
     backend = 'import setuptools.build_meta as b; print(b.build_sdist("dist")); print(b.build_wheel("dist"))'
     step('sdist and wheel', run('/usr/bin/python3', '-c', backend, cwd=source))
     wheel, = glob.glob(os.path.join(source, 'dist', 'tetlod-*-py3-none-any.whl'))
     sdist, = glob.glob(os.path.join(source, 'dist', 'tetlod-*.tar.gz'))
     names = zipfile.ZipFile(wheel).namelist()
-    modules = {'tetlod/' + name for name in os.listdir(os.path.join(source, 'tetlod')) if not name.startswith('__pycache__')}
-    step('the wheel has every module and the mark of its types', done, modules <= set(names) and 'tetlod/py.typed' in names)
+    modules = {'tetlod/' + name for name in os.listdir(os.path.join(source,
+                                                                    'tetlod')) if not name.startswith('__pycache__')}
+    step('the wheel has every module and the mark of its types', done, modules <= set(names) and
+         'tetlod/py.typed' in names)
     with tarfile.open(sdist) as archive:
         archive.extractall(SCRATCH)
     unpacked = sdist[:-len('.tar.gz')].replace(os.path.join(source, 'dist'), SCRATCH)

@@ -59,7 +59,8 @@ def fill(image, depth, p, values):
     v = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / whole
     w = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / whole
     inside = (v >= -1e-6) & (w >= -1e-6) & (v + w <= 1 + 1e-6)
-    t = np.clip((values[0] + v * (values[1] - values[0]) + w * (values[2] - values[0])) * (len(MAP) - 1), 0, len(MAP) - 1)
+    t = np.clip((values[0] + v * (values[1] - values[0]) + w * (values[2] - values[0])) * (len(MAP) - 1), 0,
+                len(MAP) - 1)
     k = np.minimum(t.astype(int), len(MAP) - 2)
     colour = MAP[k] + (t - k)[..., None] * (MAP[k + 1] - MAP[k])
     part = image[low[1]:high[1], low[0]:high[0]]
@@ -97,7 +98,8 @@ def write_png(path, image):
     def chunk(kind, data):
         return struct.pack('>I', len(data)) + kind + data + struct.pack('>I', zlib.crc32(kind + data))
     with open(path, 'wb') as out:
-        out.write(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', struct.pack('>IIBBBBB', rows.shape[1], rows.shape[0], 8, 2, 0, 0, 0)) +
+        out.write(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR',
+                                               struct.pack('>IIBBBBB', rows.shape[1], rows.shape[0], 8, 2, 0, 0, 0)) +
                   chunk(b'IDAT', zlib.compress(raw, 9)) + chunk(b'IEND', b''))
 
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What a client may write: the first line of the input is a request target, the others are values of the headers that are
- * parsed. The handlers answer it over a stream `m`, whose content id stands for CID in a target, as a server that is open to all and
- * as one with a token, a base path and a list of origins. The promises of each parser and of every answer are checked. */
+/* What a client may write: the first line of the input is a request target, the others are values of the headers that
+ * are parsed. The handlers answer it over a stream `m`, whose content id stands for CID in a target, as a server that
+ * is open to all and as one with a token, a base path and a list of origins. The promises of each parser and of every
+ * answer are checked. */
 #define _GNU_SOURCE
 #include <assert.h>
 #include <jansson.h>
@@ -28,7 +29,8 @@ static bool open_catalogue(struct site *site)
         return false;
     snprintf(path, sizeof path, "%s/m.tetlod", folder);
     const char *const paths[] = {folder};
-    const struct gen_options made = {.kind = GEN_GRID, .seed = 1, .size = 2, .levels = 5, .arity = 2, .type = TETLOD_FLOAT32};
+    const struct gen_options made = {.kind = GEN_GRID, .seed = 1, .size = 2, .levels = 5, .arity = 2,
+                                     .type = TETLOD_FLOAT32};
     const struct catalogue_options options = {.paths = paths, .path_count = 1};
     bool opened = gen_write(path, &made) && catalogue_open(&site->catalogue, &options, NULL) == TETLOD_OK;
     unlink(path);
@@ -83,7 +85,8 @@ static void check_parsers(const char *target, char *const *lines)
         assert(percent_encode(out, again, sizeof again));
         assert(percent_decode(again, strlen(again), decoded, sizeof decoded) && strcmp(decoded, out) == 0);
     }
-    if (query_value(query ? query + 1 : NULL, "error", out, sizeof out) == QUERY_FOUND && text_number(out, true, &number))
+    if (query_value(query ? query + 1 : NULL, "error", out, sizeof out) == QUERY_FOUND &&
+        text_number(out, true, &number))
         assert(isfinite(number));
     if (text_numbers(if_range, 3, numbers))
         assert(isfinite(numbers[0]) && isfinite(numbers[1]) && isfinite(numbers[2]));
@@ -106,7 +109,8 @@ static void check_answer(const struct response *response)
         for (const char *c = response_header_value(response, i); *c; c++)
             assert((unsigned char)*c >= 0x20 && *c != 0x7f);
     }
-    if (response->status < 400 || response->kind != BODY_BYTES || strcmp(response->media_type, "application/problem+json") != 0)
+    if (response->status < 400 || response->kind != BODY_BYTES ||
+        strcmp(response->media_type, "application/problem+json") != 0)
         return;
     json_t *problem = json_loadb(response->bytes, (size_t)response->size, JSON_REJECT_DUPLICATES, NULL);
     assert(json_integer_value(json_object_get(problem, "status")) == response->status);
@@ -117,7 +121,8 @@ static void answer(struct site *site, const char *target, char **lines)
 {
     static const enum method methods[] = {METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER};
     for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
-        struct request request = {.method = methods[m], .target = target, .header = header, .opaque = lines, .loopback = !site->base_path};
+        struct request request = {.method = methods[m], .target = target, .header = header, .opaque = lines,
+                                  .loopback = !site->base_path};
         struct response response = {0};
         assert(site_answer(site, &request, &response) == ANSWERED);
         check_answer(&response);
@@ -131,7 +136,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     static const char *const origins[] = {"https://a.example"};
-    static const struct access_policy open_to_all = {0}, guarded = {.origins = origins, .origin_count = 1, .token = "t0ken"};
+    static const struct access_policy open_to_all = {0}, guarded = {.origins = origins, .origin_count = 1,
+                                                                    .token = "t0ken"};
     char *text = malloc(size + 1), *lines[HEADERS] = {0};
     if (!text)
         return 0;
@@ -148,7 +154,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     struct site *site = make_site();
     char target[4096];
     char *mark = strstr(text, "CID");
-    snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - text) : 0, text, mark ? cid : "", mark ? mark + 3 : text);
+    snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - text) : 0, text, mark ? cid : "",
+             mark ? mark + 3 : text);
     check_parsers(text, lines);
     assert(access_set(site->access, &open_to_all));
     site->base_path = NULL;

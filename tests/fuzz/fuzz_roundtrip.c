@@ -48,7 +48,8 @@ static void check_finest(const struct recode *recode, const struct memory_sink *
     for (size_t t = 0; t < mesh.tets; t++) {
         uint64_t products[2] = {1, 1};
         for (size_t c = 0; c < 4; c++) {
-            uint64_t ours = recode->input.corners[4 * t + c], theirs = (uint64_t)mesh.fields[0][mesh.corners[4 * t + c]];
+            uint64_t ours = recode->input.corners[4 * t +
+                                                  c], theirs = (uint64_t)mesh.fields[0][mesh.corners[4 * t + c]];
             products[0] *= 2 * ours * UINT64_C(0x9e3779b97f4a7c15) + 1;
             products[1] *= 2 * theirs * UINT64_C(0x9e3779b97f4a7c15) + 1;
         }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Runs a fuzz target over files and folders of its corpus, in blocks of exactly their size so that sanitizers see any
- * byte too far; with MUTATIONS=n also over n mutations of each file, the same ones in every run. The one that is being read is in
- * the file mutation.bin; one that takes longer than a minute, or more than twice the memory of the file itself and more than
- * MOST_KILOBYTES, ends the program. TAP: one line a program.
+ * byte too far; with MUTATIONS=n also over n mutations of each file, the same ones in every run. The one that is being
+ * read is in the file mutation.bin; one that takes longer than a minute, or more than twice the memory of the file
+ * itself and more than MOST_KILOBYTES, ends the program. TAP: one line a program.
  */
 #include <dirent.h>
 #include <fcntl.h>
@@ -32,7 +32,8 @@ static uint32_t below(uint64_t *state, size_t limit)
     return limit ? (uint32_t)(next_random(state) % limit) : 0;
 }
 
-/* One edit: bytes, digits, words of a few values, or a part that is moved, doubled or cut off. The size is at most that of the room. */
+/* One edit: bytes, digits, words of a few values, or a part that is moved, doubled or cut off. The size is at most that
+ * of the room. */
 static size_t edit(uint8_t *bytes, size_t size, size_t room, uint64_t *state)
 {
     static const uint32_t words[] = {0, 1, 0x7fffffff, 0x80000000, 0xffffffff, 0x01000000, 0xffff, 0x40000000};

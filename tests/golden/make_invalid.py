@@ -12,7 +12,8 @@ from streams import plain, sealed, tetlod, with_section  # noqa: E402
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
 ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT = (
     plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read())
-    for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise', 'topologies', 'series_cells'))
+    for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise',
+                 'topologies', 'series_cells'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -41,8 +42,10 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None, content=b'', unpacked=0):
     """A further section behind all others, empty or of some bytes."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'TOPO'))  # those of these streams that are early
-    entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked, tetlod.digest(content))
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL',
+                                                                                   'TOPO'))  # those of these streams that are early
+    entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked,
+                        tetlod.digest(content))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
     data = data[:at] + struct.pack('<I', count) + data[at + 4:end] + entry + data[end:] + content
@@ -92,14 +95,17 @@ def cases():
     yield 'cells_many', 'open', 'more values of cells than fields', section(CELLS, b'CVAL', 0)
     yield 'frame_digest', 'decode', 'a byte of the last frame is changed', KEPT[:tetlod.open(KEPT).frames[1][0][0]] + \
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
-    yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
-    yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0, lambda frame: bytes(len(frame)))
+    yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0,
+                                                                                        lambda frame: bytes(255 - b for b in frame))
+    yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0,
+                                                                                    lambda frame: bytes(len(frame)))
     yield 'coder_start', 'decode', 'a string of the range coder that begins with 2^32 - 1', section(ONE, b'XABC', 4, None, b'\1\0\0' + b'\xff' * 4, 100)
     exact = len(tetlod.open(STEPS).levels) - 1
     yield 'coder_quotient', 'decode', 'plain bits that are more than there is room for', reframed(STEPS, exact, 1, overflowing)
     tail = len(tetlod.open(NOISE).levels) - 1
     yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(NOISE, tail, 2, lambda frame: b'\xfe' * len(frame))
-    yield 'tail_near', 'decode', 'a component that is near twice', reframed(NOISE, tail, 2, lambda frame: b'\xc0\xf0' + frame[2:])
+    yield 'tail_near', 'decode', 'a component that is near twice', reframed(NOISE, tail, 2,
+                                                                            lambda frame: b'\xc0\xf0' + frame[2:])
     yield 'time_early', 'open', 'steps in time before level 0', section(ONE, b'TIME', 2)
     yield 'time_twice', 'open', 'TIME twice', section(STEPS, b'TIME', 0)
     yield 'time_length', 'decode', 'a table of steps that is too long', retimed(0, '', b'', 8)
@@ -112,8 +118,10 @@ def cases():
     yield 'time_exact', 'decode', 'a band of error 0 at a level that has not all vertices', retimed(16 + 48 + 32 + 8, 'Q', 13)
     yield 'time_quantum', 'decode', 'a grid with a step that is negative', retimed(16 + 48 + 48, 'd', -1.0)
     yield 'time_falls', 'decode', 'times that fall', retimed(16 + 48 + 48 + 48 + 16, 'd', 0.5)
-    yield 'time_frame', 'decode', 'a frame of another size than its section has', retimed(16 + 48 + 48 + 48 + 72, 'I', 5)
-    yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f', NAN)
+    yield 'time_frame', 'decode', 'a frame of another size than its section has', retimed(16 + 48 + 48 + 48 + 72, 'I',
+                                                                                          5)
+    yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f',
+                                                                                       NAN)
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
     yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\x60' * len(group))

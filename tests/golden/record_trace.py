@@ -29,7 +29,8 @@ class Tracer(tetlod.Coder):
         found = {}
         for name, thing in Tracer.models:
             names_of(thing, name, found)
-        Tracer.lines.append('%-36s %6d   %08x %08x' % (operation.replace('@', found.get(id(models), '?')), result, self.range, self.code))
+        Tracer.lines.append('%-36s %6d   %08x %08x' % (operation.replace('@', found.get(id(models), '?')), result,
+                                                       self.range, self.code))
         return result
 
     def bit(self, models, i=0):
@@ -54,7 +55,8 @@ def first_record(path):
     def stop_after(cursor, vertex, to):
         if not cursor.stars[vertex]:
             return record(cursor, vertex, to)
-        Tracer.lines = ['level %d, vertex %d, tetrahedra of its star: %d' % (cursor.decoded + 1, vertex, len(cursor.stars[vertex]))]
+        Tracer.lines = ['level %d, vertex %d, tetrahedra of its star: %d' % (cursor.decoded + 1, vertex,
+                                                                             len(cursor.stars[vertex]))]
         record(cursor, vertex, to)
         raise FirstRecord
 
@@ -76,7 +78,8 @@ def row(path, level):
         data = plain(file.read())
     stream = tetlod.open(data)
     size = 48 + 56 * len(stream.fields)
-    end = 64 + int.from_bytes(data[20:24], 'little') - 48 * len(stream.sections) - 4 - size * (len(stream.levels) - 1 - level)
+    end = 64 + int.from_bytes(data[20:24],
+                              'little') - 48 * len(stream.sections) - 4 - size * (len(stream.levels) - 1 - level)
     return '\n'.join(data[at:min(at + 16, end)].hex(' ') for at in range(end - size, end, 16))
 
 

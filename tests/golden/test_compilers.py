@@ -10,12 +10,14 @@ import subprocess
 from tap import finish, report
 
 ROOT = os.environ.get('ROOT', '.')
-SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '*.c'))) + [os.path.join(ROOT, 'tests', 'unit', 'test_golden.c')]
+SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '*.c'))) + [os.path.join(ROOT, 'tests', 'unit',
+                                                                                 'test_golden.c')]
 
 
 def build(name, compiler, *flags):
     """Compiles and links; None: the compiler says no."""
-    done = subprocess.run([compiler, *flags, '-I', ROOT, '-o', name, *SOURCES, '-lm'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    done = subprocess.run([compiler, *flags, '-I', ROOT, '-o', name, *SOURCES, '-lm'], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True)
     return done.stdout if done.returncode else ''
 
 
@@ -41,9 +43,11 @@ decodes('32 bits, big-endian (PowerPC)', 'powerpc-linux-gnu-gcc', ['-O2', '-stat
 for flag in ('-ffast-math', '-fassociative-math -fno-signed-zeros -fno-trapping-math'):
     for compiler in ('gcc', 'clang'):
         if shutil.which(compiler) and (compiler == 'gcc' or flag == '-ffast-math'):
-            said = subprocess.run([compiler, *flag.split(), '-I', ROOT, '-fsyntax-only', os.path.join(ROOT, 'format', 'record.c')],
+            said = subprocess.run([compiler, *flag.split(), '-I', ROOT, '-fsyntax-only',
+                                   os.path.join(ROOT, 'format', 'record.c')],
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-            report('%s %s is refused' % (compiler, flag), said.returncode and 'tetlod must not be compiled' in said.stdout, said.stdout)
+            report('%s %s is refused' % (compiler, flag), said.returncode and
+                   'tetlod must not be compiled' in said.stdout, said.stdout)
 if shutil.which('clang') and 'fma' in open('/proc/cpuinfo').read():
     # this option overrides what the sources ask for: the probe finds it when a stream is opened
     said = build('fused', 'clang', '-O2', '-mfma', '-ffp-contract=fast')

@@ -41,7 +41,8 @@ def check(path):
 def check_cells(path):
     wanted = open(path + '.cells').read().split()
     stream = tetlod.open(path)
-    found = [hashlib.sha256(np.ascontiguousarray(stream.cells(field['name']), '<f8').tobytes()).hexdigest() for field in stream.cell_fields]
+    found = [hashlib.sha256(np.ascontiguousarray(stream.cells(field['name']),
+                                                 '<f8').tobytes()).hexdigest() for field in stream.cell_fields]
     return found == wanted and len(found) > 3
 
 
@@ -80,7 +81,8 @@ def check_topologies(path):
         for band in range(len(series.bands)):
             for step in range(len(series.times)):
                 values = series.seek(band, step)[1].values()
-                found.append(hashlib.sha256(b''.join(np.ascontiguousarray(v, '<f8').tobytes() for v in values)).hexdigest())
+                found.append(hashlib.sha256(b''.join(np.ascontiguousarray(v,
+                                                                          '<f8').tobytes() for v in values)).hexdigest())
         if found != open(name + '.steps').read().split():
             return False
     return len(stream.topologies) == 3
@@ -147,12 +149,17 @@ for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod'))
                       (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
                       (check_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python agrees on steps of float64'),
                       (check_steps(os.path.join(golden, 'series_moving.tetlod')), 'Python agrees on points that move'),
-                      (check_cell_steps(os.path.join(golden, 'series_cells.tetlod')), 'Python agrees on steps of cells'),
-                      (check_topologies(os.path.join(golden, 'topologies.tetlod')), 'Python agrees on steps over several meshes'),
+                      (check_cell_steps(os.path.join(golden, 'series_cells.tetlod')),
+                       'Python agrees on steps of cells'),
+                      (check_topologies(os.path.join(golden, 'topologies.tetlod')),
+                       'Python agrees on steps over several meshes'),
                       (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),
                       (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
-                      (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),
-                      (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several'),
-                      (same_verdicts(os.path.join(golden, 'cells_float32.tetlod'), 3), 'Python refuses what C refuses, with cells')):
+                      (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1),
+                       'Python refuses what C refuses, of one level'),
+                      (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7),
+                       'Python refuses what C refuses, of several'),
+                      (same_verdicts(os.path.join(golden, 'cells_float32.tetlod'), 3),
+                       'Python refuses what C refuses, with cells')):
     report(what, verdict)
 finish()

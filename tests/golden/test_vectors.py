@@ -17,7 +17,8 @@ SCRATCH = os.environ.get('SCRATCH', '.')
 
 
 def command(verb, path):
-    return subprocess.run([os.environ['TETLOD'], verb, path, *(['--quiet'] if verb == 'verify' else ['--json'])], stdout=subprocess.PIPE,
+    return subprocess.run([os.environ['TETLOD'], verb, path, *(['--quiet'] if verb == 'verify' else ['--json'])],
+                          stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE)
 
 
@@ -79,7 +80,8 @@ def check_bomb():
         file.write(data)
     done = command('verify', path)
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
-    report('%d bytes that ask for 128 GB are refused' % len(data), done.returncode == 3 and b'than their bytes can hold' in done.stderr, done.stderr)
+    report('%d bytes that ask for 128 GB are refused' % len(data), done.returncode == 3 and
+           b'than their bytes can hold' in done.stderr, done.stderr)
     if os.environ.get('CONFIG', 'release') == 'release':
         report('in less than 64 MB', peak < 64, '%d MB' % peak)
 
@@ -87,16 +89,22 @@ def check_bomb():
 def limits():
     """What a limit of SPEC 2.3 is about, streams at it and beyond it, and words of what is said about the latter."""
     data, packed, values = read('grid_float32.tetlod'), b'\1\0\0' + bytes(97), b'levels of more than their bytes can hold'
-    index = [sealed(data[:24] + struct.pack('<I', (1 << 16) + 3 * int.from_bytes(data[20:24], 'little') + over) + data[28:]) for over in (0, 1)]
+    index = [sealed(data[:24] + struct.pack('<I',
+                                            (1 << 16) + 3 * int.from_bytes(data[20:24],
+                                                                           'little') + over) + data[28:]) for over in (0, 1)]
     yield 'the packed index', *index, b'contradicts itself'
     for what, tag, size in (('a packed section', b'XABC', 6400), ('a packed table', b'TIME', 65836)):
         yield what, *(crafted([(8, 1, 20, 8)], 1, [(tag, 4, packed, size + over)]) for over in (0, 1)), b'another size than its bytes can hold'
-    yield 'many packed sections', *(crafted([(8, 1, 20, 8)], 1, [(b'XABC', 4, b'\1\0\0' + bytes(9997), 640000 + over)] * 20) for over in (0, 1)), b'another size'
+    yield 'many packed sections', *(crafted([(8, 1, 20, 8)], 1,
+                                            [(b'XABC', 4, b'\1\0\0' + bytes(9997),
+                                              640000 + over)] * 20) for over in (0, 1)), b'another size'
     yield 'vertices', *(crafted([(5024 + over, 1, 1000, 2000)]) for over in (0, 1)), values
     yield 'values', *(crafted([(5024, 1, 1000, 80128 - over)], 64) for over in (0, 1)), values
     yield 'levels', *(crafted([(40000 + k, 1, 9744 if k == 0 else 1, 0) for k in range(count)], 0) for count in (104, 330)), b'more levels than go with'
     tables = [still_steps(1024 + over) for over in (0, 1)]
-    yield 'steps', *(crafted([(4095, 1, 768, 768)], 1, [(b'TIME', 0, table, len(table)), (b'TVAL', 0, b'', 0)]) for table in tables), b'more steps than their bytes'
+    yield 'steps', *(crafted([(4095, 1, 768, 768)], 1,
+                             [(b'TIME', 0, table, len(table)),
+                              (b'TVAL', 0, b'', 0)]) for table in tables), b'more steps than their bytes'
 
 
 def check_limit(what, data, words, refused):
@@ -104,7 +112,8 @@ def check_limit(what, data, words, refused):
     path = os.path.join(SCRATCH, 'limit.tetlod')
     with open(path, 'wb') as file:
         file.write(data)
-    process = subprocess.Popen([os.environ['TETLOD'], 'verify', '--quiet', path], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = subprocess.Popen([os.environ['TETLOD'], 'verify', '--quiet', path], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.PIPE)
     said = process.stderr.read()
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
@@ -114,7 +123,8 @@ def check_limit(what, data, words, refused):
     except tetlod.StreamError:
         accepted = False
     good = (words in said) == refused and not (refused and (process.returncode != 3 or accepted))
-    report('%s %s' % (what, 'beyond the limit' if refused else 'at the limit'), good, (process.returncode, said, accepted))
+    report('%s %s' % (what, 'beyond the limit' if refused else 'at the limit'), good,
+           (process.returncode, said, accepted))
     if os.environ.get('CONFIG', 'release') == 'release':
         megabytes = len(data) / 1e6
         enough = used.ru_maxrss / 1024 <= 64 + 64 * megabytes and used.ru_utime + used.ru_stime <= 2 * (1 + megabytes)

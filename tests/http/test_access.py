@@ -35,7 +35,8 @@ def test_none_on_loopback():
         for path in PATHS:
             for method in ('GET', 'OPTIONS'):
                 head = server.get(path, method, Origin='http://elsewhere', Access_Control_Request_Method='GET')[1]
-                assert not [name for name in head if name.startswith('access-control') or name == 'timing-allow-origin'], (path, head)
+                assert not [name for name in head if name.startswith('access-control') or
+                            name == 'timing-allow-origin'], (path, head)
                 assert head['cross-origin-resource-policy'] == 'same-origin'
 
 
@@ -62,15 +63,18 @@ def test_named_origins():
     with Server(FOLDER, '--cors', 'none', listen='0.0.0.0:0') as server:
         assert allowed(server, 'https://x') is None
     for bad in ('example.org', 'https://*', 'ftp://x', ''):
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--cors', bad], stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--cors', bad],
+                              stderr=subprocess.PIPE)
         assert done.returncode == 2 and b'origin' in done.stderr, (bad, done)
 
 
 def test_host_on_loopback():
     with Server(FOLDER, '--host', 'proxy.example') as server:
-        for host in ('localhost', 'LOCALHOST:80', 'a.localhost', '127.0.0.1', '127.1.2.3:9', '[::1]', '[::1]:80', 'proxy.example', 'Proxy.example:443'):
+        for host in ('localhost', 'LOCALHOST:80', 'a.localhost', '127.0.0.1', '127.1.2.3:9', '[::1]', '[::1]:80',
+                     'proxy.example', 'Proxy.example:443'):
             assert server.get('/v1/meshes', Host=host)[0] == 200, host
-        for host in ('evil.example', 'localhost.evil.example', 'notlocalhost', '127.0.0.1.evil.example', '127.evil.example', '[::2]', '[::1', '', 'x', '10.0.0.1',
+        for host in ('evil.example', 'localhost.evil.example', 'notlocalhost', '127.0.0.1.evil.example',
+                     '127.evil.example', '[::2]', '[::1', '', 'x', '10.0.0.1',
                      'proxy.example.org'):
             for path in PATHS:
                 assert server.get(path, Host=host)[0] == 421, (host, path)
@@ -93,7 +97,8 @@ def write_token(name, secret):
 
 def listening(server):
     """The ports that a server listens on, beside the first."""
-    inodes = {os.readlink('/proc/%d/fd/%s' % (server.process.pid, fd))[8:-1] for fd in os.listdir('/proc/%d/fd' % server.process.pid)
+    inodes = {os.readlink('/proc/%d/fd/%s' % (server.process.pid,
+                                              fd))[8:-1] for fd in os.listdir('/proc/%d/fd' % server.process.pid)
               if os.path.lexists('/proc/%d/fd/%s' % (server.process.pid, fd))}
     with open('/proc/net/tcp') as table:
         rows = [line.split() for line in table][1:]
@@ -116,8 +121,10 @@ SECRET = 'a-Secret_0123456789'
 
 def test_token():
     path = write_token('token', SECRET + '\n')
-    wrong = ({'Authorization': 'Bearer wrong'}, {'Authorization': 'Bearer ' + SECRET + 'x'}, {'Authorization': 'Bearer ' + SECRET[:-1]})
-    none = ({}, {'Authorization': 'Basic ' + SECRET}, {'Cookie': 'tetlod_token=' + SECRET}, {'Cookie': 'xtetlod_token=' + SECRET})
+    wrong = ({'Authorization': 'Bearer wrong'}, {'Authorization': 'Bearer ' + SECRET + 'x'},
+             {'Authorization': 'Bearer ' + SECRET[:-1]})
+    none = ({}, {'Authorization': 'Basic ' + SECRET}, {'Cookie': 'tetlod_token=' + SECRET},
+            {'Cookie': 'xtetlod_token=' + SECRET})
     with Server(FOLDER, '--token', path, '--metrics', '127.0.0.1:0', '--access-log', '--base-path', '/x/') as server:
         for asked, many in [(asked, none) for asked in PATHS + ('/openapi.json', '/x', '/x/')] + [('/v1/meshes', wrong), ('/v1/meshes?token=wrong', ({},)), ('/?token=', ({},))]:
             for headers in many:
@@ -126,7 +133,8 @@ def test_token():
         for asked in ('/healthz', '/readyz'):
             assert server.get(asked)[0] == 200
         assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET)[0] == server.get('/v1/meshes', Authorization='bearer  ' + SECRET)[0] == 200
-        assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET, Host='proxy.example')[0] == 200  # an attacker has no token
+        assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET,
+                          Host='proxy.example')[0] == 200  # an attacker has no token
         status, head, _ = server.get('/view/fin?a=1&token=%s&b=2' % SECRET)
         assert status == 303 and head['location'] == '/x/view/fin?a=1&b=2' and 'HttpOnly' in head['set-cookie'] and 'Path=/x/;' in head['set-cookie'], head
         assert 'Secure' not in head['set-cookie']
@@ -144,7 +152,8 @@ def test_token():
         assert SECRET not in server.messages() and 'token=*' in server.messages() and 't%6fken=*' in server.messages()
     for text in ('', ' \n', 'two words', 'line\nline', 'x' * 300, 'a;b'):
         write_token('token', text)
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--token', path], stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--token', path],
+                              stderr=subprocess.PIPE)
         assert done.returncode == 2 and b'token' in done.stderr and path.encode() in done.stderr, (text, done)
     done = subprocess.run([TETLOD, 'serve', FOLDER, '--token', path + '-none'], stderr=subprocess.PIPE)
     assert done.returncode == 1 and path.encode() in done.stderr
@@ -171,7 +180,8 @@ def test_cookies_of_several_servers():
     with Server(FOLDER, '--token', paths[0]) as one, Server(FOLDER, '--token', paths[1]) as two, Server(FOLDER, '--token', paths[2], '--base-path', '/b/') as three:
         jar = {}
         for i, server in enumerate((one, two, three)):
-            cookie = server.get('/?token=secret-%d' % i, Host='localhost:%d' % (server.address[1] if i < 2 else one.address[1]))[1]['set-cookie']
+            cookie = server.get('/?token=secret-%d' % i,
+                                Host='localhost:%d' % (server.address[1] if i < 2 else one.address[1]))[1]['set-cookie']
             name, _, value = cookie.split(';')[0].partition('=')
             jar[name] = value
         assert len(jar) == 3, jar
@@ -195,7 +205,8 @@ def test_the_address_of_metrics():
                             status, head, _ = ask(port, front + asked, Origin='https://a.example')
                             assert status == 200, (asked, status)
                             assert head['Access-Control-Allow-Origin'] == (cors[1] if cors else None)
-                        for asked in ('/', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/%s/stream' % cid, '/view/fin', '/openapi.json', '/nothing',
+                        for asked in ('/', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/%s/stream' % cid,
+                                      '/view/fin', '/openapi.json', '/nothing',
                                       '/v1/meshes/fin/prefix?level=0', '/?token=' + SECRET, '/v1/meshes?token=wrong', 'http://localhost/v1/meshes'):
                             for method in ('GET', 'HEAD'):
                                 status, head, body = ask(port, asked if asked[0] == 'h' else front + asked, method)
@@ -220,7 +231,8 @@ def test_wrong_tokens_cost_time():
             found = [one.result() for one in waiting]
             took = time.monotonic() - started
         refused = [status for status, _, _ in found if status == 401]
-        assert {status for status, _, _ in found} <= {401, 429} and all(head['retry-after'] for status, head, _ in found if status == 429)
+        assert {status for status, _, _ in found} <= {401, 429} and all(head['retry-after'] for status, head,
+                                                                        _ in found if status == 429)
         assert len(refused) <= 8 * (1 + took) and took >= 1, (len(refused), took)
         assert server.get('/v1/meshes')[0] == 401  # it tried none: at once, even if others of its address wait
         eventually(lambda: server.get('/v1/meshes', Authorization='Bearer ' + SECRET)[0] == 200)
@@ -235,17 +247,22 @@ def test_wrong_tokens_cost_time():
 def test_forwarded_addresses():
     """Behind a trusted proxy the last address that is none of its own counts; anybody else's word is nothing."""
     for trusted, forwarded, expected in (
-            ([], '1.2.3.4', '127.0.0.1'), (['10.0.0.0/8'], '1.2.3.4', '127.0.0.1'), (['127.0.0.1'], '1.2.3.4', '1.2.3.4'),
-            (['127.0.0.0/8', '10.0.0.0/8'], '6.6.6.6, 1.2.3.4 , 10.1.1.1', '1.2.3.4'), (['127.0.0.1'], '6.6.6.6, 10.1.1.1', '10.1.1.1'),
-            (['127.0.0.1', '::/0'], 'nonsense, 2001:db8::1', '2001:db8::1'), (['127.0.0.1'], '[2001:db8::1]:80', '2001:db8::1'), (['127.0.0.1'], '1.2.3.4:99', '1.2.3.4'),
-            (['127.0.0.1'], 'nonsense', '127.0.0.1'), (['127.0.0.1'], '', '127.0.0.1'), (['::ffff:127.0.0.1'], '1.2.3.4', '1.2.3.4'),
+            ([], '1.2.3.4', '127.0.0.1'), (['10.0.0.0/8'], '1.2.3.4', '127.0.0.1'), (['127.0.0.1'], '1.2.3.4',
+                                                                                     '1.2.3.4'),
+            (['127.0.0.0/8', '10.0.0.0/8'], '6.6.6.6, 1.2.3.4 , 10.1.1.1', '1.2.3.4'), (['127.0.0.1'],
+                                                                                        '6.6.6.6, 10.1.1.1', '10.1.1.1'),
+            (['127.0.0.1', '::/0'], 'nonsense, 2001:db8::1', '2001:db8::1'), (['127.0.0.1'], '[2001:db8::1]:80',
+                                                                              '2001:db8::1'), (['127.0.0.1'], '1.2.3.4:99', '1.2.3.4'),
+            (['127.0.0.1'], 'nonsense', '127.0.0.1'), (['127.0.0.1'], '', '127.0.0.1'), (['::ffff:127.0.0.1'],
+                                                                                         '1.2.3.4', '1.2.3.4'),
             (['127.0.0.1'], '9.9.9.9, ' * 300 + '1.2.3.4', '1.2.3.4'), (['0.0.0.0/0'], '1.1.1.1, 2.2.2.2', '1.1.1.1')):
         options = [word for address in trusted for word in ('--trust-proxy', address)]
         with Server(FOLDER, '--access-log', *options) as server:
             server.get('/healthz', X_Forwarded_For=forwarded)
             assert one_line(server)['remote'] == expected, (trusted, forwarded)
     for bad in ('x', '1.2.3', '1.2.3.4/33', '::/129', '1.2.3.4/', ''):
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--trust-proxy', bad], stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--trust-proxy', bad],
+                              stderr=subprocess.PIPE)
         assert done.returncode == 2 and b'proxy' in done.stderr, (bad, done)
 
 
@@ -258,7 +275,8 @@ def test_forwarded_addresses_and_guesses():
     """Who guesses behind a proxy holds up nobody else there; two lines of the header are one list."""
     with Server(FOLDER, '--token', write_token('token', SECRET), '--trust-proxy', '127.0.0.1') as server:
         with concurrent.futures.ThreadPoolExecutor(20) as pool:
-            guesses = [pool.submit(server.get, '/v1/meshes', Authorization='Bearer x', X_Forwarded_For='6.6.6.6') for _ in range(20)]
+            guesses = [pool.submit(server.get, '/v1/meshes', Authorization='Bearer x',
+                                   X_Forwarded_For='6.6.6.6') for _ in range(20)]
             eventually(lambda: any(one.done() and one.result()[0] == 429 for one in guesses))
             assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET, X_Forwarded_For='1.2.3.4')[0] == 200
             assert not all(one.done() for one in guesses)
@@ -280,12 +298,14 @@ def test_reload():
         write(*lines)
         server.process.send_signal(signal.SIGHUP)
 
-    write('# who may read', 'cors https://a.example', '  host\tproxy.example  ', 'cors = https://b.example', '', 'access-log')
+    write('# who may read', 'cors https://a.example', '  host\tproxy.example  ', 'cors = https://b.example', '',
+          'access-log')
     with Server(FOLDER, '--config', options, '--cors', 'https://c.example') as server:
         assert [allowed(server, 'https://%s.example' % name) is not None for name in 'abcd'] == [True, True, True, False]
         assert server.get('/v1/meshes', Host='proxy.example')[0] == 200
         reload(server, 'cors https://d.example', 'access-log')
-        eventually(lambda: allowed(server, 'https://d.example') and server.get('/healthz', Host='proxy.example')[0] == 421)
+        eventually(lambda: allowed(server, 'https://d.example') and
+                   server.get('/healthz', Host='proxy.example')[0] == 421)
         assert [allowed(server, 'https://%s.example' % name) is not None for name in 'abcd'] == [False, False, True, True]
         reload(server, 'token ' + token, 'access-log')
         eventually(lambda: server.get('/v1/meshes')[0] in refused)
@@ -294,12 +314,14 @@ def test_reload():
         server.process.send_signal(signal.SIGHUP)
         eventually(lambda: server.get('/v1/meshes', Authorization='Bearer second')[0] == 200)
         assert server.get('/v1/meshes', Authorization='Bearer first')[0] in refused
-        for lines, word in ((['nonsense 1'], 'line 1'), (['token'], 'needs a value'), (['cors nonsense'], 'origin'), (['token ' + token + '-none'], 'none'),
+        for lines, word in ((['nonsense 1'], 'line 1'), (['token'], 'needs a value'), (['cors nonsense'], 'origin'),
+                            (['token ' + token + '-none'], 'none'),
                             (['quiet yes'], 'no value'), (['scan 5', 'token ' + token, 'access-log'], "'scan'")):
             assert word not in server.messages() or word == 'none', word
             reload(server, *lines)
             eventually(lambda: word in server.messages())
-            assert server.get('/v1/meshes', Authorization='Bearer second')[0] == 200 and server.get('/v1/meshes')[0] in refused, lines
+            assert server.get('/v1/meshes',
+                              Authorization='Bearer second')[0] == 200 and server.get('/v1/meshes')[0] in refused, lines
         reload(server, 'cors none')
         eventually(lambda: server.get('/v1/meshes')[0] == 200)
         os.unlink(options)
@@ -308,7 +330,8 @@ def test_reload():
         assert server.get('/v1/meshes')[0] == 200
     for lines in (['nonsense 1'], ['cors'], ['config x'], ['quiet x'], ['threads x']):
         write(*lines)
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--config', options], stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--config', options],
+                              stderr=subprocess.PIPE)
         assert done.returncode == 2 and done.stderr.count(b'\n') == 1, (lines, done)
         assert b'threads' in done.stderr or b'line 1' in done.stderr, (lines, done)
 
@@ -323,7 +346,8 @@ def test_reload_under_load():
             while not stop.is_set():
                 status, head, _ = server.get('/v1/meshes/fin')
                 assert status == 401
-                statuses = {server.get('/v1/meshes/fin/prefix?level=1', Authorization='Bearer ' + word, X_Forwarded_For='1.1.1.%d' % i)[0] for i, word in enumerate(('first', 'second'))}
+                statuses = {server.get('/v1/meshes/fin/prefix?level=1', Authorization='Bearer ' + word,
+                                       X_Forwarded_For='1.1.1.%d' % i)[0] for i, word in enumerate(('first', 'second'))}
                 assert statuses <= {200, 401, 429}
 
         with concurrent.futures.ThreadPoolExecutor(3) as pool:
@@ -341,5 +365,6 @@ os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
                cwd=SCRATCH, check=True)
-run([test_none_on_loopback, test_any_elsewhere, test_named_origins, test_host_on_loopback, test_token, test_way_in, test_cookies_of_several_servers,
+run([test_none_on_loopback, test_any_elsewhere, test_named_origins, test_host_on_loopback, test_token, test_way_in,
+     test_cookies_of_several_servers,
      test_the_address_of_metrics, test_wrong_tokens_cost_time, test_forwarded_addresses, test_forwarded_addresses_and_guesses, test_reload, test_reload_under_load])

@@ -48,7 +48,8 @@ def test_levels():
     for level in range(len(stream.levels)):
         tets = stream.levels[level]['tets']
         for kind in ('vtu', 'vtk'):
-            for query, names in (('', []), ('?cells=', []), ('?cells=material', ['material']), ('?cells=part,strain', ['strain', 'part']),
+            for query, names in (('', []), ('?cells=', []), ('?cells=material', ['material']),
+                                 ('?cells=part,strain', ['strain', 'part']),
                                  ('?cells=all', ['strain', 'energy', 'material', 'part', 'element', 'time µs'])):
                 found = cells_of(get('%s/levels/%d/mesh.%s%s' % (base, level, kind, query)), kind)
                 assert list(found) == names, (level, query, list(found))
@@ -60,13 +61,15 @@ def test_long_lists():
     """However long the list of names is, the redirection says where to; and '+' is a space in names that have one."""
     names = ','.join(['time µs'] * 100)
     for box in ('', '&box=0,0,0,1e6,1e+6,1e-6&box_error=0'):
-        for spelled in (urllib.parse.quote(names), urllib.parse.quote_plus(names), urllib.parse.quote_plus('material,' + names)):
+        for spelled in (urllib.parse.quote(names), urllib.parse.quote_plus(names),
+                        urllib.parse.quote_plus('material,' + names)):
             status, head, body = server.get('/v1/meshes/cells_float32/mesh?level=1&cells=' + spelled + box)
             assert status == 303, (status, body)
             assert '+' not in head['location'] and len(head['location']) > 1024, head
             status, _, body = server.get(urllib.parse.urljoin('/v1/meshes/cells_float32/mesh', head['location']))
             assert status == 200 and b'time \xc2\xb5s' in body and (b'material' in body) == ('material' in spelled)
-    assert server.get(base + '/levels/1/mesh.vtu?cells=time+%C2%B5s')[2] == server.get(base + '/levels/1/mesh.vtu?cells=time%20%C2%B5s')[2]
+    assert server.get(base + '/levels/1/mesh.vtu?cells=time+%C2%B5s')[2] == server.get(base +
+                                                                                       '/levels/1/mesh.vtu?cells=time%20%C2%B5s')[2]
     assert server.get(base + '/levels/1/mesh.vtu?cells=time%2B%C2%B5s')[0] == 400  # that is a plus
 
 
@@ -79,7 +82,8 @@ def build_larger():
     reader.Update()
     mesh = reader.GetOutput()
     numbers = numpy.arange(mesh.GetNumberOfCells())
-    for name, values in (('part', (numbers % 7).astype(numpy.int32)), ('far', numbers * 10 ** 10), ('pair', numpy.stack([numbers / 3, -numbers], 1).astype(numpy.float32)),
+    for name, values in (('part', (numbers % 7).astype(numpy.int32)), ('far', numbers * 10 ** 10),
+                         ('pair', numpy.stack([numbers / 3, -numbers], 1).astype(numpy.float32)),
                          ('energy', numpy.sqrt(numbers))):
         array = numpy_to_vtk(values, deep=True)
         array.SetName(name)
@@ -106,7 +110,8 @@ def test_larger_than_the_cache():
 
 
 def test_redirection():
-    for query, tail in (('level=3&cells=material,part', '?cells=material%2Cpart'), ('level=3&cells=time%20%C2%B5s', '?cells=time%20%C2%B5s'), ('level=3', '')):
+    for query, tail in (('level=3&cells=material,part', '?cells=material%2Cpart'),
+                        ('level=3&cells=time%20%C2%B5s', '?cells=time%20%C2%B5s'), ('level=3', '')):
         status, head, _ = server.get('/v1/meshes/cells_float32/mesh?' + query)
         assert status == 303 and head['location'] == stream.cid + '/levels/3/mesh.vtu' + tail, (status, head)
         get('/v1/meshes/cells_float32/' + head['location'])
@@ -118,7 +123,8 @@ def by_corners(data):
     points, rows = vtk_to_numpy(mesh.GetPoints().GetData()), vtk_to_numpy(mesh.GetCells().GetData()).reshape(-1, 5)[:, 1:]
     cell_data = mesh.GetCellData()
     columns = {cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())}
-    return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()} for i, row in enumerate(rows)}
+    return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()} for i,
+            row in enumerate(rows)}
 
 
 def test_in_boxes():
@@ -126,7 +132,8 @@ def test_in_boxes():
     last, middle = len(stream.levels) - 1, numpy.array(stream.bounds).mean(0)
     coarse, fine = (by_corners(get('%s/levels/%d/mesh.vtk?cells=all' % (base, level))) for level in (2, last))
     checked = []
-    for low, high in ((middle - 9, middle + 9), (middle - 9, stream.bounds[0]), (middle + 8, middle + 9), (middle, middle)):
+    for low, high in ((middle - 9, middle + 9), (middle - 9, stream.bounds[0]), (middle + 8, middle + 9),
+                      (middle, middle)):
         box = ','.join('%.9g' % x for x in (*low, *high))
         for corners, values in by_corners(get('%s/levels/2/region.vtk?box_level=%d&box=%s&cells=all' % (base, last, box))).items():
             part = values.pop('Region')
@@ -137,22 +144,26 @@ def test_in_boxes():
 
 
 def test_refusals():
-    for path in (base + '/levels/1/mesh.vtu?cells=nothing', base + '/levels/1/mesh.vtu?cells=material&cells=part', base + '/levels/1/mesh.tetlod?cells=part',
+    for path in (base + '/levels/1/mesh.vtu?cells=nothing', base + '/levels/1/mesh.vtu?cells=material&cells=part',
+                 base + '/levels/1/mesh.tetlod?cells=part',
                  '/v1/meshes/cells_float32/mesh?level=1&cells=nothing'):
         status, _, body = server.get(path)
         assert status == 400 and b'cells' in body, (path, status, body)
 
 
 def test_tags_differ():
-    tags = {server.get('%s/levels/2/mesh.vtu%s' % (base, query))[1]['etag'] for query in ('', '?cells=material', '?cells=part', '?cells=all')}
+    tags = {server.get('%s/levels/2/mesh.vtu%s' % (base, query))[1]['etag'] for query in ('', '?cells=material',
+                                                                                          '?cells=part', '?cells=all')}
     assert len(tags) == 4, tags
 
 
 def test_description():
     info = server.json('/v1/meshes/cells_float32')
-    assert [(f['name'], f['type'], f['region']) for f in info['cell_fields']] == [(f['name'], f['type'], f['region']) for f in stream.cell_fields]
+    assert [(f['name'], f['type'], f['region']) for f in info['cell_fields']] == [(f['name'], f['type'],
+                                                                                   f['region']) for f in stream.cell_fields]
 
 
 with Server(STREAM) as server:
     base = '/v1/meshes/cells_float32/' + stream.cid
-    run([test_levels, test_larger_than_the_cache, test_redirection, test_in_boxes, test_long_lists, test_refusals, test_tags_differ, test_description])
+    run([test_levels, test_larger_than_the_cache, test_redirection, test_in_boxes, test_long_lists, test_refusals,
+         test_tags_differ, test_description])

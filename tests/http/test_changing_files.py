@@ -26,12 +26,16 @@ MADE = ('levels/0/mesh.vtu', 'levels/2/mesh.vtk', 'levels/3/surface.stl', 'level
 
 def make_streams():
     """Two streams of the same length that differ, another one, and a series whose mesh changes."""
-    for name, sample in (('fin', ['fin', '--size', '10' if CHANGES < 500 else '24']), ('cube', ['cube', '--size', '8'])):
+    for name, sample in (('fin', ['fin', '--size', '10' if CHANGES < 500 else '24']),
+                         ('cube', ['cube', '--size', '8'])):
         subprocess.run([TETLOD, 'sample', *sample, '-o', name + '.vtu'], cwd=SCRATCH, check=True)
         field = 'Pressure' if name == 'fin' else 'xyz'
-        subprocess.run([TETLOD, 'build', name + '.vtu', '--field', field, '-o', name + '.tetlod', '--quiet'], cwd=SCRATCH, check=True)
-    subprocess.run([TETLOD, 'sample', 'wake', '--size', '6', '--steps', '6', '--remesh', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
-    subprocess.run([TETLOD, 'build', 'run.pvd', '--field', 'Pressure', '-o', 'run.tetlod', '--quiet'], cwd=SCRATCH, check=True)
+        subprocess.run([TETLOD, 'build', name + '.vtu', '--field', field, '-o', name + '.tetlod', '--quiet'],
+                       cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'sample', 'wake', '--size', '6', '--steps', '6', '--remesh', '2', '-o', 'run.pvd'],
+                   cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'build', 'run.pvd', '--field', 'Pressure', '-o', 'run.tetlod', '--quiet'], cwd=SCRATCH,
+                   check=True)
     streams = {name: open(os.path.join(SCRATCH, name + '.tetlod'), 'rb').read() for name in ('fin', 'cube', 'run')}
     streams['nif'] = resealed(streams['fin'])
     for name, data in streams.items():
@@ -58,7 +62,8 @@ def learn(streams):
             made = {path: still.get('/v1/meshes/%s/%s/%s' % (name, about['cid'], path)) for path in MADE}
             assert made[MADE[0]][0] == 200, made[MADE[0]]
             GOOD[about['cid']] = {'data': data, 'ends': [level['bytes'] for level in about['levels']],
-                                  'made': {path: hashlib.sha256(body).digest() for path, (status, _, body) in made.items() if status == 200}}
+                                  'made': {path: hashlib.sha256(body).digest() for path,
+                                           (status, _, body) in made.items() if status == 200}}
 
 
 def expected(cid, seed):
@@ -177,7 +182,9 @@ def test_a_day():
             client.join()
         counts = {name: sum(counts[name] for counts, _ in results) for name in results[0][0]}
         wrong = [one for _, some in results for one in some]
-        print('# %d changes, %s, %d wrong' % (CHANGES, ', '.join('%d %s' % (count, name) for name, count in counts.items()), len(wrong)))
+        print('# %d changes, %s, %d wrong' % (CHANGES,
+                                              ', '.join('%d %s' % (count, name) for name,
+                                                        count in counts.items()), len(wrong)))
         assert not wrong, wrong[:5]
         assert counts['complete'] > CHANGES and counts['refused'], counts
         for name in 'abc':  # all is well again with good files

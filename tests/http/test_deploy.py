@@ -40,11 +40,13 @@ def start_nginx(name, text):
     os.makedirs(place, exist_ok=True)
     os.chmod(place, 0o755)
     configuration = os.path.join(place, 'nginx.conf')
-    temporary = ''.join('%s_temp_path %s/%s; ' % (kind, place, kind) for kind in ('client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'))
+    temporary = ''.join('%s_temp_path %s/%s; ' % (kind, place, kind) for kind in ('client_body', 'proxy', 'fastcgi',
+                                                                                  'uwsgi', 'scgi'))
     user = 'root' if os.getuid() == 0 else ''
     text = re.sub(r'^user .*;', 'user %s;' % user if user else '', text, flags=re.M)
     text = text.replace('http {', 'http { ' + temporary, 1).replace('/run/nginx.pid', place + '/nginx.pid')
-    text = text.replace('/var/log/nginx/tetlod.log', place + '/access.log').replace('/var/cache/nginx/tetlod', place + '/cache')
+    text = text.replace('/var/log/nginx/tetlod.log', place + '/access.log').replace('/var/cache/nginx/tetlod',
+                                                                                    place + '/cache')
     with open(configuration, 'w') as file:
         file.write('daemon off;\n' + text)
     return subprocess.Popen([NGINX, '-p', place, '-e', place + '/error.log', '-c', configuration])
@@ -140,24 +142,29 @@ def test_nginx_fails_over():
     if not NGINX or not shutil.which('openssl'):
         return 'no nginx or no openssl'
     key, certificate = os.path.join(SCRATCH, 'key.pem'), os.path.join(SCRATCH, 'certificate.pem')
-    subprocess.run(['openssl', 'req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', key, '-out', certificate, '-days', '2',
+    subprocess.run(['openssl', 'req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', key, '-out', certificate,
+                    '-days', '2',
                     '-subj', '/CN=localhost'], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def start_front(ports):
         with open(os.path.join(DEPLOY, 'nginx.conf')) as file:
             text = file.read()
         port = free_port()
-        text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ', 'listen 127.0.0.1:%d ' % port)
-        text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082', '127.0.0.1:%d' % ports[1])
+        text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ',
+                                                                                        'listen 127.0.0.1:%d ' % port)
+        text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082',
+                                                                                 '127.0.0.1:%d' % ports[1])
         text = text.replace('/etc/ssl/certs/tetlod.pem', certificate).replace('/etc/ssl/private/tetlod.key', key)
-        text = text.replace('proxy_connect_timeout 1s', 'proxy_connect_timeout 60s')  # on a slow machine a server may be slow and yet well
+        text = text.replace('proxy_connect_timeout 1s',
+                            'proxy_connect_timeout 60s')  # on a slow machine a server may be slow and yet well
         process = start_nginx('front', text)
         wait_for_port(port)
         check_cache(port)
         return process, port
 
     def connect(port):
-        return http.client.HTTPSConnection('127.0.0.1', port, timeout=PATIENCE, context=ssl._create_unverified_context())
+        return http.client.HTTPSConnection('127.0.0.1', port, timeout=PATIENCE,
+                                           context=ssl._create_unverified_context())
 
     def ask(port, path, **headers):
         connection = connect(port)
@@ -173,7 +180,8 @@ def test_nginx_fails_over():
         at = '/v1/meshes/fin/%s' % cid
         for expected in ('MISS', 'HIT'):
             answer, body = ask(port, at + '/levels/3/mesh.vtu')
-            assert answer.status == 200 and answer.getheader('X-Cache') == expected, (answer.status, answer.getheader('X-Cache'))
+            assert answer.status == 200 and answer.getheader('X-Cache') == expected, (answer.status,
+                                                                                      answer.getheader('X-Cache'))
         answer, body = ask(port, at + '/stream', Range='bytes=10-29')
         assert answer.status == 206 and body == stream[10:30], answer.status
         answer, body = ask(port, at + '/stream')
@@ -213,9 +221,11 @@ def check_under(port, root):
         assert links, path
         for link in links:
             link = re.sub(r'\{\?.*\}', '', link)
-            for name, value in (('level', '1'), ('format', 'vtu' if '/mesh' in link else 'stl'), ('from', '0'), ('to', '1')):
+            for name, value in (('level', '1'), ('format', 'vtu' if '/mesh' in link else 'stl'), ('from', '0'),
+                                ('to', '1')):
                 link = link.replace('{%s}' % name, value)
-            query = {'mesh': '?level=1', 'prefix': '?level=1', 'isosurface.stl': '?field=Pressure&value=1', 'slice.stl': '?origin=0,0,1&normal=0,0,1'}
+            query = {'mesh': '?level=1', 'prefix': '?level=1', 'isosurface.stl': '?field=Pressure&value=1',
+                     'slice.stl': '?origin=0,0,1&normal=0,0,1'}
             url = urllib.parse.urljoin(root + path, link) + query.get(link.rpartition('/')[2], '')
             assert url.startswith(root) and get(url)[0].status in (200, 303), (path, link, url, get(url)[1])
     answer, _ = get(root + 'v1/meshes/fin/mesh?error=0.1')
@@ -232,7 +242,8 @@ def check_under(port, root):
             url = urllib.parse.urljoin(root + page, link.decode())
             assert url.startswith(root) and get(url)[0].status == 200, (page, link)
     answer, body = get(root + 'v1/meshes/nothing?x=1')
-    assert urllib.parse.urljoin(root + 'v1/meshes/nothing', json.loads(body)['instance']) == root + 'v1/meshes/nothing?x=1'
+    assert urllib.parse.urljoin(root + 'v1/meshes/nothing',
+                                json.loads(body)['instance']) == root + 'v1/meshes/nothing?x=1'
 
 
 def test_under_a_path():
@@ -242,7 +253,8 @@ def test_under_a_path():
     with Server(FOLDER) as plain, Server(FOLDER, '--base-path', '/deep/er/') as based:
         assert based.url.endswith('/deep/er/')
         port = free_port()
-        process = start_nginx('paths', 'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off; server { listen 127.0.0.1:%d;\n'
+        process = start_nginx('paths',
+                              'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off; server { listen 127.0.0.1:%d;\n'
                               'location /some/prefix/ { proxy_pass http://127.0.0.1:%d/; }\n'
                               'location /deep/er/ { proxy_pass http://127.0.0.1:%d; }\n'
                               'location /stripped/ { proxy_pass http://127.0.0.1:%d/; } } }\n' % (port, plain.address[1], based.address[1], based.address[1]))
@@ -259,7 +271,8 @@ def test_under_a_path():
         assert status == 308 and urllib.parse.urljoin('/deep/er', head['location']) == '/deep/er/'
         assert based.get('/deep/erx')[0] == based.get('/deep')[0] == 404
     for bad in ('x/', '/x', '/', '//x/', '/a b/', '/x"/'):
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--base-path', bad], stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--base-path', bad],
+                              stderr=subprocess.PIPE)
         assert done.returncode == 2 and b'base path' in done.stderr, (bad, done)
 
 
@@ -269,7 +282,8 @@ def test_varnish_fails_over():
     place = os.path.join('/tmp', 'tetlod-varnish-%d' % os.getpid())  # its sockets' paths must be short
 
     try:
-        fail_over(lambda ports: start_varnish(ports, place), lambda port: http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE))
+        fail_over(lambda ports: start_varnish(ports, place),
+                  lambda port: http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE))
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
@@ -281,7 +295,8 @@ def start_varnish(ports, place):
     vcl, port = os.path.join(SCRATCH, 'test.vcl'), free_port()
     with open(vcl, 'w') as file:
         file.write(text)
-    process = subprocess.Popen([VARNISH, '-F', '-j', 'none', '-n', place, '-a', '127.0.0.1:%d' % port, '-f', vcl, '-s', 'malloc,32m'],
+    process = subprocess.Popen([VARNISH, '-F', '-j', 'none', '-n', place, '-a', '127.0.0.1:%d' % port, '-f', vcl, '-s',
+                                'malloc,32m'],
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     wait_for_port(port)
     return process, port
@@ -293,8 +308,10 @@ def check_tokens(ask, server, from_cache):
     bearer = {'Authorization': 'Bearer the-secret'}
     eventually(lambda: ask('/healthz')[0] == 200)  # the front has seen that the server is well
     cookie = {'Cookie': 'a=b; ' + ask('/?token=the-secret')[1]['Set-Cookie'].split(';')[0]}
-    for path in (at + '/stream', at + '/levels/2/mesh.vtu', at + '/records/0-3', '/v1/meshes', '/v1/meshes/fin/prefix?level=2', '/view/fin'):
-        for headers, status in ((bearer, 200), ({}, 401), (cookie, 200), ({}, 401), ({'Cookie': 'other=1'}, 401), (bearer, 200), ({'Authorization': 'Bearer x'}, 401)):
+    for path in (at + '/stream', at + '/levels/2/mesh.vtu', at + '/records/0-3', '/v1/meshes',
+                 '/v1/meshes/fin/prefix?level=2', '/view/fin'):
+        for headers, status in ((bearer, 200), ({}, 401), (cookie, 200), ({}, 401), ({'Cookie': 'other=1'}, 401),
+                                (bearer, 200), ({'Authorization': 'Bearer x'}, 401)):
             found, head, body = ask(path, **headers)
             assert found == status and not from_cache(head), (path, headers, found, head)
             assert status != 200 or path[:11] != '/v1/meshes/' or 'private' in head['Cache-Control'] or 'no-cache' in head['Cache-Control'], head
@@ -328,7 +345,8 @@ def test_varnish_and_tokens():
     try:
         with token_server(ports[0]) as server:
             process, port = start_varnish(ports, place)
-            check_tokens(lambda path, **headers: plain(port, path, **headers), server, lambda head: ' ' in head['X-Varnish'])
+            check_tokens(lambda path, **headers: plain(port, path, **headers), server,
+                         lambda head: ' ' in head['X-Varnish'])
         with Server(FOLDER, listen='127.0.0.1:%d' % ports[0]):  # without token it keeps what it kept
             eventually(lambda: plain(port, '/healthz')[0] == 200)
             heads = [plain(port, '/v1/meshes/fin/%s/levels/3/mesh.vtu' % cid)[1] for _ in range(2)]
@@ -345,14 +363,17 @@ def test_nginx_and_tokens():
     ports, port = (free_port(), free_port()), free_port()
     with open(os.path.join(DEPLOY, 'nginx.conf')) as file:
         text = file.read()
-    text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ssl http2;', 'listen 127.0.0.1:%d;' % port)
+    text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ssl http2;',
+                                                                                    'listen 127.0.0.1:%d;' % port)
     text = re.sub(r'^ *ssl_.*\n', '', text, flags=re.M)
-    text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082', '127.0.0.1:%d' % ports[0])
+    text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082',
+                                                                             '127.0.0.1:%d' % ports[0])
     with token_server(ports[0]) as server:
         process = start_nginx('tokens', text)
         try:
             wait_for_port(port)
-            check_tokens(lambda path, **headers: plain(port, path, **headers), server, lambda head: head.get('X-Cache') == 'HIT')
+            check_tokens(lambda path, **headers: plain(port, path, **headers), server,
+                         lambda head: head.get('X-Cache') == 'HIT')
         finally:
             stop(process)
 
@@ -417,7 +438,8 @@ def test_socket_activation():
         notify.bind(notify_path)
         notify.settimeout(PATIENCE)
         script = 'exec 3<&%d; LISTEN_PID=$$ LISTEN_FDS=1 exec "$0" "$@"' % listening.fileno()
-        process = subprocess.Popen(['bash', '-c', script, TETLOD, 'serve', FOLDER, '--quiet'], pass_fds=[listening.fileno()],
+        process = subprocess.Popen(['bash', '-c', script, TETLOD, 'serve', FOLDER, '--quiet'],
+                                   pass_fds=[listening.fileno()],
                                    stdout=subprocess.PIPE, env=dict(os.environ, NOTIFY_SOCKET=notify_path))
         try:
             assert notify.recv(100) == b'READY=1'
@@ -444,7 +466,8 @@ def test_unit_files():
             text = file.read().replace('/usr/local/bin/tetlod', TETLOD)
         with open(os.path.join(place, name), 'w') as file:
             file.write(text)
-    done = subprocess.run(['systemd-analyze', 'verify', '--man=no', os.path.join(place, 'tetlod.service')], stdout=subprocess.PIPE,
+    done = subprocess.run(['systemd-analyze', 'verify', '--man=no', os.path.join(place, 'tetlod.service')],
+                          stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT)
     assert done.returncode == 0 and b'tetlod' not in done.stdout, done.stdout
 
@@ -455,4 +478,5 @@ subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path
                cwd=SCRATCH, check=True)
 with Server(FOLDER) as first:
     cid = first.json('/v1/meshes/fin')['cid']
-run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_varnish_and_tokens, test_nginx_and_tokens, test_plain_files, test_socket_activation, test_unit_files])
+run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_varnish_and_tokens, test_nginx_and_tokens,
+     test_plain_files, test_socket_activation, test_unit_files])

@@ -29,7 +29,8 @@ def test_explode_on_a_full_disk():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then writing beyond the limit fails as on a full disk
         resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 
-    done = subprocess.run([TETLOD, 'explode', folder, '-o', out, '--meshes'], stderr=subprocess.PIPE, preexec_fn=small_files)
+    done = subprocess.run([TETLOD, 'explode', folder, '-o', out, '--meshes'], stderr=subprocess.PIPE,
+                          preexec_fn=small_files)
     message = done.stderr.decode()
     assert done.returncode == 1 and out in message and 'File too large' in message and 'done' not in message, done
     done = subprocess.run([TETLOD, 'explode', folder, '-o', out, '--meshes'])
@@ -53,7 +54,8 @@ def test_what_is_no_stream_is_named_once():
             assert len([line for line in lines if name in line]) == 1, (name, lines)
         assert all(line.startswith('tetlod: ') for line in lines), lines
         assert server.json('/readyz')['unreadable'] == 1  # the loop
-    done = subprocess.run([os.fsencode(TETLOD), b'serve', b'--listen', b'127.0.0.1:0', os.fsencode(folder) + b'/caf\xe9.tetlod'], stderr=subprocess.PIPE)
+    done = subprocess.run([os.fsencode(TETLOD), b'serve', b'--listen', b'127.0.0.1:0',
+                           os.fsencode(folder) + b'/caf\xe9.tetlod'], stderr=subprocess.PIPE)
     assert done.returncode == 1 and b'not UTF-8' in done.stderr, done
 
 
@@ -119,7 +121,8 @@ def test_more_files_than_descriptors():
         assert server.get('/v1/meshes/f7/%s/levels/3/mesh.vtu' % cid)[0] == 200
         # One that is closed now is replaced, and what is opened is never the wrong one
         subprocess.run([TETLOD, 'sample', 'cube', '--size', '2', '-o', 'other.vtu'], cwd=SCRATCH, check=True)
-        subprocess.run([TETLOD, 'build', 'other.vtu', '-o', os.path.join(SCRATCH, 'other.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+        subprocess.run([TETLOD, 'build', 'other.vtu', '-o', os.path.join(SCRATCH, 'other.tetlod'), '--quiet'],
+                       cwd=SCRATCH, check=True)
         os.rename(os.path.join(SCRATCH, 'other.tetlod'), os.path.join(folder, names[5] + '.tetlod'))
         assert server.get('/v1/meshes/%s/%s/stream' % (names[5], cid))[2] != b''
         eventually(lambda: server.json('/v1/meshes/' + names[5])['cid'] != cid)
@@ -202,7 +205,8 @@ def test_a_folder_that_hangs():
     with open(library + '.c', 'w') as file:
         file.write(HANG)
     subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
-    with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1', environment={'LD_PRELOAD': library, 'HANG': flag, 'HANGING': hangs}) as server:
+    with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1',
+                environment={'LD_PRELOAD': library, 'HANG': flag, 'HANGING': hangs}) as server:
         hang()
         shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
         assert server.get('/v1/meshes/fin')[0] == 200 and server.get('/v1/meshes/fin/prefix?level=0')[0] == 200
@@ -250,7 +254,8 @@ def test_a_file_that_hangs():
     that take the place of those that hang. Stopping is not held up. When the file answers again, so does the server."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
-    library, flag, folder = os.path.join(SCRATCH, 'hang_read.so'), os.path.join(SCRATCH, 'hang_read'), folder_of('reads', 'hangs')
+    library, flag, folder = os.path.join(SCRATCH, 'hang_read.so'), os.path.join(SCRATCH,
+                                                                                'hang_read'), folder_of('reads', 'hangs')
     other = os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod')
     shutil.copy(other, os.path.join(folder, 'good.tetlod'))
     shutil.copy(MADE, os.path.join(folder, 'twin.tetlod'))
@@ -259,7 +264,8 @@ def test_a_file_that_hangs():
     subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
     with open(other, 'rb') as file:
         good = file.read()
-    with Server(folder, '--threads', '2', '--scan', '1000', '--drain', '0.2', environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
+    with Server(folder, '--threads', '2', '--scan', '1000', '--drain', '0.2',
+                environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
         fine, cid = (server.json('/v1/meshes/' + name)['cid'] for name in ('good', 'hangs'))
         with open(flag, 'w'):
             pass
@@ -336,5 +342,6 @@ def test_stop_while_scanning():
 
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
-run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
+run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while,
+     test_descriptors_run_out, test_more_files_than_descriptors,
      test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_a_clock_that_was_set, test_stop_while_scanning])

@@ -19,17 +19,23 @@ SEED = int(os.environ.get('SEED', '1'))
 FOLDER = os.path.join(SCRATCH, 'streams')
 MARK = b'never-to-be-sent'
 TOKEN = 'a-Secret_0123456789'
-KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 411, 413, 414, 416, 421, 422, 429, 431, 500, 501, 503, 505}
+KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 411, 413, 414, 416, 421, 422, 429, 431, 500, 501, 503,
+         505}
 LAST = b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n'
 QUIET = 0.2  # seconds for which a connection may say nothing before it is given up
 
-ODD = ['', '..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200, '\x7f', '-1', '0', '1', '7',
+ODD = ['', '..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200,
+       '\x7f', '-1', '0', '1', '7',
        '99999999999999999999', 'nan', '1e999', '-0', '0x1', '1.5', ',', ';', '"', "'", '<', '{id}', '*', '../secret', '/etc/passwd',
        '%0d%0aX:%20y', '+', '%2B', '\xe9', '\xc3\xa9', '\x01', '1,2,3', '0,0,0,1,1,1', ',,', 'all', 'Pressure', 'vtu', 'K', '1%', '1%25']
 GOOD = {'format': ['vtu', 'vtk', 'tetlod', 'vtp', 'stl', 'glb'],
-        'fields': ['Pressure', 'Pressure,Velocity', ''], 'field': ['Pressure', 'Velocity:0', 'material'], 'cells': ['all', 'material', 'part,strain'],
-        'measure': ['max', 'sampled', 'rms', 'predicted'], 'error': ['0', '0.01', '1', '5%25'], 'abs_error': ['0.1'], 'tets': ['100', '1K'],
-        'bytes': ['9000', '1M'], 'value': ['2', '0.5'], 'origin': ['0,0,1'], 'normal': ['0,0,1'], 'box': ['0,0,0,1,1,1', '0,0,0,9,9,9;1,1,1,2,2,2'],
+        'fields': ['Pressure', 'Pressure,Velocity', ''], 'field': ['Pressure', 'Velocity:0',
+                                                                   'material'], 'cells': ['all', 'material',
+                                                                                          'part,strain'],
+        'measure': ['max', 'sampled', 'rms', 'predicted'], 'error': ['0', '0.01', '1',
+                                                                     '5%25'], 'abs_error': ['0.1'], 'tets': ['100', '1K'],
+        'bytes': ['9000', '1M'], 'value': ['2',
+                                           '0.5'], 'origin': ['0,0,1'], 'normal': ['0,0,1'], 'box': ['0,0,0,1,1,1', '0,0,0,9,9,9;1,1,1,2,2,2'],
         'box_error': ['0', '0.1%25'], 'time': ['0.5'], 'token': [TOKEN[:-1], TOKEN + 'x']}
 NUMBERS = ['0', '0', '0', '1', '1', '2', '8']
 FRAMING = ('Content-Length', 'Transfer-Encoding', 'Host', 'Expect')  # most of these end the connection: they are rarer
@@ -50,7 +56,8 @@ HEADERS = {
     'If-None-Match': ['*', '"x"', 'W/', '"', ', ', 'CID', '-0-'],
     'If-Range': ['"x"', 'W/', '*', 'Sat, 01 Jan 2000 00:00:00 GMT', 'CID'],
     'Origin': ['https://a.example', 'null', 'http://localhost', ' ', '\xff', 'https://a.example.evil'],
-    'Range': ['bytes=0-9', 'bytes=-7', 'bytes=999999999-', 'bytes', '=', '0-', '-1', '0-0', ',', '5-9', '9-1', '18446744073709551615', '-', 'items'],
+    'Range': ['bytes=0-9', 'bytes=-7', 'bytes=999999999-', 'bytes', '=', '0-', '-1', '0-0', ',', '5-9', '9-1',
+              '18446744073709551615', '-', 'items'],
     'Transfer-Encoding': ['chunked', 'identity', 'x', ', '],
     'Upgrade': ['h2c', 'websocket'],
     'X-Forwarded-For': ['1.2.3.4', ', ', '::1', 'x'],
@@ -89,7 +96,8 @@ class Generator:
         if self.chance(0.1):
             names.append(r.choice(['token', 'x', '', 'error']))
         query = '&'.join('%s=%s' % (name, self.value(name, choices.get(name))) for name in names)
-        return r.choice((self.base,) * 5 + ('', 'http://x', '/x')) + path + ('?' + query if query or self.chance(0.05) else '')
+        return r.choice((self.base,) * 5 + ('', 'http://x', '/x')) + path + ('?' + query if query or
+                                                                             self.chance(0.05) else '')
 
     def header(self):
         name = self.random.choice(FRAMING if self.chance(self.odd / 2) else PLAIN)
@@ -154,7 +162,8 @@ def judge(guarded, received, whole):
         found = answers(received)
     except AssertionError as wrong:
         return repr(wrong), []
-    if guarded and any(status in (200, 206) and body and not body.startswith(b'{"status"') for status, _, body in found):
+    if guarded and any(status in (200, 206) and body and not body.startswith(b'{"status"') for status, _,
+                       body in found):
         return 'an answer without the token', []
     unknown = [status for status, _, _ in found if status not in KNOWN]
     return ('a status of none: %s' % unknown if unknown else None), [status for status, _, _ in found]
@@ -185,7 +194,9 @@ def under_attack(server, seed):
     cids = {mesh['id']: mesh['cid'] for mesh in server.json('/v1/meshes', **authorized)['meshes']}
     found, problems, workers, before = {}, [], 32, descriptors(server)
     started = time.monotonic()
-    threads = [threading.Thread(target=attack, args=(server, seed * 1000 + i, cids, COUNT // 2 // workers, found, problems)) for i in range(workers)]
+    threads = [threading.Thread(target=attack,
+                                args=(server, seed * 1000 + i, cids,
+                                      COUNT // 2 // workers, found, problems)) for i in range(workers)]
     for thread in threads:
         thread.start()
     slowest = 0
@@ -213,7 +224,8 @@ def test_guarded_server():
     path = os.path.join(SCRATCH, 'token')
     with open(path, 'w') as file:
         file.write(TOKEN)
-    with Server(FOLDER, '--token', path, '--cors', 'https://a.example', '--base-path', '/x/', '--trust-proxy', '127.0.0.1', '--timeout', '5',
+    with Server(FOLDER, '--token', path, '--cors', 'https://a.example', '--base-path', '/x/', '--trust-proxy',
+                '127.0.0.1', '--timeout', '5',
                 '--drain', '1000') as server:
         answered = under_attack(server, SEED + 1)
     assert {200, 204, 400, 401, 405} <= answered, answered

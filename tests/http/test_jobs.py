@@ -24,7 +24,8 @@ def region(number):
 
 
 def gauges(server):
-    return {name.decode(): float(value) for name, value in re.findall(rb'^(tetlod_\w+) ([0-9.]+)$', server.get('/metrics')[2], re.M)}
+    return {name.decode(): float(value) for name,
+            value in re.findall(rb'^(tetlod_\w+) ([0-9.]+)$', server.get('/metrics')[2], re.M)}
 
 
 def ask(server, count, first=0, **more):
@@ -95,9 +96,12 @@ def test_jobs_of_one_client():
             assert server.get(region(300), X_Forwarded_For='5.6.7.8')[0] == 200
             found = [one.result() for one in many]
         refused = [head for status, head, _ in found if status == 429]
-        assert {status for status, _, _ in found} == {200, 429} and all(head['retry-after'] for head in refused), [status for status, _, _ in found]
+        assert {status for status, _, _ in found} == {200,
+                                                      429} and all(head['retry-after'] for head in refused), [status for status, _, _ in found]
         assert len(refused) >= 19 - 2 * limit, len(refused)
-        assert [server.get(region(600 + i), X_Forwarded_For='1.2.3.4')[0] for i in range(2 * limit)] == [200] * 2 * limit  # all are given back
+        assert [server.get(region(600 + i),
+                           X_Forwarded_For='1.2.3.4')[0] for i in range(2 *
+                                                                        limit)] == [200] * 2 * limit  # all are given back
         assert server.get(region(3), X_Forwarded_For='1.2.3.4')[0] == 200
 
 
@@ -178,4 +182,5 @@ subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path
 with Server(FOLDER) as first:
     described = first.json('/v1/meshes/fin')
     cid, last = described['cid'], len(described['levels']) - 1
-run([test_clients_that_have_gone, test_one_of_two_clients_goes, test_jobs_of_one_client, test_stop_with_a_queue, test_grace])
+run([test_clients_that_have_gone, test_one_of_two_clients_goes, test_jobs_of_one_client, test_stop_with_a_queue,
+     test_grace])

@@ -22,7 +22,8 @@ CROSSES = 1 << 32  # where 32 bits end
 
 def levels_of(server):
     described = server.json('/v1/meshes/fin')
-    return described, ['/v1/meshes/fin/%s/levels/%d/mesh.' % (described['cid'], k) for k in range(len(described['levels']))]
+    return described, ['/v1/meshes/fin/%s/levels/%d/mesh.' % (described['cid'],
+                                                              k) for k in range(len(described['levels']))]
 
 
 def test_streamed_files_are_the_cached_ones():
@@ -46,7 +47,8 @@ def test_the_finest_level_is_what_extract_writes():
         out.write(body)
     subprocess.run([TETLOD, 'extract', MADE, '-o', 'extracted.vtk', '--quiet'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'convert', 'served.vtu', '-o', 'served.vtk'], cwd=SCRATCH, check=True)
-    with open(os.path.join(SCRATCH, 'extracted.vtk'), 'rb') as one, open(os.path.join(SCRATCH, 'served.vtk'), 'rb') as other:
+    with open(os.path.join(SCRATCH, 'extracted.vtk'), 'rb') as one, open(os.path.join(SCRATCH, 'served.vtk'),
+                                                                         'rb') as other:
         assert one.read() == other.read()
 
 
@@ -72,7 +74,8 @@ def test_chosen_fields():
     with Server(MADE) as server:
         described = server.json('/v1/meshes/fin')
         last, name = len(described['levels']) - 1, described['fields'][0]['name']
-        for path in ('/v1/meshes/fin/%s/records/1-%d?fields=%s' % (described['cid'], last, name), '/v1/meshes/fin/prefix?level=%d&fields=%s' % (last, name)):
+        for path in ('/v1/meshes/fin/%s/records/1-%d?fields=%s' % (described['cid'], last, name),
+                     '/v1/meshes/fin/prefix?level=%d&fields=%s' % (last, name)):
             status, head, body = server.get(path)
             assert status == 200 and head['content-length'] == str(len(body))
             for first, last in ((0, len(body) - 1), (1000, 30000)):
@@ -156,7 +159,8 @@ def sparse_stream(path):
             else:
                 places.append((at, data[offset:offset + old]))
             at += size
-    front = sealed(bytes(index[:32]) + struct.pack('<Q', at) + bytes(index[40:]) + data[index_end:stream.frames[begin][0][0]])
+    front = sealed(bytes(index[:32]) + struct.pack('<Q',
+                                                   at) + bytes(index[40:]) + data[index_end:stream.frames[begin][0][0]])
     with open(path, 'wb') as out:
         out.write(front)
         out.truncate(at)
@@ -196,7 +200,8 @@ def test_five_gigabytes():
             file.write(b'6')
         status, head, body = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES, CROSSES))
         assert status in (206, 503) and (status == 503 or body == b'5'), status
-        status, head, body = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES - (1 << 20), CROSSES - (1 << 20)))
+        status, head, body = server.get(base + 'stream',
+                                        Range='bytes=%d-%d' % (CROSSES - (1 << 20), CROSSES - (1 << 20)))
         assert status == 503 and head['retry-after'] and b'damaged or is being written' in body, (status, body)
         assert server.get('/healthz')[0] == 200
     os.unlink(path)
@@ -208,15 +213,18 @@ def test_stop_in_the_middle():
     os.makedirs(folder, exist_ok=True)
     os.link(MADE, os.path.join(folder, 'fin.tetlod'))
     subprocess.run([TETLOD, 'sample', 'cube', '--size', '12', '-o', 'cube.vtu'], cwd=SCRATCH, check=True)
-    subprocess.run([TETLOD, 'build', 'cube.vtu', '-o', os.path.join(folder, 'cube.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'build', 'cube.vtu', '-o', os.path.join(folder, 'cube.tetlod'), '--quiet'], cwd=SCRATCH,
+                   check=True)
     for pause in (0, 0.01, 0.05, 0.2):
-        with Server(folder, '--drain', '0.01', '--timeout', '1000', '--scan', '0.01', '--cache', '1M', '--memory', '4M', '--quiet') as ending:
+        with Server(folder, '--drain', '0.01', '--timeout', '1000', '--scan', '0.01', '--cache', '1M', '--memory',
+                    '4M', '--quiet') as ending:
             asking = []
             for name in ('fin', 'cube'):
                 shown = ending.json('/v1/meshes/' + name)
                 last = len(shown['levels']) - 1
                 for level in range(last, last - 4, -1):
-                    for what in ('mesh.vtu', 'mesh.vtk', 'surface.vtp', 'slice.vtp?normal=1,0,0&origin=0.5,0.5,0.5', 'mesh.tetlod',
+                    for what in ('mesh.vtu', 'mesh.vtk', 'surface.vtp', 'slice.vtp?normal=1,0,0&origin=0.5,0.5,0.5',
+                                 'mesh.tetlod',
                                  'region.vtu?box=0,0,0,0.5,0.5,0.5&box_level=%d' % (level + 1)):
                         asking.append(ending.connect())
                         asking[-1].sendall(b'GET /v1/meshes/%s/%s/levels/%d/%s HTTP/1.1\r\nHost: localhost\r\n\r\n' %
@@ -267,7 +275,8 @@ def test_written_over_while_it_is_read():
 
     with Server(path, '--scan', '0.02', '--cache', '1M') as server:
         base = '/v1/meshes/changing/%s/' % server.json('/v1/meshes/changing')['cid']
-        threads = [threading.Thread(target=write)] + [threading.Thread(target=read, args=(server, base)) for _ in range(3)]
+        threads = [threading.Thread(target=write)] + [threading.Thread(target=read,
+                                                                       args=(server, base)) for _ in range(3)]
         for thread in threads:
             thread.start()
         end = time.monotonic() + PATIENCE
@@ -284,7 +293,8 @@ def test_written_over_while_it_is_read():
 def main():
     subprocess.run([TETLOD, 'sample', 'fin', '--size', '16', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
-    run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes, test_conditions_and_ranges,
+    run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes,
+         test_conditions_and_ranges,
          test_chosen_fields, test_readers_that_wait_take_no_memory, test_the_kernel_holds_little,
          test_five_gigabytes, test_stop_in_the_middle, test_written_over_while_it_is_read])
 

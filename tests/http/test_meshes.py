@@ -33,7 +33,8 @@ server = info = base = None
 
 
 def tetlod(*arguments):
-    return subprocess.run([TETLOD, *map(str, arguments)], check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE).stdout
+    return subprocess.run([TETLOD, *map(str, arguments)], check=True, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE).stdout
 
 
 def make_stream(name, path, size):
@@ -74,7 +75,8 @@ def problem(path, status, **headers):
     got, head, body = server.get(path, **headers)
     assert got == status and head['content-type'] == 'application/problem+json', (path, got, body)
     value = json.loads(body)
-    assert value['status'] == status and value['detail'] and urllib.parse.urljoin(path, value['instance']).rstrip('?') == path.rstrip('?'), value
+    assert value['status'] == status and value['detail'] and urllib.parse.urljoin(path,
+                                                                                  value['instance']).rstrip('?') == path.rstrip('?'), value
     return value
 
 
@@ -206,7 +208,8 @@ def test_formats_agree():
 
 def test_redirection_is_followed():
     out = os.path.join(SCRATCH, 'curl.vtu')
-    done = subprocess.run(['curl', '-sSfL', server.url + 'v1/meshes/fin/mesh?error=0.01&measure=sampled', '-o', out], check=False)
+    done = subprocess.run(['curl', '-sSfL', server.url + 'v1/meshes/fin/mesh?error=0.01&measure=sampled', '-o', out],
+                          check=False)
     if done.returncode == 127:
         return 'no curl'
     assert done.returncode == 0
@@ -233,7 +236,8 @@ def test_stored_bytes():
     assert status == 200 and body == stream and head['content-type'] == 'application/vnd.tetlod'
     assert head['accept-ranges'] == 'bytes' and 'immutable' in head['cache-control'] and 'no-transform' in head['cache-control']
     # stored bytes have no other coding: from the cache or the file, caches keep one of them for all clients
-    assert not any('vary' in server.get(base + '/stream', **more)[1] for more in ({}, {'Range': 'bytes=0-9'}, {'If_None_Match': head['etag']}))
+    assert not any('vary' in server.get(base + '/stream', **more)[1] for more in ({}, {'Range': 'bytes=0-9'},
+                                                                                  {'If_None_Match': head['etag']}))
     last = len(info['levels']) - 1
     for first, second in ((0, 1), (0, last), (3, 7), (last - 1, last)):
         status, head, body = server.get('%s/records/%d-%d' % (base, first, second))
@@ -263,7 +267,8 @@ def test_records_of_some_fields():
 def test_prefix():
     """What mesh?format=tetlod redirects to, at once; some fields' frames alone where that is asked."""
     whole = server.get(base + '/stream')[2]
-    for query in ('error=0.01&measure=sampled', 'level=0', 'tets=500', 'bytes=9000', 'abs_error=0.1&field=Pressure&measure=rms'):
+    for query in ('error=0.01&measure=sampled', 'level=0', 'tets=500', 'bytes=9000',
+                  'abs_error=0.1&field=Pressure&measure=rms'):
         level, _ = level_of(query + '&format=tetlod')
         status, head, body = server.get('/v1/meshes/fin/prefix?' + query)
         assert status == 200 and body == whole[:info['levels'][level]['bytes']], (query, status)
@@ -273,7 +278,8 @@ def test_prefix():
     start = info['levels'][0]['offset']
     geometry = server.get('/v1/meshes/fin/prefix?level=3&fields=')[2]
     assert geometry.startswith(whole[:start])
-    assert geometry.endswith(server.get(base + '/records/2-3?fields=')[2]) and len(geometry) < info['levels'][3]['bytes']
+    assert geometry.endswith(server.get(base +
+                                        '/records/2-3?fields=')[2]) and len(geometry) < info['levels'][3]['bytes']
     names = ','.join(field['name'] for field in info['fields'])
     assert server.get('/v1/meshes/fin/prefix?level=3&fields=' + names)[2] == whole[:info['levels'][3]['bytes']]
     problem('/v1/meshes/fin/prefix', 400)
@@ -310,7 +316,8 @@ def test_ranges():
 
 
 def test_not_modified():
-    for path in ('/v1/meshes/fin', base + '/stream', base + '/records/0-4', base + '/levels/2/mesh.vtu', base + '/levels/2/mesh.tetlod'):
+    for path in ('/v1/meshes/fin', base + '/stream', base + '/records/0-4', base + '/levels/2/mesh.vtu',
+                 base + '/levels/2/mesh.tetlod'):
         _, head, body = server.get(path)
         status, again, nothing = server.get(path, If_None_Match=head['etag'])
         assert status == 304 and nothing == b'' and again['etag'] == head['etag'], path
@@ -320,7 +327,8 @@ def test_not_modified():
 
 def test_not_modified_without_making():
     """Tags follow from the address: a fresh server (after a restart, or another one behind a proxy) makes nothing for a 304."""
-    paths = [base + path for path in ('/levels/2/mesh.vtu', '/levels/2/mesh.vtk', '/levels/2/surface.stl', '/records/0-4', '/records/0-4?fields=Pressure',
+    paths = [base + path for path in ('/levels/2/mesh.vtu', '/levels/2/mesh.vtk', '/levels/2/surface.stl',
+                                      '/records/0-4', '/records/0-4?fields=Pressure',
                                       '/levels/2/isosurface.vtp?field=Pressure&value=2', '/levels/2/slice.glb?origin=0,0,1&normal=0,0,1')]
     tags = {(path, coding): server.get(path, Accept_Encoding=coding)[1] for path in paths for coding in ('identity', 'gzip', 'zstd')}
     assert len({head['etag'] for (path, _), head in tags.items() if 'levels' in path}) == 15
@@ -364,11 +372,13 @@ def test_names_with_plus():
     assert b'"Pressure"' in text and b'"Velocity"' in text
     with open(given, 'wb') as file:
         file.write(text.replace(b'"Pressure"', b'"a+b c"').replace(b'"Velocity"', b'"a b c"'))
-    subprocess.run([TETLOD, 'build', given, '--field', 'a+b c', '-o', os.path.join(folder, 'p.tetlod'), '--quiet'], check=True)
+    subprocess.run([TETLOD, 'build', given, '--field', 'a+b c', '-o', os.path.join(folder, 'p.tetlod'), '--quiet'],
+                   check=True)
     with Server(folder, '--access-log') as plus:
         cid = plus.json('/v1/meshes/p')['cid']
         iso = '/v1/meshes/p/%s/levels/0/isosurface.vtp?value=2&field=' % cid
-        for name, scalar in (('a+b%20c', True), ('a%2Bb+c', True), ('a%2bb%20c', True), ('a%2Bb%2Bc', False), ('a%20b%20c:0', True), ('a+b+c:0', True),
+        for name, scalar in (('a+b%20c', True), ('a%2Bb+c', True), ('a%2bb%20c', True), ('a%2Bb%2Bc', False),
+                             ('a%20b%20c:0', True), ('a+b+c:0', True),
                              ('a+b+c', False), ('a%20b%2Bc', False)):
             assert plus.get(iso + name)[0] == (200 if scalar else 400), name
         for path, status in (('prefix?level=1&fields=', 200), ('mesh?error=0.1&field=', 303)):
@@ -377,7 +387,10 @@ def test_names_with_plus():
         both = [plus.get('/v1/meshes/p/%s/records/0-1?fields=%s' % (cid, names)) for names in ('a%2Bb%20c,a%20b%20c', 'a%2Bb+c,a+b+c', 'a+b+c,a+b%20c')]
         assert both[0][0] == 200 and both[0][2] == both[1][2] == both[2][2]
         client = "import tetlod; print(tetlod.read('http://%s:%d/v1/meshes/p', error='5%%', field='a+b c').error <= 0.05)" % plus.address
-        done = subprocess.run([sys.executable, '-c', client], env=dict(os.environ, PYTHONPATH=os.path.join(ROOT, 'client-examples', 'python')), stdout=subprocess.PIPE)
+        done = subprocess.run([sys.executable, '-c', client],
+                              env=dict(os.environ,
+                                       PYTHONPATH=os.path.join(ROOT, 'client-examples',
+                                                               'python')), stdout=subprocess.PIPE)
         assert done.stdout == b'True\n' and 'field=a%2Bb%20c' in plus.messages(), done
 
 
@@ -411,7 +424,8 @@ def test_isosurface():
     assert abs(speed[:, 0] - 1).max() < 1e-6
     empty = read(vtkXMLPolyDataReader(), server.get(level + 'isosurface.vtp?field=Pressure&value=1e6')[2], 'empty.vtp')
     assert empty.GetNumberOfCells() == 0
-    for query in ('', 'field=Pressure', 'value=1', 'field=Velocity&value=1', 'field=Velocity:3&value=1', 'field=x&value=1',
+    for query in ('', 'field=Pressure', 'value=1', 'field=Velocity&value=1', 'field=Velocity:3&value=1',
+                  'field=x&value=1',
                   'field=Pressure&value=nan', 'field=Pressure&value=1&x=1'):
         problem(level + 'isosurface.vtp?' + query, 400)
     problem(level + 'isosurface.obj?field=Pressure&value=1', 400)
@@ -434,7 +448,8 @@ def test_slice_and_surface():
     reader.Update()
     assert reader.GetOutput().GetNumberOfPoints() > 10
     assert glb_scene(glb[2])[0]['asset']['version'] == '2.0'
-    for query in ('', 'origin=0,0,0', 'origin=0,0,0&normal=0,0,0', 'origin=0,0&normal=0,0,1', 'origin=0,0,0&normal=0,0,nan'):
+    for query in ('', 'origin=0,0,0', 'origin=0,0,0&normal=0,0,0', 'origin=0,0&normal=0,0,1',
+                  'origin=0,0,0&normal=0,0,nan'):
         problem(level + 'slice.vtp?' + query, 400)
 
 
@@ -464,7 +479,8 @@ def make_labelled(folder):
     writer.SetFileName(os.path.join(SCRATCH, 'labelled.vtu'))
     writer.Write()
     os.makedirs(folder)
-    tetlod('build', writer.GetFileName(), '-o', os.path.join(folder, 'labelled.tetlod'), '--field', 'Pressure', '--quiet')
+    tetlod('build', writer.GetFileName(), '-o', os.path.join(folder, 'labelled.tetlod'), '--field', 'Pressure',
+           '--quiet')
 
 
 def test_surface_files():
@@ -476,11 +492,13 @@ def test_surface_files():
         level = '/v1/meshes/labelled/%s/levels/%d/' % (shown['cid'], len(shown['levels']) // 2)
         for form in 'vtp', 'stl', 'glb':
             written = os.path.join(SCRATCH, 'written.' + form)
-            tetlod('extract', os.path.join(folder, 'labelled.tetlod'), '--level', len(shown['levels']) // 2, '-o', written)
+            tetlod('extract', os.path.join(folder, 'labelled.tetlod'), '--level',
+                   len(shown['levels']) // 2, '-o', written)
             with open(written, 'rb') as file:
                 assert labelled.get(level + 'surface.' + form)[2] == file.read(), form
         query = '?field=Pressure&value=%r' % (sum(shown['fields'][0]['range']) / 2)
-        surface = read(vtkXMLPolyDataReader(), labelled.get(level + 'isosurface.vtp' + query)[2], 'labelled.vtp').GetPointData()
+        surface = read(vtkXMLPolyDataReader(), labelled.get(level + 'isosurface.vtp' + query)[2],
+                       'labelled.vtp').GetPointData()
         assert surface.GetArray('Pressure').GetInformation().Get(vtkDataArray.UNITS_LABEL()) == 'N/m² <&>'
         assert not surface.GetArray('p 1').HasInformation() or not surface.GetArray('p 1').GetInformation().Has(vtkDataArray.UNITS_LABEL())
         body = labelled.get(level + 'isosurface.glb' + query)[2]
@@ -550,7 +568,8 @@ def test_slow_readers():
     """Who reads slowly holds room, until the deadline of the answer; who needs the room waits for it and gets an answer."""
     stream, path = os.path.join(SCRATCH, 'held.tetlod'), os.path.join(SCRATCH, 'held.sock')
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
-    with Server(stream, '--cache', '8M', '--memory', '64M', '--timeout', '2', '--quiet', '--listen', 'unix:' + path) as small, contextlib.ExitStack() as stack:
+    with Server(stream, '--cache', '8M', '--memory', '64M', '--timeout', '2', '--quiet', '--listen',
+                'unix:' + path) as small, contextlib.ExitStack() as stack:
         shown = small.json('/v1/meshes/held')
         at, last = '/v1/meshes/held/%s/' % shown['cid'], len(shown['levels']) - 1
         cached = at + 'levels/0/mesh.vtu'
@@ -593,12 +612,14 @@ def test_memory_is_bounded():
                     status, _, body = small.get(path)
                     assert status == 200 and body == ample.get(path)[2], (path, status, body[:300])
                     assert metric('tetlod_stream_memory_bytes', small) <= 3 << 20
-        eventually(lambda: metric('tetlod_streams_decoded_total', small) > metric('tetlod_streams_decoded_total', ample))  # some had to leave
+        eventually(lambda: metric('tetlod_streams_decoded_total', small) > metric('tetlod_streams_decoded_total',
+                                                                                  ample))  # some had to leave
 
 
 def test_a_level_needs_its_stage():
     with Server(FIN) as fresh:
-        coarse = [level for level in info['levels'] if 2 * level['tets'] <= info['levels'][-1]['tets']][-1]['level']  # of half the tetrahedra
+        coarse = [level for level in info['levels'] if 2 *
+                  level['tets'] <= info['levels'][-1]['tets']][-1]['level']  # of half the tetrahedra
         fresh.get(base + '/levels/%d/mesh.vtu' % coarse)
         part = metric('tetlod_stream_memory_bytes', fresh)
         fresh.get(base + '/levels/%d/mesh.vtu' % (len(info['levels']) - 1))
@@ -678,7 +699,8 @@ def test_stop_during_answers():
     """Whoever has asked gets the whole answer, whether it is being sent or still being made; nobody else gets in."""
     stream, path = os.path.join(SCRATCH, 'larger.tetlod'), os.path.join(SCRATCH, 'stop.sock')
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
-    with Server(stream, '--drain', '1000', '--timeout', '1000', '--quiet', '--listen', 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
+    with Server(stream, '--drain', '1000', '--timeout', '1000', '--quiet', '--listen',
+                'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
         shown = ending.json('/v1/meshes/larger')
         request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (shown['cid'].encode(), len(shown['levels']) - 1)
         slow.settimeout(PATIENCE)
@@ -766,11 +788,15 @@ def test_what_is_no_stream():
         assert [m['id'] for m in mixed.json('/v1/meshes')['meshes']] == ['good']
         assert 'text.tetlod: not served' in mixed.messages()
     for path in (os.path.join(folder, 'text.tetlod'), os.path.join(folder, 'missing.tetlod')):
-        done = subprocess.run([TETLOD, 'serve', path, '--listen', '127.0.0.1:0'], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        assert done.returncode in (1, 3) and done.stdout == b'' and done.stderr.count(b'\n') == 1 and path.encode() in done.stderr, done
-    busy = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '%s:%d' % server.address], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        done = subprocess.run([TETLOD, 'serve', path, '--listen', '127.0.0.1:0'], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE)
+        assert done.returncode in (1,
+                                   3) and done.stdout == b'' and done.stderr.count(b'\n') == 1 and path.encode() in done.stderr, done
+    busy = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '%s:%d' % server.address], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE)
     assert busy.returncode == 1 and b'in use' in busy.stderr, busy
-    wrong = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'nonsense'], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    wrong = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'nonsense'], stdout=subprocess.PIPE,
+                           stderr=subprocess.PIPE)
     assert wrong.returncode == 2, wrong
 
 
@@ -785,7 +811,8 @@ def test_damaged_stream():
     shutil.copy(FIN, os.path.join(folder, 'good.tetlod'))
     with Server(folder, '--scan', '0.1') as damaged:
         assert [m['id'] for m in damaged.json('/v1/meshes')['meshes']] == ['good']
-        assert re.search(r'bad.tetlod: not served: bytes \d+ to %d do not match' % len(stream), damaged.messages()), damaged.messages()
+        assert re.search(r'bad.tetlod: not served: bytes \d+ to %d do not match' % len(stream),
+                         damaged.messages()), damaged.messages()
         for path in ('stream', 'levels/0/mesh.vtu'):
             assert damaged.get('/v1/meshes/bad/%s/%s' % (info['cid'], path))[0] == 404
         assert damaged.get('/v1/meshes/good/%s/levels/0/mesh.vtu' % info['cid'])[0] == 200
@@ -815,7 +842,8 @@ def test_names_of_downloads():
     eventually(lambda: server.get('/v1/meshes/' + quoted)[0] == 200)
     for place, plain, whole in (('fin', 'fin', 'fin'), (quoted, 'Fl__gel 5__x', urllib.parse.quote(name, safe=''))):
         at = '/v1/meshes/%s/%s/' % (place, info['cid'])
-        for path, rest in (('levels/2/mesh.vtu', '-2.vtu'), ('levels/2/mesh.tetlod', '-2.tetlod'), ('stream', '.tetlod'), ('levels/1/surface.stl', '-1-surface.stl'),
+        for path, rest in (('levels/2/mesh.vtu', '-2.vtu'), ('levels/2/mesh.tetlod', '-2.tetlod'),
+                           ('stream', '.tetlod'), ('levels/1/surface.stl', '-1-surface.stl'),
                            ('levels/0/slice.vtp?origin=0,1,1&normal=1,0,0', '-0-slice.vtp')):
             head = server.get(at + path)[1]
             assert head['content-disposition'] == 'attachment; filename="%s%s"; filename*=UTF-8\'\'%s%s' % (plain, rest, whole, rest), head
@@ -829,7 +857,8 @@ make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
 with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
-    run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
+    run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error,
+         test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
          test_small_cache, test_memory_of_regions, test_slow_readers,

@@ -139,7 +139,8 @@ def test_too_much():
     """A lossy stream has no level within an error of 0, a point outside of the mesh no value; what takes more than the
     server's memory is refused."""
     build('fin.vtu', os.path.join(SCRATCH, 'lossy.tetlod'), '--field-bits', '8')
-    subprocess.run([TETLOD, 'sample', 'wake', '--size', '12', '--steps', '2', '-o', 'large.pvd'], cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'sample', 'wake', '--size', '12', '--steps', '2', '-o', 'large.pvd'], cwd=SCRATCH,
+                   check=True)
     build('large.pvd', os.path.join(SCRATCH, 'large.tetlod'), '--bands', '10%')
     paths = [os.path.join(SCRATCH, name + '.tetlod') for name in ('lossy', 'large')]
     with Server(*paths, '--cache', '1M', '--memory', '1M') as small:
@@ -148,7 +149,8 @@ def test_too_much():
         for path, item in document['paths'].items():
             if '422' not in item['get']['responses']:
                 continue
-            changes = {'id': 'large', 'level': finest, 'band': 1, 'box': '0,0,0,9,9,9', 'box_level': finest, 'value': 0.5}
+            changes = {'id': 'large', 'level': finest, 'band': 1, 'box': '0,0,0,9,9,9', 'box_level': finest,
+                       'value': 0.5}
             if 'region' in path:
                 changes['level'] = 0
             if '{cid}' not in path:

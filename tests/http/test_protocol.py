@@ -77,7 +77,8 @@ def test_methods():
 
 
 def test_unknown_paths():
-    for path in ('/nothing', '/v1', '/v1/', '/v1/meshes/', '/v1/meshes/x', '/v1/meshes/x/mesh', '//v1/meshes', '/v1//meshes',
+    for path in ('/nothing', '/v1', '/v1/', '/v1/meshes/', '/v1/meshes/x', '/v1/meshes/x/mesh', '//v1/meshes',
+                 '/v1//meshes',
                  '/v1/meshes/x/y/stream', '/v1/meshes/x/y/levels/0/mesh.vtu', '/healthz/', '/%68ealthz2'):
         problem(path, 404)
 
@@ -85,7 +86,8 @@ def test_unknown_paths():
 def test_a_page_for_browsers():
     """Who comes with an address line sees a page with a way back; programs see a problem."""
     browser = {'Accept': 'text/html,application/xhtml+xml,*/*;q=0.8'}
-    for path, back in (('/nothing', '"./"'), ('/no/where/here?x=1/2', '"./../../"'), ('/v1/meshes/%3Cscript%3E&', '"./../../"')):
+    for path, back in (('/nothing', '"./"'), ('/no/where/here?x=1/2', '"./../../"'),
+                       ('/v1/meshes/%3Cscript%3E&', '"./../../"')):
         status, head, body = server.get(path, **browser)
         assert status == 404 and head['content-type'] == 'text/html; charset=utf-8', head
         assert 'href=' + back in body.decode() and b'<script' not in body and "default-src 'none'" in head['content-security-policy'], body
@@ -99,7 +101,8 @@ def test_a_page_for_browsers():
 
 
 def test_traversal():
-    for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd', b'/v1/meshes/../../etc/passwd',
+    for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd',
+                 b'/v1/meshes/../../etc/passwd',
                  b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./catalogue.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
         received = ask(b'GET ' + path + b' HTTP/1.1')
         assert one(received) == 404 and b'root:' not in received, (path, received)
@@ -114,7 +117,8 @@ def test_nul_does_not_cut():
 def test_targets_without_a_path():
     """What begins with neither '/' nor a scheme, or has control characters, is refused, with every header that makes an answer look at the path."""
     browser = b'Accept: text/html\r\n'
-    for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80', b'/view/x\x01', b'/healthz?\x7f'):
+    for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80',
+                   b'/view/x\x01', b'/healthz?\x7f'):
         received = ask(b'GET ' + target + b' HTTP/1.1', browser)
         assert statuses(received) == [400], (target, received)
         assert b'application/problem+json' in received and json.loads(received.partition(b'\r\n\r\n')[2])['status'] == 400
@@ -125,7 +129,8 @@ def test_targets_without_a_path():
 def test_one_vary():
     """Where an answer varies by two headers, one line says so: a proxy may look at the first one alone."""
     with Server(FOLDER, '--cors', 'https://a.example') as named:
-        for path, names in (('/', ['Accept-Encoding', 'Origin']), ('/v1/meshes', ['Accept-Encoding', 'Origin']), ('/healthz', ['Origin'])):
+        for path, names in (('/', ['Accept-Encoding', 'Origin']), ('/v1/meshes', ['Accept-Encoding', 'Origin']),
+                            ('/healthz', ['Origin'])):
             for headers in ({}, {'Origin': 'https://a.example'}, {'If-None-Match': '*'}):
                 head = named.get(path, **headers)[1]
                 assert head['vary'].split(', ') == names, (path, head)  # get() finds headers that come twice
@@ -178,16 +183,19 @@ def test_smuggling():
 
 def test_expect_continue():
     for method, wanted in ((b'POST', 405), (b'GET', 413)):
-        received = server.raw(method + b' /v1/meshes HTTP/1.1\r\n' + HOST + b'Content-Length: 5\r\nExpect: 100-continue\r\n\r\n')
+        received = server.raw(method + b' /v1/meshes HTTP/1.1\r\n' + HOST +
+                              b'Content-Length: 5\r\nExpect: 100-continue\r\n\r\n')
         assert statuses(received) == [wanted], received  # without 100: nobody wants the body
 
 
 def test_nul_in_headers():
     """libmicrohttpd cuts values at a NUL; a proxy may read on."""
-    for headers in (b'Content-Length: 0\x005\r\n', b'X: a\x00b\r\n', b'X: a\x00bc\r\nY: b\r\n', b'Cookie: a=b\x00; c=d\r\n'):
+    for headers in (b'Content-Length: 0\x005\r\n', b'X: a\x00b\r\n', b'X: a\x00bc\r\nY: b\r\n',
+                    b'Cookie: a=b\x00; c=d\r\n'):
         for more in (b'', b'Z: z\r\n'):
             assert one(ask(b'GET /healthz HTTP/1.1', headers + more)) == 400, (headers, more)
-    for headers in (b'X: a\r\n', b'X:a\r\n', b'X:  a  \r\n', b'X:\r\n', b'X: \t\r\n', b'Cookie: a=b; c=d\r\n', b'Content-Length: 0\r\n'):
+    for headers in (b'X: a\r\n', b'X:a\r\n', b'X:  a  \r\n', b'X:\r\n', b'X: \t\r\n', b'Cookie: a=b; c=d\r\n',
+                    b'Content-Length: 0\r\n'):
         for more in (b'', b'Z: z\r\n'):
             assert one(ask(b'GET /healthz HTTP/1.1', headers + more)) == 200, (headers, more)
 
@@ -197,7 +205,8 @@ def test_no_silence():
     for size in (1000, 4500, 7500, 9000, 12000, 12300, 16000, 20000):
         many = b'; '.join(b'c%d=' % i + b'x' * 144 for i in range(size // 150))
         for line, headers in ((b'GET /healthz?' + b'a' * size, b''), (b'GET /healthz?' + b'a&' * (size // 2), b''),
-                              (b'GET /healthz', b'Cookie: ' + many + b'\r\n'), (b'GET /healthz', b'X: ' + b'a' * size + b'\r\n'),
+                              (b'GET /healthz', b'Cookie: ' + many + b'\r\n'), (b'GET /healthz',
+                                                                                b'X: ' + b'a' * size + b'\r\n'),
                               (b'GET /healthz', (b'Cookie: a=' + b'x' * 138 + b'\r\n') * (size // 150))):
             status = one(ask(line + b' HTTP/1.1', headers))
             assert status in ((200,) if size < 8000 else (414, 431)), (size, line[:20], headers[:20], status)
@@ -221,7 +230,8 @@ def test_refusals_are_problems():
         get + b'Content-Length: +0\r\n\r\n': 400, get + b'Content-Length: 99999999999999999999\r\n\r\n': 413,
         chunked + b'zz\r\n': 400, chunked + b'F' * 20 + b'\r\n': 413, get + b'X: a\r\n' * 1000 + b'\r\n': 431}
     # Of these it may read a part and close: the kernel then resets the connection, which takes away an answer that was sent
-    longer = {b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 431,
+    longer = {b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
+              get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 431,
               chunked + b'1;' + b'a' * 40000: 500}
     for data, wanted in ours.items():
         (status, head, _), = answers(server.raw(data))
@@ -261,13 +271,16 @@ def test_long_requests():
 
 
 def test_garbage():
-    for data, status in ((b'GET / HTTP/9.9\r\nHost: localhost\r\n\r\n', 505), (b'GET /\r\n\r\n', 400), (b'GET  /  HTTP/1.1\r\n\r\n', 400),
+    for data, status in ((b'GET / HTTP/9.9\r\nHost: localhost\r\n\r\n', 505), (b'GET /\r\n\r\n', 400),
+                         (b'GET  /  HTTP/1.1\r\n\r\n', 400),
                          (b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n', 505), (b'GET / HTTP/1.1\r\n: x\r\n\r\n', 400),
-                         (b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', 400), (b'GET / HTTP/1.1\r\n Host: localhost\r\n\r\n', 400)):
+                         (b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', 400), (b'GET / HTTP/1.1\r\n Host: localhost\r\n\r\n',
+                                                                        400)):
         assert one(server.raw(data, finish=True)) == status, data
     with Server(FOLDER, '--timeout', '1') as short:
         # No request: empty lines, no end of a line, no target. The time-out ends the connection.
-        for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03'):
+        for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n',
+                     b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03'):
             assert short.raw(data, finish=True) == b'', data
         assert short.get('/healthz')[0] == 200
 
@@ -337,7 +350,8 @@ def test_coding():
     assert unzstd == plain
     _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip, deflate, br, zstd')
     decode = 'process.stdout.write(zlib.brotliDecompressSync(fs.readFileSync(0)))'
-    assert head['content-encoding'] == 'br' and subprocess.run(['node', '-e', decode], input=body, stdout=subprocess.PIPE, check=True).stdout == plain
+    assert head['content-encoding'] == 'br' and subprocess.run(['node', '-e', decode], input=body,
+                                                               stdout=subprocess.PIPE, check=True).stdout == plain
     for coding in ('gzip', 'zstd', 'br'):  # each coding is a representation with a tag of its own
         head = server.get('/catalogue.js', Accept_Encoding=coding)[1]
         assert server.get('/catalogue.js', Accept_Encoding=coding, If_None_Match=head['etag'])[0] == 304
@@ -348,7 +362,8 @@ def test_embedding():
     """What embed.py makes of a folder: media types, the codings that are smaller, tags by content."""
     folder = os.path.join(SCRATCH, 'assets')
     os.makedirs(os.path.join(folder, 'deep'))
-    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50), ('b.js.br', b'short'),
+    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50),
+                       ('c.mjs', b'same ' * 50), ('b.js.br', b'short'),
                        ('chunk-0A1B2C3D.js', b'')):
         with open(os.path.join(folder, name), 'wb') as file:
             file.write(data)
@@ -401,8 +416,10 @@ def test_page():
     assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body
     assert head['x-content-type-options'] == 'nosniff'
     rules = policy(head['content-security-policy'])
-    assert rules == {'default-src': {"'self'"}, 'script-src': {"'self'", "'wasm-unsafe-eval'"}, 'worker-src': {"'self'", 'blob:'},
-                     'img-src': {"'self'", 'data:', 'blob:'}, 'object-src': {"'none'"}, 'base-uri': {"'none'"}, 'form-action': {"'none'"},
+    assert rules == {'default-src': {"'self'"}, 'script-src': {"'self'", "'wasm-unsafe-eval'"},
+                     'worker-src': {"'self'", 'blob:'},
+                     'img-src': {"'self'", 'data:',
+                                 'blob:'}, 'object-src': {"'none'"}, 'base-uri': {"'none'"}, 'form-action': {"'none'"},
                      'connect-src': {"'self'"}}, rules
     for path in ('/view/fin', '/view/a%20b', '/view/nothing?x'):
         status, head, body = server.get(path)
@@ -415,9 +432,12 @@ def test_page():
 def test_stream_origins():
     with Server(FOLDER, '--stream-origin', 'https://data.example.org', '--stream-origin', 'http://[::1]:81') as two:
         rules = policy(two.get('/')[1]['content-security-policy'])
-        assert rules['connect-src'] == {"'self'", 'https://data.example.org', 'http://[::1]:81'} and rules['default-src'] == {"'self'"}
-    for origin in ('*', "https://a; script-src 'unsafe-inline'", 'https://a b', 'ftp://a', 'https://', 'https://' + 'a' * 300, 'https://a/path'):
-        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--stream-origin', origin], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert rules['connect-src'] == {"'self'", 'https://data.example.org',
+                                        'http://[::1]:81'} and rules['default-src'] == {"'self'"}
+    for origin in ('*', "https://a; script-src 'unsafe-inline'", 'https://a b', 'ftp://a', 'https://',
+                   'https://' + 'a' * 300, 'https://a/path'):
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--stream-origin', origin],
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert done.returncode == 2 and b'origin' in done.stderr, (origin, done)
 
 
@@ -506,7 +526,8 @@ def test_sockets_of_others():
     path = os.path.join('/tmp', 'tetlod-socket-%d.sock' % os.getpid())
 
     def start():
-        return subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'unix:' + path], stderr=subprocess.PIPE, timeout=PATIENCE)
+        return subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'unix:' + path], stderr=subprocess.PIPE,
+                              timeout=PATIENCE)
 
     with Server(FOLDER, listen='unix:' + path) as first:
         first.process.send_signal(signal.SIGSTOP)
@@ -546,7 +567,8 @@ def test_sockets_of_others():
 
 def test_long_times():
     """Times beyond what clocks count with are long ones: nothing spins, and a signal is heard."""
-    with Server(FOLDER, '--scan', '1e30', '--keep-replaced', '1e300', '--timeout', '1e30', '--drain', '1e15') as server_of:
+    with Server(FOLDER, '--scan', '1e30', '--keep-replaced', '1e300', '--timeout', '1e30', '--drain',
+                '1e15') as server_of:
         before = os.times().elapsed, cpu_seconds(server_of)
         time.sleep(1)
         assert cpu_seconds(server_of) - before[1] < 0.5 * (os.times().elapsed - before[0])
@@ -566,7 +588,8 @@ def cpu_seconds(server_of):
 def test_memory_is_said():
     with Server(FOLDER, '--memory', '300M', '--cache', '20M') as told, Server(FOLDER) as chosen:
         assert 'at most 300 MB for streams (--memory) and 20 MB for answers (--cache), of ' in told.messages()
-        streams, answers, there = map(int, re.search(r'at most (\d+) MB for streams .* and (\d+) MB for answers .*, of (\d+) MB', chosen.messages()).groups())
+        streams, answers, there = map(int,
+                                      re.search(r'at most (\d+) MB for streams .* and (\d+) MB for answers .*, of (\d+) MB', chosen.messages()).groups())
         assert abs(streams - there / 2) <= 1 and answers <= min(256, there / 8)
 
 
@@ -578,7 +601,8 @@ def test_metrics_apart():
 
         def counted():
             connection.request('GET', '/metrics')
-            return re.search(rb'^tetlod_requests_total{route="/metrics",status="404"} 1$', connection.getresponse().read(), re.M)
+            return re.search(rb'^tetlod_requests_total{route="/metrics",status="404"} 1$',
+                             connection.getresponse().read(), re.M)
 
         eventually(counted)  # an answer is counted when it has been sent
         connection.close()
@@ -630,7 +654,8 @@ def test_metrics():
 
 
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
-    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_a_page_for_browsers, test_traversal,
+    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths,
+         test_a_page_for_browsers, test_traversal,
          test_nul_does_not_cut, test_targets_without_a_path, test_one_vary, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
          test_refusals_are_problems, test_many_parameters, test_forgotten_requests, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_sockets_of_others, test_long_times, test_memory_is_said, test_metrics_apart, test_threads,

@@ -60,7 +60,8 @@ def test_meshes():
                 assert numpy.array_equal(vtk_to_numpy(answer.GetPoints().GetData()), series.points()), (name, band, step)
                 assert list(found) == list(values) and float(head['tetlod-time']) == series.times[step], list(found)
                 for field, wanted in values.items():
-                    assert numpy.array_equal(found[field].reshape(len(wanted), -1), numpy.asarray(wanted).reshape(len(wanted), -1)), (name, band, step, field)
+                    assert numpy.array_equal(found[field].reshape(len(wanted), -1),
+                                             numpy.asarray(wanted).reshape(len(wanted), -1)), (name, band, step, field)
 
 
 def test_choice():
@@ -86,11 +87,13 @@ def test_surfaces():
         component = '' if fields[name] == 1 else ':%d' % (fields[name] - 1)
         column = numpy.asarray(known).reshape(len(known), -1)[:, -1]
         value = (column.min() + column.max()) / 2
-        _, body = get('%s/%s/bands/0/steps/2/isosurface.vtp?field=%s&value=%r' % (base, cid, name + component, float(value)))
+        _, body = get('%s/%s/bands/0/steps/2/isosurface.vtp?field=%s&value=%r' % (base, cid, name + component,
+                                                                                  float(value)))
         surface = read(body, vtkXMLPolyDataReader())
         if column.min() < column.max():
             on = arrays(surface)[name].reshape(surface.GetNumberOfPoints(), -1)[:, -1]
-            assert surface.GetNumberOfPoints() and numpy.abs(on - value).max() <= 1e-5 * (column.max() - column.min()), name
+            assert surface.GetNumberOfPoints() and numpy.abs(on - value).max() <= 1e-5 * (column.max() -
+                                                                                          column.min()), name
     without = [field for field in fields if field not in values]
     for field in without:
         assert server.get('%s/%s/bands/0/steps/2/isosurface.vtp?field=%s&value=0' % (base, cid, field))[0] == 400
@@ -127,8 +130,10 @@ def test_bytes():
                     _, prefix = get('%s/prefix?error=%r&step=%d&%s' % (base, known['error'], group * 8, query))
                     assert prefix == front_of(data, stream, known['level']) + wanted, (name, band, group, query)
                 if series.displacement:  # comes with any field
-                    _, prefix = get('%s/prefix?error=%r&step=%d&fields=%s' % (base, known['error'], group * 8, names[0]))
-                    assert prefix.endswith(b''.join(group_of(data, series, field, band, group) for field in range(2))), (band, group)
+                    _, prefix = get('%s/prefix?error=%r&step=%d&fields=%s' % (base, known['error'], group * 8,
+                                                                              names[0]))
+                    assert prefix.endswith(b''.join(group_of(data, series, field, band,
+                                                             group) for field in range(2))), (band, group)
                 assert get('%s/%s/bands/%d/groups/%d' % (base, cid, band, group))[1] == b''.join(
                     group_of(data, series, field, band, group) for field in range(len(names)))
 
@@ -156,14 +161,17 @@ def test_topologies():
         assert described['links']['self'] == 'topologies' + ('?topology=%d' % number if number else '')
         for band, known in enumerate(described['series']['bands']):
             path = os.path.join(SCRATCH, 'extracted.vtu')
-            subprocess.run([TETLOD, 'extract', TOPOLOGIES, '--step', str(step), '--error', repr(known['error']), '-o', path], check=True, stderr=subprocess.DEVNULL)
+            subprocess.run([TETLOD, 'extract', TOPOLOGIES, '--step', str(step), '--error', repr(known['error']), '-o',
+                            path], check=True, stderr=subprocess.DEVNULL)
             for query in ('step=%d' % step, 'time=%g' % time):
                 status, head, _ = server.get('%s/mesh?error=%r&%s' % (base, known['error'], query))
                 assert status == 303 and head['location'].endswith('%s/bands/%d/steps/%d/mesh.vtu' % (groups[number]['cid'], band, own)), (query, head)
-                assert (head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number)) and float(head['tetlod-time']) == groups[number]['times'][own], head
+                assert (head['tetlod-step'], head['tetlod-topology']) == (str(step),
+                                                                          str(number)) and float(head['tetlod-time']) == groups[number]['times'][own], head
             address = base + '/' + head['location']
             head, body = get(address)
-            assert (head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number)) and 'step%d-' % step in head['content-disposition'], head
+            assert (head['tetlod-step'], head['tetlod-topology']) == (str(step),
+                                                                      str(number)) and 'step%d-' % step in head['content-disposition'], head
             same_mesh(body, path)
             assert server.get(address, **{'If-None-Match': head['etag']})[0] == 304
     for query in ('step=5', 'step=-1', 'step=1&time=0.5'):
@@ -185,7 +193,8 @@ def test_streams_of_topologies():
     paths = []
     for number, group in enumerate(groups[1:], 1):
         _, body = get('%s/%s/stream' % (base, group['cid']))
-        assert body == whole[group['offset']:group['offset'] + group['bytes']] and reference.open(body).cid == group['cid']
+        assert body == whole[group['offset']:group['offset'] +
+                             group['bytes']] and reference.open(body).cid == group['cid']
         assert server.get('%s/%s/stream' % (base, group['cid']), Range='bytes=7-90')[2] == body[7:91]
         paths.append(os.path.join(SCRATCH, 'alone%d.tetlod' % number))
         with open(paths[-1], 'wb') as file:
@@ -193,13 +202,15 @@ def test_streams_of_topologies():
     with Server(*paths) as alone:
         for number, group in enumerate(groups[1:], 1):
             finest = len(server.json('%s?topology=%d' % (base, number))['levels']) - 1
-            for path in ('levels/0/mesh.vtu', 'levels/%d/mesh.tetlod' % finest, 'levels/%d/surface.vtp' % finest, 'records/0-%d' % finest,
+            for path in ('levels/0/mesh.vtu', 'levels/%d/mesh.tetlod' % finest, 'levels/%d/surface.vtp' % finest,
+                         'records/0-%d' % finest,
                          'bands/0/steps/0/surface.vtp', 'bands/1/groups/0'):
                 head, body = get('%s/%s/%s' % (base, group['cid'], path))
                 assert body == alone.get('/v1/meshes/alone%d/%s/%s' % (number, group['cid'], path))[2], path
                 etags.add((path, head['etag']))
             first = sum(known['steps'] for known in groups[:number])
-            assert get('%s/prefix?error=1&step=%d' % (base, first))[1] == alone.get('/v1/meshes/alone%d/prefix?error=1&step=0' % number)[2]
+            assert get('%s/prefix?error=1&step=%d' % (base,
+                                                      first))[1] == alone.get('/v1/meshes/alone%d/prefix?error=1&step=0' % number)[2]
     assert len({etag for _, etag in etags}) == len(etags), etags
     assert server.get('%s/%s/bands/0/steps/0/mesh.vtu' % ('/v1/meshes/series_float32', groups[1]['cid']))[0] == 404
 

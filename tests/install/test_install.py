@@ -17,7 +17,8 @@ def run(*command, input=None, **more):
     environment = dict(os.environ, **more)
     for name in ('MAKEFLAGS', 'MAKELEVEL', 'MFLAGS'):
         environment.pop(name, None)
-    return subprocess.run(command, env=environment, cwd=SCRATCH, input=input, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.run(command, env=environment, cwd=SCRATCH, input=input, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True)
 
 
 def make(target, stage):
@@ -37,12 +38,14 @@ def check_example(stage, tools, module, name, arguments):
         if more:  # the archives by their names, as the linker prefers shared libraries
             flags = [os.path.join(stage, 'usr/lib/lib%s.a' % f[2:]) if f.startswith('-ltetlod') else f for f in flags]
         binary = os.path.join(SCRATCH, '%s_%s' % (name, kind))
-        built = run('cc', '-std=gnu11', '-Wall', '-Wextra', '-Werror', '-o', binary, os.path.join(ROOT, 'client-examples', 'c', name + '.c'), *flags, '-lm')
+        built = run('cc', '-std=gnu11', '-Wall', '-Wextra', '-Werror', '-o', binary,
+                    os.path.join(ROOT, 'client-examples', 'c', name + '.c'), *flags, '-lm')
         report('%s.c builds against the %s library' % (name, kind), built.returncode == 0, built.stderr)
         done = run(binary, *arguments, **(tools if not more else {}))
         made = [open(path, 'rb').read() for path in sorted(glob.glob(os.path.join(SCRATCH, 'step*.tetlod')))]
         said.append((done.returncode, done.stdout, made))
-    report('%s gives the same with both' % name, said[0] == said[1] and said[0][0] == 0 and (said[0][1] or said[0][2]), said[0][:2])
+    report('%s gives the same with both' % name, said[0] == said[1] and said[0][0] == 0 and (said[0][1] or said[0][2]),
+           said[0][:2])
 
 
 CMAKE = '''cmake_minimum_required(VERSION 3.13)
@@ -69,7 +72,8 @@ def check_cmake(stage):
         with open(os.path.join(folder, 'CMakeLists.txt'), 'w') as file:
             file.write(CMAKE % (asked, ROOT, ROOT))
         done = run('cmake', '-S', folder, '-B', folder + '/build', '-DCMAKE_PREFIX_PATH=' + os.path.join(stage, 'usr'))
-        report('find_package(tetlod %s) %s' % (asked, 'finds it' if good else 'does not'), (done.returncode == 0) == good,
+        report('find_package(tetlod %s) %s' % (asked, 'finds it' if good else 'does not'),
+               (done.returncode == 0) == good,
                done.stderr)
     done = run('cmake', '--build', folder + '/build')
     report('its targets build the examples', done.returncode == 0, done.stdout + done.stderr)
@@ -79,7 +83,8 @@ def check_cmake(stage):
 
 
 def files(stage):
-    return sorted(os.path.relpath(os.path.join(folder, name), stage) for folder, _, names in os.walk(stage) for name in names)
+    return sorted(os.path.relpath(os.path.join(folder, name), stage) for folder, _,
+                  names in os.walk(stage) for name in names)
 
 
 def main():
@@ -87,7 +92,8 @@ def main():
     done = make('install', stage)
     report('make install', done.returncode == 0, done.stderr)
     there = files(stage)
-    wanted = ['usr/bin/tetlod', 'usr/include/tetlod.h', 'usr/include/tetlod_build.h', 'usr/lib/libtetlod.a', 'usr/lib/libtetlod.so', 'usr/lib/libtetlod.so.0',
+    wanted = ['usr/bin/tetlod', 'usr/include/tetlod.h', 'usr/include/tetlod_build.h', 'usr/lib/libtetlod.a',
+              'usr/lib/libtetlod.so', 'usr/lib/libtetlod.so.0',
               'usr/lib/libtetlod-build.a', 'usr/lib/libtetlod-build.so', 'usr/lib/libtetlod-build.so.0', 'usr/lib/pkgconfig/tetlod.pc',
               'usr/lib/pkgconfig/tetlod-build.pc', 'usr/lib/systemd/system/tetlod.service', 'usr/lib/systemd/system/tetlod.socket',
               'usr/lib/cmake/tetlod/tetlod-config.cmake', 'usr/share/bash-completion/completions/tetlod',
@@ -98,7 +104,8 @@ def main():
     tools = {'PKG_CONFIG_PATH': os.path.join(stage, 'usr/lib/pkgconfig'), 'PKG_CONFIG_SYSROOT_DIR': stage,
              'PKG_CONFIG_ALLOW_SYSTEM_CFLAGS': '1', 'PKG_CONFIG_ALLOW_SYSTEM_LIBS': '1', 'LD_LIBRARY_PATH': os.path.join(stage, 'usr/lib')}
     version = run('pkg-config', '--modversion', 'tetlod', **tools).stdout.strip()
-    report('the version is that of the header', version and '"%s"' % version in read(stage, 'usr/include/tetlod.h'), version)
+    report('the version is that of the header', version and '"%s"' % version in read(stage, 'usr/include/tetlod.h'),
+           version)
     golden = os.path.join(ROOT, 'tests/golden/grid_float32.tetlod')
     for module, name, arguments in (('tetlod', 'level', (golden, '0')), ('tetlod-build', 'insitu', ('.',)),
                                     ('tetlod-build', 'insitu_series', ('steps.tetlod',))):
@@ -109,7 +116,8 @@ def main():
         report('%s, which an example built, is a valid stream' % made, done.returncode == 0, done.stderr)
     report('it has its steps', ' 21 steps' in done.stdout, done.stdout)
     if shutil.which('c++'):
-        done = run('c++', '-x', 'c++', '-fsyntax-only', '-I' + os.path.join(stage, 'usr/include'), '-', input='#include <tetlod_build.h>\n')
+        done = run('c++', '-x', 'c++', '-fsyntax-only', '-I' + os.path.join(stage, 'usr/include'), '-',
+                   input='#include <tetlod_build.h>\n')
         report('the headers are C++, too', done.returncode == 0, done.stderr)
     else:
         print('ok - the headers are C++, too # SKIP there is no C++ compiler')

@@ -16,7 +16,8 @@ from served import run  # noqa: E402
 
 def call(*command, cwd=SCRATCH, **more):
     environment = {k: v for k, v in os.environ.items() if k not in ('MAKEFLAGS', 'MAKELEVEL', 'MFLAGS')}
-    return subprocess.run(command, cwd=cwd, env=dict(environment, **more), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    return subprocess.run(command, cwd=cwd, env=dict(environment, **more), stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           text=True)
 
 
@@ -38,7 +39,8 @@ def test_deb():
     control = call('dpkg-deb', '-f', packages['tetlod'], 'Depends').stdout
     assert 'libmicrohttpd' in control and 'libzstd' in control, control
     there = {os.path.relpath(os.path.join(folder, name), root) for folder, _, names in os.walk(root) for name in names}
-    wanted = [r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?', r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
+    wanted = [r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?',
+              r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
               r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h',
               r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc',
               r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
@@ -50,7 +52,8 @@ def test_deb():
     done = call('/usr/bin/python3', '-c', code, PYTHONPATH=os.path.join(root, 'usr/lib/python3/dist-packages'))
     assert done.returncode == 0, done.stdout
     os.mkdir(os.path.join(SCRATCH, 'everyday'))
-    done = call('/usr/bin/python3', os.path.join(ROOT, 'tests', 'cli', 'test_everyday.py'), TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'),
+    done = call('/usr/bin/python3', os.path.join(ROOT, 'tests', 'cli', 'test_everyday.py'),
+                TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'),
                 SCRATCH=os.path.join(SCRATCH, 'everyday'))
     assert done.returncode == 0 and done.stdout.count('\nok ') > 5, done.stdout
     if not shutil.which('lintian'):
@@ -61,7 +64,8 @@ def test_deb():
 
 
 def contents(folder):
-    return {name: open(os.path.join(folder, name), 'rb').read() for name in os.listdir(folder) if name != 'embedded.c'}  # which has paths
+    return {name: open(os.path.join(folder, name),
+                       'rb').read() for name in os.listdir(folder) if name != 'embedded.c'}  # which has paths
 
 
 def test_dist():
@@ -74,7 +78,8 @@ def test_dist():
     with tarfile.open(os.path.join(ROOT, name)) as archive:
         archive.extractall(SCRATCH)
     tree = os.path.join(SCRATCH, os.path.basename(name)[:-len('.tar.gz')])
-    done = call('make', '-s', 'build/embedded/embedded.c', cwd=tree, WASM_CC='false', PATH=only('sh', 'make', 'python3', 'mkdir', 'sed', 'find', 'cc', 'zstd', 'pkg-config'))
+    done = call('make', '-s', 'build/embedded/embedded.c', cwd=tree, WASM_CC='false',
+                PATH=only('sh', 'make', 'python3', 'mkdir', 'sed', 'find', 'cc', 'zstd', 'pkg-config'))
     assert done.returncode == 0, done.stdout
     assert contents(os.path.join(tree, 'build', 'embedded')) == contents(os.path.join(ROOT, 'build', 'embedded'))
     asked = call('make', '-n', 'all', cwd=tree).stdout
@@ -103,7 +108,8 @@ def only(*commands):
 
 def test_needs():
     """Capabilities, not packages: without dpkg and apt a build knows what it has, and names what it lacks."""
-    tools = ['sh', 'make', 'cc', 'ar', 'ld', 'objcopy', 'as', 'python3', 'sed', 'find', 'dirname', 'mkdir', 'cat', 'id', 'zstd']
+    tools = ['sh', 'make', 'cc', 'ar', 'ld', 'objcopy', 'as', 'python3', 'sed', 'find', 'dirname', 'mkdir', 'cat',
+             'id', 'zstd']
     done = make('needs', 'WEB=0', PATH=only(*tools, 'pkg-config'))
     assert done.returncode == 0, done.stdout
     done = make('needs', 'WEB=0', PATH=only(*tools))
@@ -124,11 +130,13 @@ def test_a_bare_machine():
         said = done.stdout.splitlines()
         assert done.returncode and said[0].startswith('make: this is missing: cc ') and len([line for line in said if '***' not in line]) == 1, done.stdout
         assert len(set(said[0].split())) == len(said[0].split()), said
-    dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(os.environ, PATH=only(*bare)), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(os.environ, PATH=only(*bare)),
+                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     assert dry.stderr == b'', dry.stderr
     root = only(*bare)
     os.unlink(os.path.join(root, 'id'))
-    for name, script in (('id', 'echo 0'), ('dpkg', 'exit 1'), ('grep', 'exit 1'), ('apt-get', 'echo "$@" >> %s/installed; exit 1' % root)):
+    for name, script in (('id', 'echo 0'), ('dpkg', 'exit 1'), ('grep', 'exit 1'),
+                         ('apt-get', 'echo "$@" >> %s/installed; exit 1' % root)):
         with open(os.path.join(root, name), 'w') as file:
             file.write('#!/bin/sh\n%s\n' % script)
         os.chmod(os.path.join(root, name), 0o755)

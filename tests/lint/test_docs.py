@@ -8,7 +8,8 @@ import re
 from lint_report import ROOT, finish, output, report
 
 TETLOD = os.environ['TETLOD']
-DOCUMENTS = ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md', 'samples/MEASURED.md', 'src/README.md', 'client-examples/ERRORS.md',
+DOCUMENTS = ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md', 'samples/MEASURED.md', 'src/README.md',
+             'client-examples/ERRORS.md',
              'client-examples/SERIES.md')
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z0-9-]*')
 
@@ -35,7 +36,8 @@ def check_help(help_of):
         for also in re.findall(r'\btetlod (\w+) --', text):  # another command's option, named as such
             other |= accepted_options(also) if also in help_of else set()
         missing += ['%s takes %s' % (command, option) for option in sorted(accepted_options(command) - said)]
-        made_up += ['%s does not take %s' % (command, option) for option in sorted(said - accepted_options(command) - other)]
+        made_up += ['%s does not take %s' % (command,
+                                             option) for option in sorted(said - accepted_options(command) - other)]
     report('--help names every option of every command', missing)
     report('and no other', made_up)
     report('every help has its usage line',
@@ -48,7 +50,8 @@ def check_manual(help_of):
     manual = output('/usr/bin/python3', os.path.join(ROOT, 'src/cli/man.py'), TETLOD)
     plain = re.sub(r'\\([-e&])', lambda m: {'-': '-', 'e': '\\', '&': ''}[m.group(1)], manual)
     report('the manual has every line of every help',
-           ['%s: %s' % (command, line) for command, text in help_of.items() for line in text.splitlines() if line not in plain])
+           ['%s: %s' % (command, line) for command,
+            text in help_of.items() for line in text.splitlines() if line not in plain])
     report('the manual names no option that no help has', sorted(set(OPTION.findall(plain)) -
                                                                   set(OPTION.findall(' '.join(help_of.values()))) - {'--version'}))
 
@@ -62,7 +65,8 @@ def check_targets():
     named = []
     for path in DOCUMENTS:
         named += [(path, name) for name in re.findall(r'(?:`|^    )make (?:-\S+ )*([a-z][\w-]*)', read(path), re.M)]
-    report('make targets of the documents exist', ['%s: make %s' % n for n in named if n[1] not in targets] if named else ['none is named'])
+    report('make targets of the documents exist',
+           ['%s: make %s' % n for n in named if n[1] not in targets] if named else ['none is named'])
 
 
 def check_commands(help_of):
@@ -99,7 +103,8 @@ def check_paths():
 def check_front_page():
     lines = read('README.md').splitlines()
     long = ['line %d' % (i + 1) for i, line in enumerate(lines) if len(line) > 100 and not line.startswith(('|', '!['))]
-    report('the README is a page of 150 lines of 100 columns', long + (['%d lines' % len(lines)] if len(lines) > 150 else []))
+    report('the README is a page of 150 lines of 100 columns',
+           long + (['%d lines' % len(lines)] if len(lines) > 150 else []))
 
 
 def main():

@@ -43,11 +43,13 @@ LAYERS = {
     'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/stream/',
                                'src/measure/region_error.h', 'format/reader.h', 'server/jobs/', 'server/http/',
                                'server/store/'],
-    'server/jobs': MESHES + ['src/io/io.h', 'src/report/info_json.h', 'src/level/', 'src/forest/', 'server/http/', 'server/store/'],
+    'server/jobs': MESHES + ['src/io/io.h', 'src/report/info_json.h', 'src/level/', 'src/forest/', 'server/http/',
+                             'server/store/'],
     'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/ask.h', 'server/server.h',
+    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/',
+                                                                'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/ask.h', 'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
@@ -56,7 +58,8 @@ SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/rando
 # header: the folders that may know the library, or the files
 PACKAGES = {
     'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/services/contain.c'],
-    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/http/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/http/'],
+    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/',
+                                                              'server/http/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/http/'],
     'jansson.h': ['src/level/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
 }
@@ -99,8 +102,10 @@ def mutual(sources):
     """Pairs of files under server/ that include each other; a source and its header are one."""
     uses = {}
     for path, text in sources.items():
-        uses.setdefault(path[:-2], set()).update(name[:-2] for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', text, re.M))
-    return ['%s and %s' % (a, b) for a in uses for b in sorted(uses[a]) if a < b and a in uses.get(b, ()) and a.startswith('server/')]
+        uses.setdefault(path[:-2],
+                        set()).update(name[:-2] for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', text, re.M))
+    return ['%s and %s' % (a, b) for a in uses for b in sorted(uses[a]) if a < b and a in uses.get(b, ()) and
+            a.startswith('server/')]
 
 
 def twins():
@@ -108,9 +113,11 @@ def twins():
     places = {}
     for top in ('src', 'format', 'server', 'tests', 'client-examples'):
         for path in glob.glob(os.path.join(ROOT, top, '**', '*'), recursive=True):
-            if path.endswith(('.c', '.h', '.py', '.js', '.mjs', '.sh')) and not os.path.basename(path).startswith('__') and 'node_modules' not in path:
+            if path.endswith(('.c', '.h', '.py', '.js', '.mjs',
+                              '.sh')) and not os.path.basename(path).startswith('__') and 'node_modules' not in path:
                 places.setdefault(os.path.basename(path), []).append(os.path.relpath(path, ROOT))
-    return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name, paths in sorted(places.items()) if len(paths) > 1]
+    return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name,
+            paths in sorted(places.items()) if len(paths) > 1]
 
 
 def stale_mutants():
@@ -145,7 +152,9 @@ def main():
         if not text.startswith('/* SPDX-License-Identifier: BSD-3-Clause */\n'):
             licence.append(path)
     report('%d files were found' % len(sources), [] if len(sources) > 100 else ['too few: is ROOT the tree?'])
-    report('every folder of sources has its layer', sorted({os.path.dirname(os.path.relpath(path, ROOT)) for path in glob.glob(os.path.join(ROOT, 'src/**/*.c'), recursive=True)} - set(LAYERS)))
+    report('every folder of sources has its layer',
+           sorted({os.path.dirname(os.path.relpath(path, ROOT)) for path in glob.glob(os.path.join(ROOT, 'src/**/*.c'),
+                                                                                      recursive=True)} - set(LAYERS)))
     report('every #include is within the layers', includes)
     report('no two files of the server include each other', mutual(sources))
     report('no two files have one name', twins())

@@ -11,7 +11,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 30, 'long lines': 5772, 'phrases': 65}
+ALLOWED = {'in circles': 26, 'long lines': 2188, 'phrases': 62}
 
 
 def circles(sources):
@@ -30,7 +30,8 @@ def circles(sources):
                 seen.add(one)
                 todo += uses.get(one, ())
         reach[start] = seen
-    return sorted('%s includes itself by way of %s' % (one, ', '.join(sorted(other for other in reach[one] if one in reach.get(other, ()) and other != one)))
+    return sorted('%s includes itself by way of %s' % (one,
+                                                       ', '.join(sorted(other for other in reach[one] if one in reach.get(other, ()) and other != one)))
                   for one in uses if one in reach[one])
 
 
@@ -42,14 +43,16 @@ def long_lines(sources):
 def phrases(sources):
     """In comments, messages and documents: this file, which lists them, is left out."""
     pattern = re.compile(r'\b(%s)\b' % '|'.join(PHRASES))
-    return ['%s:%d says "%s"' % (path, number, found[1]) for path, text in sorted(sources.items()) if path != 'tests/lint/test_ratchets.py'
+    return ['%s:%d says "%s"' % (path, number, found[1]) for path,
+            text in sorted(sources.items()) if path != 'tests/lint/test_ratchets.py'
             for number, line in enumerate(text.split('\n'), 1) for found in pattern.finditer(line)]
 
 
 def tracked():
     if not os.path.exists(os.path.join(ROOT, '.git')):
         return {}
-    names = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout.split('\0')
+    names = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, check=True, stdout=subprocess.PIPE,
+                           text=True).stdout.split('\0')
     sources = {}
     for name in names:
         if name.endswith(ENDINGS) and os.path.exists(os.path.join(ROOT, name)):
@@ -65,8 +68,10 @@ def held(what, found):
 
 def check_the_lint():
     """Each rule finds what is planted."""
-    planted = {'a.c': '#include "a.h"\n', 'a.h': '#include "b.h"\n', 'b.h': '#include "c.h"\n', 'c.c': '#include "c.h"\n#include "a.h"\n', 'c.h': '', 'd.c': '#include "a.h"\n'}
-    report('a planted circle is found', [] if [one.split()[0] for one in circles(planted)] == ['a', 'b', 'c'] else circles(planted))
+    planted = {'a.c': '#include "a.h"\n', 'a.h': '#include "b.h"\n', 'b.h': '#include "c.h"\n',
+               'c.c': '#include "c.h"\n#include "a.h"\n', 'c.h': '', 'd.c': '#include "a.h"\n'}
+    report('a planted circle is found',
+           [] if [one.split()[0] for one in circles(planted)] == ['a', 'b', 'c'] else circles(planted))
     found = long_lines({'x.py': 'y' * 120 + '\n' + 'y' * 121})
     report('a planted long line is found', [] if found == ['x.py:2 has 121 columns'] else found)
     found = phrases({'x.c': '/* the mark at hand */\n// a list that are none\n// beforehand and at handles'})

@@ -14,13 +14,15 @@ BUILT = os.path.join(ROOT, 'build', os.environ['CONFIG'])
 # The signal handler's flag, which only a global can be
 MUTABLE = {'cmd_serve.o'}
 
-HDF5 = subprocess.run(['pkg-config', '--cflags', 'hdf5'], stdout=subprocess.PIPE, text=True).stdout.split()  # not where headers are
+HDF5 = subprocess.run(['pkg-config', '--cflags', 'hdf5'], stdout=subprocess.PIPE,
+                      text=True).stdout.split()  # not where headers are
 
 
 def complaint(compiler, language, standard, header):
     """What a compiler says of a file that includes nothing but the header, twice."""
     name = os.path.relpath(header, ROOT)
-    done = subprocess.run([compiler, '-x', language, '-std=' + standard, '-fsyntax-only', '-Wall', '-Wextra', '-I' + ROOT,
+    done = subprocess.run([compiler, '-x', language, '-std=' + standard, '-fsyntax-only', '-Wall', '-Wextra',
+                           '-I' + ROOT,
                            '-D_POSIX_C_SOURCE=200809L', *HDF5, '-'], input='#include "%s"\n' % name * 2, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     lines = [line for line in done.stdout.splitlines() if 'defined but not used' not in line]
@@ -28,7 +30,8 @@ def complaint(compiler, language, standard, header):
 
 
 def check_headers():
-    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'src/*/*', 'server', 'server/*', 'server/web/wasm')), []))
+    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'src/*/*',
+                                                                                      'server', 'server/*', 'server/web/wasm')), []))
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         found = sum(pool.map(lambda h: complaint('cc', 'c', 'c11', h), headers), [])
     report('each of %d headers compiles alone' % len(headers), found if headers else ['there are none'])
@@ -55,20 +58,24 @@ def check_exports():
     report('and what tetlod.h declares, all of it', sorted(declared.symmetric_difference(exported)))
     series = {'tetlod_build_series_' + name for name in ('new', 'add', 'finish', 'free')}
     building = {'tetlod_build', 'tetlod_build_defaults', *series}
-    for library in (['-D', shared[0].replace('libtetlod.so', 'libtetlod-build.so')], [os.path.join(BUILT, 'libtetlod-build.a')]):
-        report('%s exports what tetlod_build.h declares' % os.path.basename(library[-1]), sorted(building.symmetric_difference(defined(*library, '--defined-only'))))
+    for library in (['-D', shared[0].replace('libtetlod.so', 'libtetlod-build.so')],
+                    [os.path.join(BUILT, 'libtetlod-build.a')]):
+        report('%s exports what tetlod_build.h declares' % os.path.basename(library[-1]),
+               sorted(building.symmetric_difference(defined(*library, '--defined-only'))))
     names = defined('--defined-only', os.path.join(BUILT, 'libtetlod.a'))
     report('the static library takes no other names', [name for name in names if not re.match('tetlodi?_', name)])
 
 
 def check_data():
     found = []
-    for path in glob.glob(os.path.join(BUILT, 'format/*.o')) + glob.glob(os.path.join(BUILT, 'src/**/*.o'), recursive=True) + \
+    for path in glob.glob(os.path.join(BUILT, 'format/*.o')) + glob.glob(os.path.join(BUILT, 'src/**/*.o'),
+                                                                         recursive=True) + \
             glob.glob(os.path.join(BUILT, 'server/**/*.o'), recursive=True):
         source = os.path.join(ROOT, os.path.relpath(path, BUILT)[:-2] + '.c')
         if os.path.basename(path) in MUTABLE or not os.path.exists(source):
             continue
-        for section, size in re.findall(r'^(\.(?:data|bss|tdata|tbss)(?:\.(?!rel\.ro)\S+)?)\s+(\d+)', output('size', '-A', path), re.M):
+        for section, size in re.findall(r'^(\.(?:data|bss|tdata|tbss)(?:\.(?!rel\.ro)\S+)?)\s+(\d+)',
+                                        output('size', '-A', path), re.M):
             if int(size):
                 found.append('%s has %s bytes of %s' % (os.path.relpath(path, BUILT), size, section))
     report('no object has data that changes', found)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * To be preloaded: makes allocations fail. From main's start on they are numbered from 1; FAILMALLOC_AT=N fails the one,
- * FAILMALLOC_FROM=N that one and all after it, FAILMALLOC_COUNT=PATH writes how many there were.
+ * To be preloaded: makes allocations fail. From main's start on they are numbered from 1; FAILMALLOC_AT=N fails the
+ * one, FAILMALLOC_FROM=N that one and all after it, FAILMALLOC_COUNT=PATH writes how many there were.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>

@@ -20,7 +20,8 @@ def path(name):
 
 def run(arguments, folder, **environment):
     arguments = [a.replace('OUT', folder) for a in arguments]
-    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE,
                           env=dict(os.environ, LD_PRELOAD=PRELOAD, **environment))
 
 
@@ -66,7 +67,8 @@ def make_inputs():
     for name in 'cube.vtk', 'cube.msh':
         subprocess.run([TETLOD, 'convert', path('cube.vtu'), '-o', path(name)], check=True)
     subprocess.run([TETLOD, 'build', '--quiet', path('cube.vtu'), '-o', path('cube.tetlod')], check=True)
-    subprocess.run([TETLOD, 'build', '--quiet', '--keep-order', path('cube.vtu'), '-o', path('kept.tetlod')], check=True)
+    subprocess.run([TETLOD, 'build', '--quiet', '--keep-order', path('cube.vtu'), '-o', path('kept.tetlod')],
+                   check=True)
     n = 2 * 3 * 4
     with open(path('grid.xyz'), 'wb') as file:
         file.write(struct.pack('>3i', 2, 3, 4) + b''.join(
@@ -110,7 +112,8 @@ def main():
     check('convert a stream', ['convert', path('cube.tetlod'), '-o', 'OUT/a.vtu'])
     check('build', ['build', path('cube.vtu'), '--quiet', '-o', 'OUT/a.tetlod'])
     check('build by prediction', ['build', path('cube.vtu'), '--quiet', '--metric', 'sva', '-o', 'OUT/a.tetlod'])
-    check('build quantised', ['build', path('cube.vtu'), '--quiet', '--field-bits', '8', '--keep-order', '-o', 'OUT/a.tetlod'])
+    check('build quantised', ['build', path('cube.vtu'), '--quiet', '--field-bits', '8', '--keep-order', '-o',
+                              'OUT/a.tetlod'])
     check('extract in the original order', ['extract', path('kept.tetlod'), '--original-order', '-o', 'OUT/a.vtu'])
     check('info', ['info', path('cube.tetlod')])
     check('info --json', ['info', '--json', path('cube.tetlod')])

@@ -44,7 +44,8 @@ static void test_pyramid(void)
     world_close(&world);
 }
 
-/* How far the boundary has moved at a vertex counts when the vertex moves again: the one that began higher is further in all. */
+/* How far the boundary has moved at a vertex counts when the vertex moves again: the one that began higher is further
+ * in all. */
 static void test_moves_add_up(void)
 {
     struct pyramid pyramid;
@@ -53,7 +54,8 @@ static void test_moves_add_up(void)
     const uint32_t edge[2] = {world_slot(&world, 0), world_slot(&world, 1)};
     const struct border *border = &world.run.border;
     double *moved = working_row(&world.working, edge[0]) + row_moved(&world.working);
-    CHECK_NEAR(border_moves(border, &world.working, edge, 2, pyramid.positions + 3, &world.worker.map), 0.5, 1e-9); // half of it at the middle
+    // half of it at the middle
+    CHECK_NEAR(border_moves(border, &world.working, edge, 2, pyramid.positions + 3, &world.worker.map), 0.5, 1e-9);
     *moved = 0.125;
     CHECK_NEAR(border_moves(border, &world.working, edge, 2, pyramid.positions + 3, &world.worker.map), 0.75, 1e-9);
     *moved = 0.25;
@@ -61,9 +63,10 @@ static void test_moves_add_up(void)
     world_close(&world);
 }
 
-/* Of the points of a map of a curved boundary: both ends are convex combinations, the distance is that between them, and the bounds
- * are the least that do. */
-static void check_points(const struct boundary_map *map, const struct working *working, const double p[3], uint64_t *random)
+/* Of the points of a map of a curved boundary: both ends are convex combinations, the distance is that between them,
+ * and the bounds are the least that do. */
+static void check_points(const struct boundary_map *map, const struct working *working, const double p[3],
+                         uint64_t *random)
 {
     double *values = malloc(working->slot_count * sizeof *values);
     REQUIRE(values);

@@ -166,8 +166,8 @@ static double least_volume(uint32_t (*tets)[4], unsigned count, const double *po
     return least;
 }
 
-/* Bent cells: the faces are cut as those of one that is not bent, and fewer cells have an inverted tetrahedron than by the cone from
- * the smallest corner alone. */
+/* Bent cells: the faces are cut as those of one that is not bent, and fewer cells have an inverted tetrahedron than by
+ * the cone from the smallest corner alone. */
 static void test_bent_cells(void)
 {
     enum { TRIALS = 4000 };

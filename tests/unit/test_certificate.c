@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What is promised of every level, by who has only the stream and the original: at random points the error is not above the
- * stored `max`; no tetrahedron flips or degenerates, topology stays, the boundary is within the stored domain error. Quickly
- * on small samples; CERTIFICATE=1 in the environment (make bench-certificate): 100 random levels of all samples and of the
- * blunt fin, 200,000 points each.
+ * What is promised of every level, by who has only the stream and the original: at random points the error is not above
+ * the stored `max`; no tetrahedron flips or degenerates, topology stays, the boundary is within the stored domain
+ * error. Quickly on small samples; CERTIFICATE=1 in the environment (make bench-certificate): 100 random levels of all
+ * samples and of the blunt fin, 200,000 points each.
  */
 #include <stdlib.h>
 
@@ -89,7 +89,8 @@ static void try_points(void *context, unsigned worker, size_t begin, size_t end)
         try_point(context, point);
 }
 
-static void check_counts(const char *name, uint32_t k, const struct mesh_report *level, const struct mesh_report *original)
+static void check_counts(const char *name, uint32_t k, const struct mesh_report *level,
+                         const struct mesh_report *original)
 {
     if (level->inverted_tets > original->inverted_tets || level->degenerate_tets > original->degenerate_tets ||
         level->duplicate_tets > original->duplicate_tets || level->overfull_faces > original->overfull_faces ||
@@ -110,12 +111,15 @@ static double boundary_distance(const struct trial_run *run)
     for (int from = 0; from < 2; from++) {
         const struct locator *locator = &run->locators[from];
         for (size_t i = 0; i < 3 * (size_t)locator->surface.count; i++)
-            most = larger(most, locator_closest(&run->locators[!from], locator->positions + 3 * (size_t)locator->surface.triangles[i], &place));
+            most = larger(most,
+                          locator_closest(&run->locators[!from],
+                                          locator->positions + 3 * (size_t)locator->surface.triangles[i], &place));
     }
     return most;
 }
 
-static void compare_points(const char *name, uint32_t k, struct trial_run *run, size_t points, double max, double domain)
+static void compare_points(const char *name, uint32_t k, struct trial_run *run, size_t points, double max,
+                           double domain)
 {
     int violations = 0;
     double worst = 0;
@@ -125,7 +129,8 @@ static void compare_points(const char *name, uint32_t k, struct trial_run *run, 
         worst = larger(worst, isnan(run->errors[i]) ? 0 : run->errors[i]);
         violations += above || outside;
         if (above || outside)
-            TEST_FAIL("%s, level %u, point %zu: error %.9g, max %.9g; distance %g, domain error %g", name, k, i, run->errors[i], max,
+            TEST_FAIL("%s, level %u, point %zu: error %.9g, max %.9g; distance %g, domain error %g", name, k, i,
+                      run->errors[i], max,
                       run->distances[i], domain);
     }
     printf("# %s, level %u: %u tetrahedra, max %.3g, found %.3g\n", name, k, run->level->tet_count, max, worst);
@@ -136,15 +141,18 @@ static void check_level(const char *name, const struct tetlod_info *info, uint32
 {
     size_t points = whole ? 200000 : 10000;
     double range[2], diagonal = mesh_diagonal(original);
-    struct trial_run run = {.original = original, .level = level, .seed = seed, .errors = array_new(points, sizeof(double)),
+    struct trial_run run = {.original = original, .level = level, .seed = seed,
+                            .errors = array_new(points, sizeof(double)),
                             .distances = array_new(points, sizeof(double))};
     struct mesh_report report;
     REQUIRE(run.errors && run.distances);
     for (int i = 0; i < 2; i++) {
         const struct tetmesh *mesh = i ? level : original;
-        REQUIRE(locator_init(&run.locators[i], mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, NULL) == TETLOD_OK);
+        REQUIRE(locator_init(&run.locators[i], mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count,
+                             NULL) == TETLOD_OK);
     }
-    REQUIRE(mesh_check(level->positions, level->corners, level->vertex_count, level->tet_count, &report, NULL) == TETLOD_OK);
+    REQUIRE(mesh_check(level->positions, level->corners, level->vertex_count, level->tet_count, &report,
+                       NULL) == TETLOD_OK);
     check_counts(name, k, &report, start);
     point_field_range(&original->fields[0], original->vertex_count, range);
     double domain = info->levels[k].domain_error * (1 + 1e-6) * diagonal + 1e-12 * diagonal;
@@ -158,13 +166,15 @@ static void check_level(const char *name, const struct tetlod_info *info, uint32
     free(run.distances);
 }
 
-static void check_stream(const char *name, const struct tetmesh *original, struct tetlod_file *file, uint32_t levels, uint64_t seed)
+static void check_stream(const char *name, const struct tetmesh *original, struct tetlod_file *file, uint32_t levels,
+                         uint64_t seed)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
     struct mesh_report start;
     REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
-    REQUIRE(mesh_check(original->positions, original->corners, original->vertex_count, original->tet_count, &start, NULL) == TETLOD_OK);
+    REQUIRE(mesh_check(original->positions, original->corners, original->vertex_count, original->tet_count, &start,
+                       NULL) == TETLOD_OK);
     for (uint32_t i = 0; i < levels; i++) {
         struct tetmesh level;
         uint32_t k = (uint32_t)(gen_random(&seed) % info->level_count);
@@ -187,7 +197,8 @@ struct way {
 static const struct way ways[] = {{"fast", METRIC_ENVELOPE, CERTIFY_FAST, CONTRACT_EDGES},
                                   {"exact", METRIC_FIELD_QUADRIC, CERTIFY_EXACT, CONTRACT_EDGES},
                                   {"measured", METRIC_MEASURED, CERTIFY_FAST, CONTRACT_EDGES},
-                                  {"hybrid", METRIC_FIELD_QUADRIC, CERTIFY_FAST, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS}};
+                                  {"hybrid", METRIC_FIELD_QUADRIC, CERTIFY_FAST,
+                                   CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS}};
 
 enum { WAYS = sizeof ways / sizeof *ways };
 
@@ -199,7 +210,8 @@ static void check_mesh(const char *name, struct tetmesh *mesh, const struct way 
     struct tetlod_file *file;
     struct build_report report;
     const struct build_control control = {0};
-    const struct build_options options = {.controls = &control, .control_count = 1, .metric = way->metric, .certify = way->certify,
+    const struct build_options options = {.controls = &control, .control_count = 1, .metric = way->metric,
+                                          .certify = way->certify,
                                           .contract = way->contract, .max_error = whole ? 0.1 : 1, .min_tets = 1,
                                           .boundary_angle = 30, .domain_error = 1e-3, .growth = whole ? 1.05 : 1.2, .compression = 1, .threads = 2, .metadata = "{}"};
     char text[64];
@@ -245,7 +257,8 @@ static void test_blunt_fin(void)
     if (!whole)
         SKIP("make bench-certificate does it");
     for (int i = 0; i < 2; i++)
-        snprintf(i ? solution : grid, sizeof grid, "%s%s/%s", folder ? folder : root ? root : ".", folder ? "" : "/../shared/data",
+        snprintf(i ? solution : grid, sizeof grid, "%s%s/%s", folder ? folder : root ? root : ".",
+                 folder ? "" : "/../shared/data",
                  i ? "bluntfinq.bin" : "bluntfinxyz.bin");
     const struct io_read_options reading = {.solution = solution};
     if (io_read(&mesh, grid, &reading, NULL, NULL) != TETLOD_OK)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which level an error asks for: the table of tests/choices, which the decoders in Python and for the web are held against, too. */
+/* Which level an error asks for: the table of tests/choices, which the decoders in Python and for the web are held
+ * against, too. */
 #include <jansson.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -29,7 +30,8 @@ static bool read_table(struct table *table)
     snprintf(path, sizeof path, "%s/tests/choices/choices.json", getenv("ROOT") ? getenv("ROOT") : ".");
     table->json = json_load_file(path, 0, NULL);
     json_t *fields = json_object_get(table->json, "fields"), *levels = json_object_get(table->json, "levels");
-    table->info = (struct tetlod_info){.field_count = (uint32_t)json_array_size(fields), .level_count = (uint32_t)json_array_size(levels), .fields = table->fields, .levels = table->levels};
+    table->info = (struct tetlod_info){.field_count = (uint32_t)json_array_size(fields),
+                                       .level_count = (uint32_t)json_array_size(levels), .fields = table->fields, .levels = table->levels};
     for (uint32_t f = 0; f < table->info.field_count; f++) {
         const json_t *field = json_array_get(fields, f), *range = json_object_get(field, "range");
         table->fields[f] = (struct tetlod_field){.name = json_string_value(json_object_get(field, "name")),
@@ -41,9 +43,12 @@ static bool read_table(struct table *table)
     }
     for (uint32_t k = 0; k < table->info.level_count; k++) {
         const json_t *level = json_array_get(levels, k);
-        table->levels[k] = (struct tetlod_level){.tets = (uint32_t)number_of(level, "tets"), .end = (uint64_t)number_of(level, "bytes"), .errors = table->errors[k]};
+        table->levels[k] = (struct tetlod_level){.tets = (uint32_t)number_of(level, "tets"),
+                                                 .end = (uint64_t)number_of(level,
+                                                                            "bytes"), .errors = table->errors[k]};
         for (uint32_t i = 0; i < table->info.field_count * TETLOD_MEASURES; i++)
-            table->errors[k][i] = number_of(json_object_get(json_object_get(level, "errors"), table->fields[i / TETLOD_MEASURES].name),
+            table->errors[k][i] = number_of(json_object_get(json_object_get(level, "errors"),
+                                                            table->fields[i / TETLOD_MEASURES].name),
                                             tetlod_measure_name((enum tetlod_measure)(i % TETLOD_MEASURES)));
     }
     return table->info.level_count > 0;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* How far the boundary may move, against the distances of all pairs of faces: on fans of needles, whose boxes all meet. */
+/* How far the boundary may move, against the distances of all pairs of faces: on fans of needles, whose boxes all
+ * meet. */
 #include "src/simplify/mesh/clearance.h"
 
 #include <math.h>
@@ -14,7 +15,8 @@
 enum { SECTORS = 40, VERTICES = SECTORS + 2, FACES = 2 * SECTORS };
 
 /* Sectors around the line from vertex 0 to vertex 1, with a rim that is not level; the faces over and under them. */
-static void make_fan(uint64_t *random, double positions[VERTICES][3], uint32_t corners[SECTORS][4], uint32_t faces[FACES][3])
+static void make_fan(uint64_t *random, double positions[VERTICES][3], uint32_t corners[SECTORS][4],
+                     uint32_t faces[FACES][3])
 {
     double height = 0.2 + gen_unit(random), far = gen_unit(random) < 0.5 ? 1e5 : 0;
     memset(positions, 0, 2 * sizeof *positions);

@@ -87,7 +87,8 @@ static uint32_t living(const struct tetlodi_write_input *input, const uint32_t *
 }
 
 /* Are these a node's values? The exact tail has others for the original's vertices. */
-static int has_values(const struct tetlodi_write_field *field, const double *values, uint32_t leaf, uint32_t i, int last)
+static int has_values(const struct tetlodi_write_field *field, const double *values, uint32_t leaf, uint32_t i,
+                      int last)
 {
     const double *originals = last && field->exact ? field->exact : field->values;
     return memcmp(values, (leaf ? originals : field->node_values) + field->components * (size_t)i,
@@ -344,7 +345,8 @@ static void test_feed_of_one_field(void)
             tetlod_cursor_mesh(cursor, &mesh);
             tetlod_cursor_mesh(s.cursor, &whole);
             CHECK(memcmp(mesh.corners, whole.corners, 16 * (size_t)whole.tets) == 0);
-            CHECK(memcmp(mesh.fields[field], whole.fields[field], 8 * (size_t)whole.vertices * info->fields[field].components) == 0);
+            CHECK(memcmp(mesh.fields[field], whole.fields[field],
+                         8 * (size_t)whole.vertices * info->fields[field].components) == 0);
             tetlod_cursor_free(cursor);
             tetlod_feed_free(feed);
             tetlodi_buffer_fini(&part);
@@ -473,8 +475,8 @@ static void test_damaged(void)
     stream_close(&s);
 }
 
-/* Records that split large stars, one after the other, have frames with the bytes that their labels ask for; with more labels than go
- * with its bytes a level is refused. */
+/* Records that split large stars, one after the other, have frames with the bytes that their labels ask for; with more
+ * labels than go with its bytes a level is refused. */
 static void test_labels_go_with_bytes(void)
 {
     struct gen_options options = {GEN_HUB, 1, 13, 5, 2, TETLOD_FLOAT32, 16, 0, 0};

@@ -13,8 +13,10 @@
 /* FIPS 180-4's examples, and any length in one piece and in several. */
 static void test_sha256(void)
 {
-    static const uint8_t abc[16] = {0xba, 0x78, 0x16, 0xbf, 0x8f, 0x01, 0xcf, 0xea, 0x41, 0x41, 0x40, 0xde, 0x5d, 0xae, 0x22, 0x23};
-    static const uint8_t two_blocks[16] = {0x24, 0x8d, 0x6a, 0x61, 0xd2, 0x06, 0x38, 0xb8, 0xe5, 0xc0, 0x26, 0x93, 0x0c, 0x3e, 0x60, 0x39};
+    static const uint8_t abc[16] = {0xba, 0x78, 0x16, 0xbf, 0x8f, 0x01, 0xcf, 0xea, 0x41, 0x41, 0x40, 0xde, 0x5d, 0xae,
+                                    0x22, 0x23};
+    static const uint8_t two_blocks[16] = {0x24, 0x8d, 0x6a, 0x61, 0xd2, 0x06, 0x38, 0xb8, 0xe5, 0xc0, 0x26, 0x93,
+                                           0x0c, 0x3e, 0x60, 0x39};
     uint8_t bytes[300], whole[32], pieces[32];
     tetlodi_digest("abc", 3, whole);
     CHECK(memcmp(whole, abc, sizeof abc) == 0);
@@ -39,7 +41,8 @@ static void fill(uint8_t *bytes, size_t size, unsigned kind)
     uint32_t random = 1;
     for (size_t i = 0; i < size; i++) {
         random = random * 1664525 + 1013904223;
-        bytes[i] = (uint8_t)(kind == 0 ? 0 : kind == 1 ? i / 24 % 3 : kind == 2 ? random >> 24 : i % 8 ? 7 : random >> 24);
+        bytes[i] = (uint8_t)(kind == 0 ? 0 : kind == 1 ? i / 24 % 3 : kind == 2 ? random >> 24 : i % 8 ? 7
+                             : random >> 24);
     }
 }
 
@@ -55,7 +58,8 @@ static void test_packing(void)
             bool smaller = tetlodi_pack(PACKED_VALUES, bytes, size, stride, &packed);
             CHECK(smaller || kind == 0 || kind == 2);
             CHECK(!smaller || kind != 2);
-            CHECK(!smaller || (packed.size < size && tetlodi_unpack(packed.bytes, packed.size, back, size, NULL) == TETLOD_OK &&
+            CHECK(!smaller || (packed.size < size &&
+                               tetlodi_unpack(packed.bytes, packed.size, back, size, NULL) == TETLOD_OK &&
                                memcmp(bytes, back, size) == 0));
             CHECK_INT(packed.size < 4 || tetlodi_unpack(packed.bytes, 4, back, sizeof back, NULL) == TETLOD_OK, 1);
             tetlodi_buffer_fini(&packed);
@@ -185,7 +189,8 @@ static void test_surprises(void)
         }
 }
 
-/* No encoder's code reaches the range: neither at the start, nor where plain bits would be more than there is room for. */
+/* No encoder's code reaches the range: neither at the start, nor where plain bits would be more than there is room
+ * for. */
 static void test_refused(void)
 {
     const uint8_t equal[] = {0xff, 0xff, 0xff, 0xff}, below[] = {0xff, 0xff, 0xff, 0xfe};

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What a client does with a cursor beside seeking: bounded steps, further fields, what changed, spans to fetch, memory of its own. */
+/* What a client does with a cursor beside seeking: bounded steps, further fields, what changed, spans to fetch, memory
+ * of its own. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -65,8 +66,10 @@ static void test_step(void)
         struct stream s;
         struct tetlod_cursor *a, *b;
         REQUIRE(stream_open(&s, kind, NULL));
-        REQUIRE(tetlod_cursor_new(&a, s.file, NULL, 0, NULL) == TETLOD_OK && tetlod_cursor_new(&b, s.file, NULL, 0, NULL) == TETLOD_OK);
-        uint32_t targets[] = {1, s.info->level_count - 1, 0, s.info->level_count - 2, 2, s.info->level_count - 1, 1}, wrong = 0;
+        REQUIRE(tetlod_cursor_new(&a, s.file, NULL, 0, NULL) == TETLOD_OK &&
+                tetlod_cursor_new(&b, s.file, NULL, 0, NULL) == TETLOD_OK);
+        uint32_t targets[] = {1, s.info->level_count - 1, 0, s.info->level_count - 2, 2, s.info->level_count - 1,
+                              1}, wrong = 0;
         for (uint32_t i = 0; i < 7; i++) {
             enum tetlod_status status;
             uint32_t calls = 0;
@@ -109,7 +112,8 @@ static void test_add_field(void)
                 wrong += tetlod_cursor_add_field(some, 0, NULL) != TETLOD_OK;
                 tetlod_cursor_mesh(some, &mesh);
                 wrong += !mesh.fields[0] || differences(&s, all, some);
-                wrong += tetlod_cursor_add_field(some, s.info->field_count, NULL) != TETLOD_ERR_ARGUMENT || differences(&s, all, some);
+                wrong += tetlod_cursor_add_field(some, s.info->field_count,
+                                                 NULL) != TETLOD_ERR_ARGUMENT || differences(&s, all, some);
                 wrong += tetlod_cursor_seek(some, s.info->level_count - 1, NULL) != TETLOD_OK;
                 wrong += tetlod_cursor_seek(all, s.info->level_count - 1, NULL) != TETLOD_OK || differences(&s, all, some);
                 tetlod_cursor_free(all);
@@ -129,14 +133,17 @@ static int listed(const uint32_t *list, uint32_t count, uint32_t number)
     return 0;
 }
 
-/* What is not among the changes is the same at the coarser level, and what is differs, but for values that are given twice. */
-static void check_changes(const struct stream *s, struct tetlod_cursor *cursor, uint32_t level, const uint32_t *vertices, uint32_t vertex_count,
+/* What is not among the changes is the same at the coarser level, and what is differs, but for values that are given
+ * twice. */
+static void check_changes(const struct stream *s, struct tetlod_cursor *cursor, uint32_t level,
+                          const uint32_t *vertices, uint32_t vertex_count,
                           const uint32_t *tets, uint32_t tet_count)
 {
     struct tetlod_mesh now, before;
     struct tetlod_cursor *other;
     size_t wrong = 0, same = 0;
-    REQUIRE(tetlod_cursor_new(&other, s->file, NULL, 0, NULL) == TETLOD_OK && tetlod_cursor_seek(other, level, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&other, s->file, NULL, 0, NULL) == TETLOD_OK &&
+            tetlod_cursor_seek(other, level, NULL) == TETLOD_OK);
     tetlod_cursor_mesh(cursor, &now);
     tetlod_cursor_mesh(other, &before);
     for (uint32_t v = 0; v < before.vertices; v++) {
@@ -163,11 +170,13 @@ static void test_changes(void)
         uint32_t vertices[2000], tets[2000], vertex_count, tet_count;
         REQUIRE(stream_open(&s, kind, NULL) && s.info->vertices < 2000 && s.info->tets < 2000);
         REQUIRE(tetlod_cursor_new(&cursor, s.file, NULL, 0, NULL) == TETLOD_OK);
-        CHECK_INT(tetlod_cursor_changes(cursor, 1, vertices, &vertex_count, tets, &tet_count, NULL), TETLOD_ERR_ARGUMENT);
+        CHECK_INT(tetlod_cursor_changes(cursor, 1, vertices, &vertex_count, tets, &tet_count, NULL),
+                  TETLOD_ERR_ARGUMENT);
         for (uint32_t to = 0; to < s.info->level_count; to++)
             for (uint32_t from = 0; from <= to; from++) {
                 REQUIRE(tetlod_cursor_seek(cursor, to, NULL) == TETLOD_OK);
-                REQUIRE(tetlod_cursor_changes(cursor, from, vertices, &vertex_count, tets, &tet_count, NULL) == TETLOD_OK);
+                REQUIRE(tetlod_cursor_changes(cursor, from, vertices, &vertex_count, tets, &tet_count,
+                                              NULL) == TETLOD_OK);
                 CHECK(from < to || (vertex_count == 0 && tet_count == 0));
                 check_changes(&s, cursor, from, vertices, vertex_count, tets, tet_count);
             }
@@ -187,7 +196,8 @@ static void test_floats(void)
     REQUIRE(tetlod_cursor_new(&cursor, s.file, &field, 1, NULL) == TETLOD_OK);
     REQUIRE(tetlod_cursor_seek(cursor, 3, NULL) == TETLOD_OK);
     tetlod_cursor_mesh(cursor, &mesh);
-    REQUIRE(mesh.vertices <= 1000 && tetlod_cursor_floats(cursor, TETLOD_NONE, 0, mesh.vertices, out, NULL) == TETLOD_OK);
+    REQUIRE(mesh.vertices <= 1000 &&
+            tetlod_cursor_floats(cursor, TETLOD_NONE, 0, mesh.vertices, out, NULL) == TETLOD_OK);
     for (uint32_t i = 0; i < 3 * mesh.vertices; i++)
         wrong += out[i] != (float)mesh.positions[i];
     REQUIRE(mesh.vertices > 3 && tetlod_cursor_floats(cursor, 1, 2, mesh.vertices - 2, out, NULL) == TETLOD_OK);
@@ -221,7 +231,8 @@ static void test_spans(void)
         REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
         REQUIRE(tetlod_feed_select(feed, &s.info->fields[field].name, 1, NULL) == TETLOD_OK);
         for (size_t i = 0; i < count; i++)
-            REQUIRE(tetlod_feed_add(feed, s.memory.bytes + spans[i].offset, (size_t)spans[i].size, NULL) <= TETLOD_MORE);
+            REQUIRE(tetlod_feed_add(feed, s.memory.bytes + spans[i].offset, (size_t)spans[i].size,
+                                    NULL) <= TETLOD_MORE);
         CHECK_INT(tetlod_feed_level(feed), last);
         tetlod_feed_free(feed);
     }
@@ -243,7 +254,8 @@ static void test_drop(void)
     tetlod_feed_drop(feed, 1);
     tetlod_feed_drop(feed, 0);
     CHECK_INT(tetlod_cursor_new(&late, tetlod_feed_file(feed), NULL, 0, NULL), TETLOD_ERR_TRUNCATED);
-    REQUIRE(tetlod_feed_add(feed, s.memory.bytes + s.info->levels[2].end, s.memory.size - (size_t)s.info->levels[2].end, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_feed_add(feed, s.memory.bytes + s.info->levels[2].end,
+                            s.memory.size - (size_t)s.info->levels[2].end, NULL) == TETLOD_OK);
     CHECK_INT(tetlod_cursor_seek(cursor, last, NULL), TETLOD_OK);
     CHECK_INT(tetlod_cursor_seek(cursor, 0, NULL), TETLOD_OK);
     REQUIRE(tetlod_cursor_new(&reference, s.file, NULL, 0, NULL) == TETLOD_OK);
@@ -354,7 +366,8 @@ static size_t compare_threads(const uint8_t *bytes, size_t size)
 /* Any number of threads decodes the same, and finds the same damage. */
 static void test_threads(void)
 {
-    const struct gen_options more[] = {{GEN_GRID, 6, 8, 3, 3, TETLOD_FLOAT32, 0, 12, 0}, {GEN_HOLES, 7, 7, 9, 4, TETLOD_FLOAT64, 20, 0, 0}};
+    const struct gen_options more[] = {{GEN_GRID, 6, 8, 3, 3, TETLOD_FLOAT32, 0, 12, 0},
+                                       {GEN_HOLES, 7, 7, 9, 4, TETLOD_FLOAT64, 20, 0, 0}};
     for (int kind = 0; kind < 2; kind++) {
         struct recode recode;
         struct memory_sink memory = {0};

@@ -167,7 +167,8 @@ static void check_section_lines(struct cut *section, const double *values, uint3
     CHECK_INT(section->vertex_count - section->line_count + cells, cells ? 1 : 0);
     for (size_t i = 0; i < section->line_count; i++)
         for (size_t j = 0; j < i; j++)
-            CHECK((section->lines[2 * i] ^ section->lines[2 * j]) != 0 || section->lines[2 * i + 1] != section->lines[2 * j + 1]);
+            CHECK((section->lines[2 * i] ^ section->lines[2 * j]) != 0 ||
+                  section->lines[2 * i + 1] != section->lines[2 * j + 1]);
     for (size_t i = 0; i < 2 * (size_t)section->line_count; i++)
         CHECK_NEAR(cut_value(section, section->lines[i], values, 1, 0), 0, 1e-14);
 }
@@ -193,7 +194,8 @@ static void test_lines(void)
         check_section_lines(&cut, values, cells);
         free(values);
     }
-    double *values = plane_values(&mesh, (const double[]){0, 0, 1}, 0.5); // through vertices: the faces of a square grid, halved
+    // through vertices: the faces of a square grid, halved
+    double *values = plane_values(&mesh, (const double[]){0, 0, 1}, 0.5);
     REQUIRE(cut_zero(&mesh, values, &cut, NULL) == TETLOD_OK);
     check_section_lines(&cut, values, 2 * N * N);
     free(values);
@@ -215,7 +217,8 @@ static void check_clip(const struct tetmesh *mesh, const double normal[3], doubl
         double p[3], q[3];
         surface_point(mesh, &part, part.lines[2 * i], p);
         surface_point(mesh, &part, part.lines[2 * i + 1], q);
-        double middle = (cut_value(&part, part.lines[2 * i], values, 1, 0) + cut_value(&part, part.lines[2 * i + 1], values, 1, 0)) / 2;
+        double middle = (cut_value(&part, part.lines[2 * i], values, 1, 0) + cut_value(&part, part.lines[2 * i + 1],
+                                                                                       values, 1, 0)) / 2;
         if (middle > -1e-12)
             continue;
         double least = 1, most = 0; // of the steps that are not 0: the cubes' edges and diagonals have equal steps
@@ -259,7 +262,8 @@ static void test_clip(void)
 }
 
 /* A section and the part of it behind another plane, whose area and length of lines are known. */
-static void check_trim(const struct tetmesh *mesh, const double normal[3], double offset, double wanted_area, bool all_lines)
+static void check_trim(const struct tetmesh *mesh, const double normal[3], double offset, double wanted_area,
+                       bool all_lines)
 {
     struct cut surface = {0}, part = {0};
     double *function = plane_values(mesh, (const double[]){0, 0, 1}, 0.3), total[3], area;
@@ -324,7 +328,8 @@ static void test_isosurface_normals(void)
     for (uint32_t v = 0; v < mesh.vertex_count; v++)
         values[v] = sqrt(values[v]) - 0.35;
     REQUIRE(cut_zero(&mesh, values, &shell, NULL) == TETLOD_OK);
-    float *points = calloc(shell.vertex_count, 3 * sizeof *points), *normals = calloc(shell.vertex_count, 3 * sizeof *normals);
+    float *points = calloc(shell.vertex_count, 3 * sizeof *points), *normals = calloc(shell.vertex_count,
+                                                                                      3 * sizeof *normals);
     for (uint32_t i = 0; i < 3 * shell.vertex_count; i++)
         points[i] = (float)(cut_value(&shell, i / 3, mesh.positions, 3, i % 3) - 0.5);
     cut_normals(&shell, points, normals);
@@ -381,7 +386,8 @@ static void test_values_along_a_line(void)
     double *values = calloc(mesh.vertex_count, sizeof *values);
     for (uint32_t v = 0; v < mesh.vertex_count; v++)
         values[v] = mesh.positions[3 * v] + 10 * mesh.positions[3 * v + 1] - 2 * mesh.positions[3 * v + 2];
-    static const double segments[][2][3] = {{{-1, 0.3, 0.41}, {2, 0.6, 0.55}}, {{0.1, 0.2, 0.3}, {0.9, 0.8, 0.7}}, {{0, 0, 0}, {1, 1, 1}},
+    static const double segments[][2][3] = {{{-1, 0.3, 0.41}, {2, 0.6, 0.55}}, {{0.1, 0.2, 0.3}, {0.9, 0.8, 0.7}},
+                                            {{0, 0, 0}, {1, 1, 1}},
                                             {{0.25, 0.25, -1}, {0.25, 0.25, 2}}, {{1, 0, 0.5}, {1, 1, 0.5}}};
     for (size_t s = 0; s < sizeof segments / sizeof *segments; s++) {
         const double *a = segments[s][0], *b = segments[s][1];
@@ -398,7 +404,8 @@ static void test_values_along_a_line(void)
         }
         CHECK(fabs(covered - (line.ends[2 * line.count - 1].at - line.ends[0].at)) < 1e-9);
     }
-    CHECK(cut_along(&mesh, values, NULL, (double[3]){2, 0, 0}, (double[3]){2, 1, 1}, &line, NULL) == TETLOD_OK && line.count == 0);
+    CHECK(cut_along(&mesh, values, NULL, (double[3]){2, 0, 0}, (double[3]){2, 1, 1}, &line, NULL) == TETLOD_OK &&
+          line.count == 0);
     free(values);
     cut_line_fini(&line);
     tetmesh_fini(&mesh);

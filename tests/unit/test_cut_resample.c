@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Grids over meshes whose vertices lie on the grid's points, rows and planes, the worst case; points in them; and what rays through them need. */
+/* Grids over meshes whose vertices lie on the grid's points, rows and planes, the worst case; points in them; and what
+ * rays through them need. */
 #include <stdlib.h>
 
 #include "src/cut/rays.h"
@@ -37,7 +38,8 @@ static size_t count_of(const struct cut_grid *grid)
 /* Cubes of six tetrahedra, their inner vertices moved by up to `move` of a cube's side. */
 static void make_cube(struct tetmesh *mesh, uint32_t n, double scale, double shift, double move)
 {
-    static const uint8_t paths[6][4] = {{0, 1, 3, 7}, {0, 5, 1, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 6, 4, 7}};
+    static const uint8_t paths[6][4] = {{0, 1, 3, 7}, {0, 5, 1, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 4, 5, 7},
+                                        {0, 6, 4, 7}};
     uint32_t row = n + 1, state = 5;
     *mesh = (struct tetmesh){.vertex_count = row * row * row, .tet_count = 6 * n * n * n};
     mesh->positions = calloc(mesh->vertex_count, 3 * sizeof(double));
@@ -124,7 +126,8 @@ static void test_outside(void)
     const double corners[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
     uint32_t ids[4] = {0, 1, 2, 3};
     double values[4] = {0, 1, 2, 4};
-    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners, .corners = ids};
+    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners,
+                           .corners = ids};
     struct cut_grid grid = {0};
     static const uint32_t sizes[2] = {33, 9};
     for (int k = 0; k < 2; k++) {
@@ -142,13 +145,15 @@ static void test_outside(void)
     cut_grid_fini(&grid);
 }
 
-/* One tetrahedron in a grid around it: what is outside is hidden and takes a neighbour's value, a plane fades over one step. */
+/* One tetrahedron in a grid around it: what is outside is hidden and takes a neighbour's value, a plane fades over one
+ * step. */
 static void test_voxels(void)
 {
     const double corners[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
     uint32_t ids[4] = {0, 1, 2, 3};
     double values[4] = {1, 10, 100, 1000};
-    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners, .corners = ids};
+    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners,
+                           .corners = ids};
     const struct cut_plane clip = {{0.25, 0, 0}, {2, 0, 0}};
     struct cut_grid grid = {0};
     struct cut_voxels voxels = {0};
@@ -245,7 +250,8 @@ static void check_tree(const struct tetmesh *mesh, const struct cut_rays *rays, 
                     continue;
                 found++;
                 CHECK_INT(rays->neighbours[face[3]], TETLOD_NONE);
-                six_volumes += tet_volume6(centre, mesh->positions + 3 * (size_t)face[0], mesh->positions + 3 * (size_t)face[1],
+                six_volumes += tet_volume6(centre, mesh->positions + 3 * (size_t)face[0],
+                                           mesh->positions + 3 * (size_t)face[1],
                                            mesh->positions + 3 * (size_t)face[2]);
             }
         }

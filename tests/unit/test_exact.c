@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The exact limit on random contractions: what the envelope accepts it accepts; its error of one contraction is the overlay's
- * largest difference, and of many an upper bound of it; what it refuses for a limit has no value within that limit.
+ * The exact limit on random contractions: what the envelope accepts it accepts; its error of one contraction is the
+ * overlay's largest difference, and of many an upper bound of it; what it refuses for a limit has no value within that
+ * limit.
  */
 #include "src/simplify/exact/examiner.h"
 
@@ -29,7 +30,8 @@ struct exact_world {
 /* A sample with float64 values of a bent field; vertices inside are moved. */
 static bool open_exact(struct exact_world *exact, const char *name, uint32_t size, uint64_t seed)
 {
-    const struct world_options options = {.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 0.01, .boundary_limit = 1e-9};
+    const struct world_options options = {.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 0.01,
+                                          .boundary_limit = 1e-9};
     *exact = (struct exact_world){.random = seed};
     struct tetmesh *mesh = &exact->mesh;
     struct world plain;
@@ -57,8 +59,8 @@ static void close_exact(struct exact_world *exact)
     tetmesh_fini(&exact->mesh);
 }
 
-/* Gathers the star of a random edge, face or tetrahedron and picks one of its vertices, its centre, or a point near it. False: it may
- * not be contracted there. */
+/* Gathers the star of a random edge, face or tetrahedron and picks one of its vertices, its centre, or a point near it.
+ * False: it may not be contracted there. */
 static bool pick(struct exact_world *exact)
 {
     struct world *world = &exact->world;
@@ -83,11 +85,12 @@ static bool pick(struct exact_world *exact)
         join->p[i] += 0.2 * (gen_unit(&exact->random) - 0.5);
     return border_allows(border, working, join->simplex, join->count, weights, join->p) &&
            border_moves(border, working, join->simplex, join->count, join->p, &world->worker.map) <= border->limit &&
-           star_fits(&world->star, working, join->p) && links_hold_star(&world->worker.links, &world->star, working, &room);
+           star_fits(&world->star, working, join->p) && links_hold_star(&world->worker.links, &world->star, working,
+                                                                        &room);
 }
 
-/* Moves the picked position almost into the plane of the star's last link face: its cone becomes as flat as rounded positions make
- * it. False: then others fold. */
+/* Moves the picked position almost into the plane of the star's last link face: its cone becomes as flat as rounded
+ * positions make it. False: then others fold. */
 static bool flatten(struct exact_world *exact)
 {
     const struct star *star = &exact->world.star;
@@ -130,7 +133,8 @@ static void check_edges(const struct cover *cover)
     CHECK_INT(twice, 0);
 }
 
-/* After all vertices were placed: the distances that are computed anew have the signs by which all is sorted, and no marks are left. */
+/* After all vertices were placed: the distances that are computed anew have the signs by which all is sorted, and no
+ * marks are left. */
 static void check_cover(const struct exact_world *exact)
 {
     const struct cover *cover = &exact->examiner.cover;
@@ -153,7 +157,8 @@ static struct finding examine(struct exact_world *exact, double limit)
 {
     struct finding finding = {.error = NAN};
     if (exact_begin(&exact->examiner, &exact->world.working, &exact->world.star, NULL) != TETLOD_OK ||
-        exact_examine(&exact->examiner, &exact->overlaps, &exact->world.working, &exact->world.star, exact->join.p, limit, INFINITY,
+        exact_examine(&exact->examiner, &exact->overlaps, &exact->world.working, &exact->world.star, exact->join.p,
+                      limit, INFINITY,
                       true, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
     if (finding.allowed)
@@ -223,7 +228,8 @@ static double overlay_error(const struct exact_world *exact)
     for (uint32_t t = 0; t < working->tet_count; t++)
         if (!tet_gone(working, t))
             memcpy(level.corners + 4 * (size_t)level.tet_count++, working->corners[t], 16);
-    CHECK_INT(overlay_max(&level, (uint32_t[]){0}, &exact->mesh, (uint32_t[]){0}, 1, &(struct overlay_options){.threads = 1}, &error,
+    CHECK_INT(overlay_max(&level, (uint32_t[]){0}, &exact->mesh, (uint32_t[]){0}, 1,
+                          &(struct overlay_options){.threads = 1}, &error,
                           &report, NULL), TETLOD_OK);
     free(level.positions);
     free(level.corners);
@@ -231,8 +237,8 @@ static double overlay_error(const struct exact_world *exact)
     return error * working->components[0].scale;
 }
 
-/* Random contractions that the envelope gives at most `most`; each must be accepted at the largest of the envelope's errors so
- * far, with the same value. In the end the overlay finds no more than what was found on the way. */
+/* Random contractions that the envelope gives at most `most`; each must be accepted at the largest of the envelope's
+ * errors so far, with the same value. In the end the overlay finds no more than what was found on the way. */
 static void check_envelope(const char *name, uint32_t size, uint64_t seed, double most, int contractions)
 {
     struct exact_world exact;
@@ -276,8 +282,8 @@ static void test_what_the_envelope_accepts(void)
     check_envelope("delta", 2, 5, 0.2, 60);
 }
 
-/* One contraction of the original: the exact error is the overlay's, from above and below but for what rounding may come to in
- * thin tetrahedra; and just below it there is no value at all. */
+/* One contraction of the original: the exact error is the overlay's, from above and below but for what rounding may
+ * come to in thin tetrahedra; and just below it there is no value at all. */
 static void test_one_contraction(void)
 {
     int done = 0;
@@ -329,7 +335,8 @@ static void test_the_result_counts(void)
         if (!pick(&exact))
             continue;
         struct finding finding = examine(&exact, 10);
-        double there = fabs(exact.examiner.chosen[0] - (exact.join.p[0] + 2 * exact.join.p[1] - exact.join.p[2])) * working->components[0].scale;
+        double there = fabs(exact.examiner.chosen[0] -
+                            (exact.join.p[0] + 2 * exact.join.p[1] - exact.join.p[2])) * working->components[0].scale;
         CHECK(finding.allowed && there <= finding.error * (1 + 1e-9) + 1e-12);
         done += there > 1e-3;
     }
@@ -341,11 +348,12 @@ static void test_the_result_counts(void)
 static bool keeps_boundary(const struct exact_world *exact)
 {
     static const double still[4] = {0};
-    return border_allows(&exact->world.run.border, &exact->world.working, exact->join.simplex, exact->join.count, still, exact->join.p);
+    return border_allows(&exact->world.run.border, &exact->world.working, exact->join.simplex, exact->join.count,
+                         still, exact->join.p);
 }
 
-/* As many contractions within a limit as there are in so many tries, far beyond what the envelope would allow: the overlay holds
- * it. A part of them makes flat cones, whose walls are almost one plane. */
+/* As many contractions within a limit as there are in so many tries, far beyond what the envelope would allow: the
+ * overlay holds it. A part of them makes flat cones, whose walls are almost one plane. */
 static void check_sequence(const char *name, uint32_t size, uint64_t seed, int tries, bool flat)
 {
     struct exact_world exact;
@@ -357,7 +365,8 @@ static void check_sequence(const char *name, uint32_t size, uint64_t seed, int t
         if (!pick(&exact) || (flat && i % 2 && !(flatten(&exact) && keeps_boundary(&exact))))
             continue;
         struct finding finding = examine(&exact, limit);
-        CHECK(finding.allowed ? finding.error <= limit * (1 + 1e-9) : finding.error > limit * (1 - (flat ? 1e-3 : 1e-6)));
+        CHECK(finding.allowed ? finding.error <= limit * (1 + 1e-9) : finding.error > limit *
+              (1 - (flat ? 1e-3 : 1e-6)));
         if (!finding.allowed)
             continue;
         envelope = larger(envelope, envelope_of(&exact));

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The filter and map of the server gives the cursor's mesh at every level, bit for bit, of any sequence over any complex. */
+/* The filter and map of the server gives the cursor's mesh at every level, bit for bit, of any sequence over any
+ * complex. */
 #include <stdlib.h>
 
 #include "src/forest/forest.h"
@@ -30,7 +31,8 @@ static void check_levels(const struct forest *forest, struct tetlod_cursor *curs
         tetlod_cursor_mesh(cursor, &theirs);
         REQUIRE(forest_mesh(forest, level, &ours, NULL) == TETLOD_OK);
         if (!same_mesh(&ours, &theirs))
-            TEST_FAIL("kind %d, seed %d, arity %u: level %u differs", (int)options->kind, (int)options->seed, options->arity, level);
+            TEST_FAIL("kind %d, seed %d, arity %u: level %u differs", (int)options->kind, (int)options->seed,
+                      options->arity, level);
         tetmesh_fini(&ours);
     }
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Streams of every version stay readable: each level's arrays have the hashes in the file beside the stream, on the way up and
- * on the way down, and each field of cells that in the file NAME.cells. With UPDATE=1 the hashes are written. */
+/* Streams of every version stay readable: each level's arrays have the hashes in the file beside the stream, on the way
+ * up and on the way down, and each field of cells that in the file NAME.cells. With UPDATE=1 the hashes are written. */
 #include <glob.h>
 #include <stdlib.h>
 #include <string.h>
@@ -133,7 +133,8 @@ static void add_points(struct tetlodi_sha256 *sha, const struct tetlod_series *s
 }
 
 /* The values of its fields; of points that move their places, too. */
-static void hash_step(const struct tetlod_series *series, const struct tetlod_info *info, const struct tetlod_cursor *cursor, char hash[65])
+static void hash_step(const struct tetlod_series *series, const struct tetlod_info *info,
+                      const struct tetlod_cursor *cursor, char hash[65])
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     struct tetlodi_sha256 sha;
@@ -141,7 +142,8 @@ static void hash_step(const struct tetlod_series *series, const struct tetlod_in
     tetlod_cursor_mesh(cursor, &mesh);
     tetlodi_sha256_init(&sha);
     for (uint32_t f = 0; f < steps->field_count; f++)
-        add_numbers(&sha, tetlod_step_values(series, f), (size_t)mesh.vertices * info->fields[steps->fields[f]].components, 8);
+        add_numbers(&sha, tetlod_step_values(series, f),
+                    (size_t)mesh.vertices * info->fields[steps->fields[f]].components, 8);
     if (steps->displacement != TETLOD_NONE)
         add_points(&sha, series, &mesh);
     hash_text(&sha, hash);

@@ -152,7 +152,8 @@ static enum tetlod_status write_short(void *opaque, const void *bytes, size_t si
 
 static void test_sinks_that_fail(void)
 {
-    enum tetlod_status (*const writers[])(const struct tetmesh *, const struct tetlodi_sink *, struct tetlod_error *) = {
+    enum tetlod_status (*const writers[])(const struct tetmesh *, const struct tetlodi_sink *,
+                                          struct tetlod_error *) = {
         io_write_vtu, io_write_vtu_plain, io_write_vtk, gmsh_write, stl_write, ply_write, vtp_write, glb_write};
     struct tetmesh mesh;
     REQUIRE(sample_find("cube")->make(&mesh, 12, NULL) == TETLOD_OK);
@@ -176,7 +177,8 @@ static void rows_values(const void *opaque, uint32_t column, uint64_t first, siz
 {
     const struct tetmesh *mesh = opaque;
     size_t components = column ? mesh->fields[column - 1].components : 3;
-    memcpy(out, (column ? mesh->fields[column - 1].values : mesh->positions) + first * components, count * components * sizeof *out);
+    memcpy(out, (column ? mesh->fields[column - 1].values : mesh->positions) + first * components,
+           count * components * sizeof *out);
 }
 
 static void rows_corners(const void *opaque, uint64_t first, size_t count, uint32_t *out)
@@ -186,8 +188,10 @@ static void rows_corners(const void *opaque, uint64_t first, size_t count, uint3
 }
 
 static void check_layout(const struct tetmesh *mesh,
-                         enum tetlod_status (*write)(const struct tetmesh *, const struct tetlodi_sink *, struct tetlod_error *),
-                         enum tetlod_status (*lay_out)(struct io_layout **, const struct tetmesh *, struct tetlod_error *))
+                         enum tetlod_status (*write)(const struct tetmesh *, const struct tetlodi_sink *,
+                                                     struct tetlod_error *),
+                         enum tetlod_status (*lay_out)(struct io_layout **, const struct tetmesh *,
+                                                       struct tetlod_error *))
 {
     struct memory_sink memory = {0};
     struct tetlodi_sink sink = memory_sink(&memory);
@@ -219,7 +223,8 @@ static void test_layouts(void)
         check_layout(&mesh, io_write_vtu_plain, io_layout_vtu);
         check_layout(&mesh, io_write_vtk, io_layout_vtk);
         uint32_t components = fields == 2 ? 5000 : 3; // more than a block has words
-        REQUIRE(tetmesh_add_field(&mesh, fields ? "a \"b\" <c>" : "plain", components, fields % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64, NULL) == TETLOD_OK);
+        REQUIRE(tetmesh_add_field(&mesh, fields ? "a \"b\" <c>" : "plain", components,
+                                  fields % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64, NULL) == TETLOD_OK);
         for (size_t i = 0; i < (size_t)mesh.vertex_count * components; i++)
             mesh.fields[mesh.field_count - 1].values[i] = (double)(i % 1000) / 8;
     }

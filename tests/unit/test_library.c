@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* libtetlod-build: what it takes, what it refuses, progress, a sink that fails. That its bytes are the program's: tests/clients/test_python.py. */
+/* libtetlod-build: what it takes, what it refuses, progress, a sink that fails. That its bytes are the program's:
+ * tests/clients/test_python.py. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -20,7 +21,8 @@ static struct tetlod_build_array cells = {"id", 1, TETLOD_CELL_INT64, ids};
 
 static struct tetlod_build_mesh mesh_of(void)
 {
-    return (struct tetlod_build_mesh){sizeof(struct tetlod_build_mesh), 6, 2, TETLOD_FLOAT64, positions, corners[0], 1, 1, &field, &cells};
+    return (struct tetlod_build_mesh){sizeof(struct tetlod_build_mesh), 6, 2, TETLOD_FLOAT64, positions, corners[0], 1,
+                                      1, &field, &cells};
 }
 
 static enum tetlod_status count(void *opaque, const void *bytes, size_t size)
@@ -42,7 +44,8 @@ static int never(void *opaque, const char *phase, double done)
     return 0;
 }
 
-static enum tetlod_status build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options, struct tetlod_error *error)
+static enum tetlod_status build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
+                                struct tetlod_error *error)
 {
     size_t size = 0;
     enum tetlod_status status = tetlod_build(mesh, options, count, &size, error);
@@ -61,7 +64,8 @@ static void test_stream(void)
     CHECK(tetlod_open_memory(&file, out.bytes, out.size, NULL, &error) == TETLOD_OK);
     const struct tetlod_info *info = tetlod_info(file);
     CHECK(info->vertices == 5 && info->tets == 2 && info->unused_points == 1 && info->lossless);
-    CHECK(info->field_count == 1 && info->fields[0].controlled && info->cell_field_count == 1 && info->cell_fields[0].type == TETLOD_CELL_INT8);
+    CHECK(info->field_count == 1 && info->fields[0].controlled && info->cell_field_count == 1 &&
+          info->cell_fields[0].type == TETLOD_CELL_INT8);
     tetlod_close(file);
     free(out.bytes);
 }
@@ -153,7 +157,8 @@ enum { SIDE = 13, CUBES = SIDE - 1 };
 /* A cube of cubes of six tetrahedra, around the diagonal of each. */
 static void fill_grid(double (*points)[3], float *at, uint32_t (*tets)[4])
 {
-    static const uint32_t steps[6][2] = {{1, SIDE}, {1, SIDE * SIDE}, {SIDE, 1}, {SIDE, SIDE * SIDE}, {SIDE * SIDE, 1}, {SIDE * SIDE, SIDE}};
+    static const uint32_t steps[6][2] = {{1, SIDE}, {1, SIDE * SIDE}, {SIDE, 1}, {SIDE, SIDE * SIDE}, {SIDE * SIDE, 1},
+                                         {SIDE * SIDE, SIDE}};
     for (uint32_t i = 0; i < SIDE * SIDE * SIDE; i++) {
         uint32_t x = i % SIDE, y = i / SIDE % SIDE, z = i / SIDE / SIDE;
         double p[3] = {x, y, z};
@@ -174,7 +179,8 @@ static void test_cancelled_while_encoding(void)
     static float at[SIDE * SIDE * SIDE];
     static uint32_t tets[6 * CUBES * CUBES * CUBES][4];
     struct tetlod_build_array array = {"p", 1, TETLOD_CELL_FLOAT32, at};
-    struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = SIDE * SIDE * SIDE, .tets = 6 * CUBES * CUBES * CUBES,
+    struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = SIDE * SIDE * SIDE,
+                                     .tets = 6 * CUBES * CUBES * CUBES,
                                      .position_type = TETLOD_FLOAT64, .positions = points, .corners = tets[0], .field_count = 1, .fields = &array};
     struct tetlod_build_options options;
     struct tetlod_error error = {0};
@@ -185,7 +191,8 @@ static void test_cancelled_while_encoding(void)
     options.progress_opaque = &heard;
     CHECK(build(&mesh, &options, &error) == TETLOD_OK && heard.encoding > 1);
     heard = (struct heard){.cancels = true};
-    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_CANCELLED && heard.encoding == 1); // and nothing reached the sink
+    // and nothing reached the sink
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_CANCELLED && heard.encoding == 1);
 }
 
 /* What a stream cannot hold is refused before the contraction. */

@@ -79,7 +79,8 @@ static bool link_condition(const struct coned *coned, uint32_t a, uint32_t b)
     return true;
 }
 
-/* Every edge of vertices that may be contracted, by both ways; io_counts: edges for which it does not hold, and does. */
+/* Every edge of vertices that may be contracted, by both ways; io_counts: edges for which it does not hold, and
+ * does. */
 static void compare(struct tetmesh *mesh, uint32_t io_counts[2])
 {
     struct world world;
@@ -152,8 +153,9 @@ static bool all_positive(const struct tetmesh *mesh)
     return positive;
 }
 
-/* Takes a tetrahedron out of the inside of a cube, after one of its corners was moved almost into the face opposite: the cavity is so flat
- * that closing it moves the boundary by little, and in its plane. False: then others would turn over. */
+/* Takes a tetrahedron out of the inside of a cube, after one of its corners was moved almost into the face opposite:
+ * the cavity is so flat that closing it moves the boundary by little, and in its plane. False: then others would turn
+ * over. */
 static bool make_cavity(struct tetmesh *mesh, uint64_t *random)
 {
     uint32_t t, corners[4];
@@ -175,7 +177,8 @@ static bool make_cavity(struct tetmesh *mesh, uint64_t *random)
         double foot = 0;
         for (size_t c = 0; c < 4; c++)
             foot += c == moved ? 0 : mesh->positions[3 * (size_t)corners[c] + d] / 3;
-        mesh->positions[3 * (size_t)corners[moved] + d] = foot + 0.05 * (mesh->positions[3 * (size_t)corners[moved] + d] - foot);
+        mesh->positions[3 * (size_t)corners[moved] +
+                        d] = foot + 0.05 * (mesh->positions[3 * (size_t)corners[moved] + d] - foot);
     }
     memcpy(mesh->corners + 4 * (size_t)t, mesh->corners + 4 * (size_t)--mesh->tet_count, sizeof corners);
     return all_positive(mesh);
@@ -191,7 +194,8 @@ static void check_topology(const struct tetmesh *mesh, const struct contraction_
     for (size_t t = 0; t < coarsening.stored; t++)
         if (coarsening.states[t] < COARSE_DIED)
             memcpy(corners + 4 * (size_t)left++, coarsening.corners + 4 * t, 4 * sizeof *corners);
-    REQUIRE(mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, &before, NULL) == TETLOD_OK);
+    REQUIRE(mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, &before,
+                       NULL) == TETLOD_OK);
     REQUIRE(mesh_check(coarsening.positions, corners, mesh->vertex_count, left, &after, NULL) == TETLOD_OK);
     CHECK_INT(before.boundary_components, 2);
     CHECK_INT(after.boundary_components, 2);
@@ -209,7 +213,8 @@ static void test_cavities_stay(void)
         struct tetmesh mesh;
         struct contraction_log log;
         if (make_cavity(&mesh, &random)) {
-            const struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
+            const struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES,
+                                                     .max_error = 1, .min_tets = 1,
                                                      .boundary_angle = 180, .boundary_limit = mesh_diagonal(&mesh), .growth = 1.2, .threads = 1};
             REQUIRE(rounds_simplify(&log, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
             check_topology(&mesh, &log);

@@ -122,7 +122,8 @@ static void check_mesh(const struct tetmesh *mesh, int points)
     uint64_t random = 5;
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     unsigned wrong[4] = {0};
-    REQUIRE(locator_init(&locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, NULL) == TETLOD_OK);
+    REQUIRE(locator_init(&locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count,
+                         NULL) == TETLOD_OK);
     for (uint32_t v = 0; v < 3 * mesh->vertex_count; v++) {
         low[v % 3] = smaller(low[v % 3], mesh->positions[v]);
         high[v % 3] = larger(high[v % 3], mesh->positions[v]);

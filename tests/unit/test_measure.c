@@ -223,8 +223,8 @@ static void check_kept(double kept, double measured, double range)
     CHECK_NEAR(kept, measured, 1.2e-7 * measured + 1e-9 * range);
 }
 
-/* Level by level, where only what has changed is measured again, gives what measuring each level anew gives: bit by bit the same on
- * any number of threads. Also where the levels are of a rounded copy of the mesh. */
+/* Level by level, where only what has changed is measured again, gives what measuring each level anew gives: bit by bit
+ * the same on any number of threads. Also where the levels are of a rounded copy of the mesh. */
 static void check_levels(const char *sample, uint32_t size, double boundary_limit, unsigned bits)
 {
     struct tetmesh mesh = {0}, rounded = {0};
@@ -232,7 +232,8 @@ static void check_levels(const char *sample, uint32_t size, double boundary_limi
     if (bits)
         REQUIRE(quantise_mesh(&rounded, &mesh, &(struct quantise_options){bits, bits, 0, 0}, NULL) == TETLOD_OK);
     const struct tetmesh *contracted = bits ? &rounded : &mesh;
-    struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
+    struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1,
+                                       .min_tets = 1,
                                        .boundary_angle = 30, .boundary_limit = boundary_limit * mesh_diagonal(&mesh),
                                        .growth = 1.3, .threads = 1};
     enum { WAYS = 3 };
@@ -252,7 +253,8 @@ static void check_levels(const char *sample, uint32_t size, double boundary_limi
     for (uint32_t m = 0; m < s.mark_count; m++) {
         struct ancestry_level level;
         struct measured step[WAYS][4]; // of each field
-        double domain[WAYS] = {0, s.marks[m].moved, 0}, anew = 0; // measured; with what the contraction has proved; measured
+        // measured; with what the contraction has proved; measured
+        double domain[WAYS] = {0, s.marks[m].moved, 0}, anew = 0;
         REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
         for (unsigned i = 0; i < WAYS; i++) {
             if (m)
@@ -265,7 +267,8 @@ static void check_levels(const char *sample, uint32_t size, double boundary_limi
         }
         struct measured whole = compare(&mesh, &level.mesh, 2, &anew);
         most = anew > most ? anew : most;
-        CHECK(memcmp(step[0], step[1], mesh.field_count * sizeof step[0][0]) == 0 && memcmp(step[0], step[2], mesh.field_count * sizeof step[0][0]) == 0);
+        CHECK(memcmp(step[0], step[1], mesh.field_count * sizeof step[0][0]) == 0 &&
+              memcmp(step[0], step[2], mesh.field_count * sizeof step[0][0]) == 0);
         check_kept(step[0][0].sampled, whole.sampled, range[1] - range[0]);
         check_kept(step[0][0].rms, whole.rms, range[1] - range[0]);
         CHECK(domain[0] == domain[2]);

@@ -8,7 +8,8 @@
 #include "src/util/json_text.h"
 #include "tests/test.h"
 
-/* Does Jansson take a text as `mine` says? It has no numbers above DBL_MAX and no keys with NUL: such a text tells nothing. */
+/* Does Jansson take a text as `mine` says? It has no numbers above DBL_MAX and no keys with NUL: such a text tells
+ * nothing. */
 static bool jansson_agrees(const char *text, size_t size, bool mine)
 {
     json_error_t error;

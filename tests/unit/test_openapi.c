@@ -10,7 +10,8 @@ static json_t *load(void)
 {
     const struct embedded_file *file = assets_find("/openapi.json");
     const struct embedded_bytes *plain = file ? &file->coded[CODING_IDENTITY] : NULL;
-    return plain ? json_loadb((const char *)plain->bytes, (size_t)(plain->end - plain->bytes), JSON_REJECT_DUPLICATES, NULL) : NULL;
+    return plain ? json_loadb((const char *)plain->bytes, (size_t)(plain->end - plain->bytes), JSON_REJECT_DUPLICATES,
+                              NULL) : NULL;
 }
 
 static void test_every_route_is_described(void)

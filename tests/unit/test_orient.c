@@ -16,7 +16,8 @@ static struct oriented turn(const uint32_t *corners, uint32_t tets)
 
 static void test_alike(void)
 {
-    struct oriented plain = turn((uint32_t[]){0, 1, 2, 3, 1, 2, 3, 4}, 2), mirrored = turn((uint32_t[]){1, 0, 2, 3, 2, 1, 3, 4}, 2);
+    struct oriented plain = turn((uint32_t[]){0, 1, 2, 3, 1, 2, 3, 4},
+                                 2), mirrored = turn((uint32_t[]){1, 0, 2, 3, 2, 1, 3, 4}, 2);
     CHECK(!plain.corners && !plain.turned_count);
     CHECK(!mirrored.corners && !mirrored.turned_count);
 }

@@ -8,7 +8,8 @@
 #include "tests/world.h"
 
 /* A tetrahedron's interpolant of a value per slot, at stride * slot, continued to p. */
-static double interpolant(const struct working *working, uint32_t tet, const double *values, size_t stride, const double p[3])
+static double interpolant(const struct working *working, uint32_t tet, const double *values, size_t stride,
+                          const double p[3])
 {
     const uint32_t *corners = working->corners[tet];
     const double *q[4];
@@ -25,7 +26,8 @@ static double interpolant(const struct working *working, uint32_t tet, const dou
 }
 
 /* Least and greatest over the star. */
-static void star_bounds(const struct world *world, const double *values, size_t stride, const double p[3], double bounds[2])
+static void star_bounds(const struct world *world, const double *values, size_t stride, const double p[3],
+                        double bounds[2])
 {
     bounds[0] = INFINITY;
     bounds[1] = -INFINITY;
@@ -80,7 +82,8 @@ static void check_contractions(uint32_t size, uint64_t random, bool wider)
     struct tetmesh mesh = {0};
     struct world world;
     REQUIRE(sample_find("fin")->make(&mesh, size, NULL) == TETLOD_OK);
-    REQUIRE(world_open(&world, &mesh, &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 30}));
+    REQUIRE(world_open(&world, &mesh,
+                       &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 30}));
     CHECK_INT(world.working.component_count, 1);
     for (uint32_t v = 0; v < world.working.slot_count; v++) {
         double *bounds = working_row(&world.working, v) + ROW_FIELDS, value = *working_values(&world.working, v, 0);
@@ -91,7 +94,8 @@ static void check_contractions(uint32_t size, uint64_t random, bool wider)
     for (int i = 0; i < 400; i++) {
         struct join join = {.count = 2 + (uint32_t)(gen_random(&random) % 5) / 2};
         join.count = join.count > 4 ? 4 : join.count;
-        if (world_pick(&world, (uint32_t)(gen_random(&random) % mesh.tet_count), (uint32_t)(gen_random(&random) % 4), join.count,
+        if (world_pick(&world, (uint32_t)(gen_random(&random) % mesh.tet_count), (uint32_t)(gen_random(&random) % 4),
+                       join.count,
                        join.simplex))
             check_contraction(&world, &join);
     }
@@ -120,7 +124,8 @@ static void test_limits_of_their_own(void)
     CHECK_INT(world.working.component_count, 2);
     double *upper = numbers_of(&world.run, &world.worker, NUMBERS_UPPER), *lower = numbers_of(&world.run, &world.worker, NUMBERS_LOWER);
     for (int c = 0; c < 2; c++) {
-        double middle = (world.working.fields[c].component_range[0][0] + world.working.fields[c].component_range[0][1]) / 2;
+        double middle = (world.working.fields[c].component_range[0][0] +
+                         world.working.fields[c].component_range[0][1]) / 2;
         double half = (c ? 0.05 : 0.1) / world.working.components[c].scale;
         upper[c] = middle + half;
         lower[c] = middle - half;
@@ -132,8 +137,9 @@ static void test_limits_of_their_own(void)
     tetmesh_fini(&mesh);
 }
 
-/* What goes with the boundary: a pyramid's top, where a linear field is 1, comes to lie half way to the corner that it is contracted to. The
- * tetrahedra continue the field by 0 there, but the points that were at the top are to keep their values, and those at the bottom. */
+/* What goes with the boundary: a pyramid's top, where a linear field is 1, comes to lie half way to the corner that it
+ * is contracted to. The tetrahedra continue the field by 0 there, but the points that were at the top are to keep their
+ * values, and those at the bottom. */
 static void test_the_map_demands(void)
 {
     double values[6];
@@ -147,7 +153,8 @@ static void test_the_map_demands(void)
         struct world world;
         for (int v = 0; v < 6; v++)
             values[v] = 4 * sign * mesh.positions[3 * v + 2];
-        REQUIRE(world_open(&world, &mesh, &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 60,
+        REQUIRE(world_open(&world, &mesh,
+                           &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 60,
                                                                   .boundary_limit = 0.9}));
         for (uint32_t v = 0; v < 6; v++)
             world.run.border.most[v] = 0.9; // as if there were no other part of the boundary near

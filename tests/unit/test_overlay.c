@@ -36,7 +36,8 @@ static double exact(const struct tetmesh *a, const struct tetmesh *b, unsigned t
     static const uint32_t first[1] = {0};
     double most = -1;
     struct overlay_report report;
-    CHECK(overlay_max(a, first, b, first, 1, &(struct overlay_options){.threads = threads}, &most, &report, NULL) == TETLOD_OK);
+    CHECK(overlay_max(a, first, b, first, 1, &(struct overlay_options){.threads = threads}, &most, &report,
+                      NULL) == TETLOD_OK);
     return most;
 }
 
@@ -95,8 +96,8 @@ static int make_mesh(struct tetmesh *mesh, const double (*points)[3], uint32_t v
     return 1;
 }
 
-/* An edge of the one against a face of the other is where no vertex of either is: the square's diagonals cross at its middle, and
- * the two ways to cut the prism under it differ there by one. */
+/* An edge of the one against a face of the other is where no vertex of either is: the square's diagonals cross at its
+ * middle, and the two ways to cut the prism under it differ there by one. */
 static void test_crossing_edges(void)
 {
     static const double points[5][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, 1}};
@@ -112,8 +113,8 @@ static void test_crossing_edges(void)
     tetmesh_fini(&meshes[1]);
 }
 
-/* Two tetrahedra back to back that share no vertex: the field jumps across their face, and each side is compared with its own.
- * A flat one between them carries nothing. */
+/* Two tetrahedra back to back that share no vertex: the field jumps across their face, and each side is compared with
+ * its own. A flat one between them carries nothing. */
 static void test_jump(void)
 {
     static const double points[8][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.2, 0.2, 1},
@@ -129,7 +130,8 @@ static void test_jump(void)
         other.fields[0].values[v] = 6;
     }
     CHECK(exact(&mesh, &mesh, 1) == 0);
-    REQUIRE(overlay_max(&mesh, only, &other, only, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL) == TETLOD_OK);
+    REQUIRE(overlay_max(&mesh, only, &other, only, 1, &(struct overlay_options){.threads = 1}, &most, &report,
+                        NULL) == TETLOD_OK);
     CHECK(most == 1);
     CHECK_INT(report.cells, 1); // the other pair is equal
     CHECK_INT(report.degenerate[0], 1);
@@ -138,12 +140,13 @@ static void test_jump(void)
     tetmesh_fini(&other);
 }
 
-/* Two tetrahedra with a face each in one plane, of which rounding says now this, now that: what they have in common is the same
- * whichever corner is the first. */
+/* Two tetrahedra with a face each in one plane, of which rounding says now this, now that: what they have in common is
+ * the same whichever corner is the first. */
 static void test_common_plane(void)
 {
     static const double x = 0.031948491930961609, y = -0.0032258168794214725;
-    const double points[8][3] = {{0.02129899337887764, 0, 0.75}, {x, 0, 1}, {x, -0.30000001192092896, 0.67500001192092896}, {x, 1, 1},
+    const double points[8][3] = {{0.02129899337887764, 0, 0.75}, {x, 0, 1},
+                                 {x, -0.30000001192092896, 0.67500001192092896}, {x, 1, 1},
                                  {x, y, 0.75870847702026367}, {0.021642526611685753, y, 0.48294669389724731},
                                  {x, 1.0354838371276855, 0.75870847702026367}, {x, y, 0.48294669389724731}};
     double first = 0;
@@ -169,7 +172,8 @@ static void test_common_plane(void)
     CHECK_NEAR(first, 0.75870847702026367, 1e-15);
 }
 
-/* A mesh that covers its domain twice, with different values, is itself; and a single sheet is compared with the nearer. */
+/* A mesh that covers its domain twice, with different values, is itself; and a single sheet is compared with the
+ * nearer. */
 static void test_overlap(void)
 {
     static const double points[8][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1},
@@ -277,8 +281,8 @@ static void flatten(struct tetmesh *mesh, double thickness)
     }
 }
 
-/* What rules pairs out, or whole boxes of them, rules out nothing that counts: fields that differ most in one place, and ones that do
- * nearly as much everywhere; tetrahedra of all shapes. */
+/* What rules pairs out, or whole boxes of them, rules out nothing that counts: fields that differ most in one place,
+ * and ones that do nearly as much everywhere; tetrahedra of all shapes. */
 static void test_against_all_pairs(void)
 {
     static const double thicknesses[4] = {1, 1e-2, 1e-6, 1e-8};
@@ -318,12 +322,13 @@ static void make_first(double p[4][3], double height, uint64_t *seed)
 
 enum { CROSSES, TOUCHES, LIES_ON, KINDS };
 
-/* One that crosses it, or lies with a face on one of its, by about what is a contact, or has a corner there, at 0, and short edges along the
- * axes. */
+/* One that crosses it, or lies with a face on one of its, by about what is a contact, or has a corner there, at 0, and
+ * short edges along the axes. */
 static void make_second(double p[4][3], double first[4][3], int kind, uint64_t *seed)
 {
     for (int c = 0; c < 4; c++) {
-        double w[4] = {between(seed, -0.2, 0.6), between(seed, -0.2, 0.6), 0, kind == CROSSES ? between(seed, -0.2, 0.6) : between(seed, 0, 2e-8)};
+        double w[4] = {between(seed, -0.2, 0.6), between(seed, -0.2, 0.6), 0,
+                       kind == CROSSES ? between(seed, -0.2, 0.6) : between(seed, 0, 2e-8)};
         w[3] = kind == LIES_ON && c == 3 ? -0.5 : w[3];
         w[2] = 1 - w[0] - w[1] - w[3];
         for (int d = 0; d < 3; d++)
@@ -340,8 +345,8 @@ static bool is_degenerate(double p[4][3])
     return tet_orientation(p[0], p[1], p[2], p[3]) == 0;
 }
 
-/* Rounding, which for slivers and for small ones beside large ones is far more than what makes a contact, must not rule a pair out. The
- * floor is a hair below the difference. */
+/* Rounding, which for slivers and for small ones beside large ones is far more than what makes a contact, must not rule
+ * a pair out. The floor is a hair below the difference. */
 static void test_rounding(void)
 {
     static const uint32_t corners[1][4] = {{0, 1, 2, 3}}, only[1] = {0};
@@ -361,7 +366,8 @@ static void test_rounding(void)
         if (is_degenerate(p[0]) || is_degenerate(p[1]))
             wanted = 0;
         floor = wanted * (1 - 1e-12);
-        REQUIRE(overlay_max(&meshes[0], only, &meshes[1], only, 1, &(struct overlay_options){.threads = 1, .floors = &floor}, &most, &report,
+        REQUIRE(overlay_max(&meshes[0], only, &meshes[1], only, 1,
+                            &(struct overlay_options){.threads = 1, .floors = &floor}, &most, &report,
                             NULL) == TETLOD_OK);
         CHECK(most == wanted);
         tetmesh_fini(&meshes[0]);
@@ -390,7 +396,8 @@ static void test_finest_level(void)
     struct coarsening same, crossed;
     REQUIRE(make_mesh(&mesh, points, 5, one, 2) && make_mesh(&turned, points, 5, other, 2));
     mesh.fields[0].values[2] = turned.fields[0].values[2] = 1;
-    REQUIRE(coarsening_init(&same, &mesh, NULL, NULL) == TETLOD_OK && coarsening_init(&crossed, &turned, NULL, NULL) == TETLOD_OK);
+    REQUIRE(coarsening_init(&same, &mesh, NULL, NULL) == TETLOD_OK &&
+            coarsening_init(&crossed, &turned, NULL, NULL) == TETLOD_OK);
     CHECK(finest(&mesh, &same) == 0);
     CHECK_NEAR(finest(&mesh, &crossed), 0.5, 1e-15);
     same.fields[0].values[4] += 0.25;

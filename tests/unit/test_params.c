@@ -89,7 +89,8 @@ static void test_numbers(void)
     CHECK(text_number("0.01", false, &x) && x == 0.01);
     CHECK(text_number("1%", true, &x) && fabs(x - 0.01) < 1e-15);
     CHECK(text_number("-1e-3", false, &x) && x == -1e-3);
-    static const char *const bad[] = {"", "nan", "inf", "0x10", "1e999", "1 ", " 1", "1%%", "e", ".", "1,5", "--1", "1x"};
+    static const char *const bad[] = {"", "nan", "inf", "0x10", "1e999", "1 ", " 1", "1%%", "e", ".", "1,5", "--1",
+                                      "1x"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         if (text_number(bad[i], true, &x))
             TEST_FAIL("'%s' is read as %g", bad[i], x);
@@ -110,7 +111,8 @@ static void test_counts(void)
     CHECK(text_count("64K", true, &n) && n == 65536);
     CHECK(!text_count("64K", false, &n));
     CHECK(!text_count("99999999999G", true, &n));
-    CHECK(!text_count("-1", false, &n) && !text_count("", true, &n) && !text_count("K", true, &n) && !text_count("1.5", true, &n));
+    CHECK(!text_count("-1", false, &n) && !text_count("", true, &n) && !text_count("K", true, &n) &&
+          !text_count("1.5", true, &n));
 }
 
 static void test_ranges(void)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The promise on meshes that are hard to keep it for: values far from zero, folds, bodies that touch. Of every level, `max` is not
- * below what the overlay and random points find, nor below `sampled`; nothing is outside the domain error.
+ * The promise on meshes that are hard to keep it for: values far from zero, folds, bodies that touch. Of every level,
+ * `max` is not below what the overlay and random points find, nor below `sampled`; nothing is outside the domain error.
  */
 #include <stdlib.h>
 
@@ -21,8 +21,10 @@ enum { POINTS = 3000, MOST_TETS = 64 };
 
 /* ---- meshes */
 
-/* A block of n^3 cubes from `corner`, `size` wide, added to the mesh; inside, vertices are shaken by up to this much of a cube. */
-static void add_block(struct tetmesh *mesh, uint32_t n, const double corner[3], const double size[3], double shaken, uint64_t seed)
+/* A block of n^3 cubes from `corner`, `size` wide, added to the mesh; inside, vertices are shaken by up to this much of
+ * a cube. */
+static void add_block(struct tetmesh *mesh, uint32_t n, const double corner[3], const double size[3], double shaken,
+                      uint64_t seed)
 {
     static const uint8_t path[6][2] = {{1, 2}, {2, 1}, {2, 4}, {4, 2}, {4, 1}, {1, 4}};
     uint32_t side = n + 1, first = mesh->vertex_count;
@@ -82,7 +84,8 @@ struct checked {
 };
 
 /* The difference at a point of the original, or -1 where the level has none; where it has several, the least. */
-static double point_error(const struct checked *c, const struct tetmesh *level, const struct locator *locator, uint64_t *random)
+static double point_error(const struct checked *c, const struct tetmesh *level, const struct locator *locator,
+                          uint64_t *random)
 {
     const double *values = c->original->fields[0].values, base = values[0];
     uint32_t tet = (uint32_t)(gen_random(random) % c->original->tet_count), tets[MOST_TETS];
@@ -119,13 +122,15 @@ static double boundary_distance(const struct locator locators[2], uint64_t *rand
             for (int k = 0; k < 3; k++)
                 for (int d = 0; d < 3; d++)
                     p[d] += weights[k] / total *
-                            locators[from].positions[3 * (size_t)locators[from].surface.triangles[3 * f + (size_t)k] + (size_t)d];
+                            locators[from].positions[3 * (size_t)locators[from].surface.triangles[3 * f + (size_t)k] +
+                                                     (size_t)d];
             most = larger(most, locator_closest(&locators[!from], p, &place));
         }
     return most;
 }
 
-static void check_level(const struct checked *c, const struct tetlod_level *stored, uint32_t k, const struct tetmesh *level)
+static void check_level(const struct checked *c, const struct tetlod_level *stored, uint32_t k,
+                        const struct tetmesh *level)
 {
     static const uint32_t fields[1] = {0};
     uint64_t random = k;
@@ -136,11 +141,13 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
     double exact, domain, found = 0;
     for (int i = 0; i < 2; i++) {
         const struct tetmesh *mesh = i ? level : c->original;
-        REQUIRE(locator_init(&locators[i], mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, NULL) == TETLOD_OK);
+        REQUIRE(locator_init(&locators[i], mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count,
+                             NULL) == TETLOD_OK);
     }
     for (int i = 0; i < POINTS; i++)
         found = larger(found, point_error(c, level, locator, &random));
-    REQUIRE(overlay_max(c->original, fields, level, fields, 1, &(struct overlay_options){.threads = 2}, &exact, &report, NULL) == TETLOD_OK);
+    REQUIRE(overlay_max(c->original, fields, level, fields, 1, &(struct overlay_options){.threads = 2}, &exact,
+                        &report, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&measure, c->original, fields, 1, 2, NULL) == TETLOD_OK);
     REQUIRE(measure_mesh(measure, level, fields, 2, &measured, &domain, NULL) == TETLOD_OK);
     double max = stored->errors[TETLOD_MAX] * (1 + 1e-9) + 1e-13;
@@ -151,7 +158,8 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
                   exact / c->range, measured.sampled / c->range);
     domain = larger(domain, boundary_distance(locators, &random));
     if (domain > stored->domain_error * c->diagonal * (1 + 1e-9) + 1e-13 * c->diagonal)
-        TEST_FAIL("%s, level %u: its domain error is %g, stored is %g", c->name, k, domain / c->diagonal, stored->domain_error);
+        TEST_FAIL("%s, level %u: its domain error is %g, stored is %g", c->name, k, domain / c->diagonal,
+                  stored->domain_error);
     measure_free(measure);
     locator_fini(&locators[0]);
     locator_fini(&locators[1]);
@@ -159,13 +167,15 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
 
 static struct build_options usual(const struct build_control *control)
 {
-    return (struct build_options){.controls = control, .control_count = 1, .metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES,
+    return (struct build_options){.controls = control, .control_count = 1, .metric = METRIC_ENVELOPE,
+                                  .contract = CONTRACT_EDGES,
                                   .max_error = 1, .min_tets = 1, .boundary_angle = 30, .domain_error = 1e-3, .growth = 1.3,
                                   .compression = 1, .threads = 2, .metadata = "{}"};
 }
 
 /* Builds, and holds every level against the promise. *out_tets, unless NULL: how many tetrahedra the coarsest has. */
-static void check(const char *name, const struct tetmesh *mesh, const struct build_options *options, struct build_report *report)
+static void check(const char *name, const struct tetmesh *mesh, const struct build_options *options,
+                  struct build_report *report)
 {
     struct memory_sink memory = {0};
     struct tetlodi_sink sink = memory_sink(&memory);
@@ -235,8 +245,8 @@ static void test_folds(void)
     }
 }
 
-/* Two bodies with a value each, which touch, overlap, or have a gap between them: the boundary of one must not be taken for the
- * other's. */
+/* Two bodies with a value each, which touch, overlap, or have a gap between them: the boundary of one must not be taken
+ * for the other's. */
 static void test_bodies(void)
 {
     static const double corners[][3] = {{0, 0, 1}, {0.3, 0.2, 1}, {0, 0, 1.0005}, {0.25, 0.25, 0.75}};
@@ -275,7 +285,8 @@ static void test_rounded_positions(void)
     }
 }
 
-/* A boundary that may move far leaves points behind and comes back to them: `max` is for the same position all the same. */
+/* A boundary that may move far leaves points behind and comes back to them: `max` is for the same position all the
+ * same. */
 static void test_the_boundary_comes_back(void)
 {
     const struct build_control control = {0};
@@ -297,8 +308,8 @@ static void test_the_boundary_comes_back(void)
     }
 }
 
-/* A carried field whose range has no reciprocal: of an error no more is said than that there is one. One whose range is no number is
- * refused. */
+/* A carried field whose range has no reciprocal: of an error no more is said than that there is one. One whose range is
+ * no number is refused. */
 static void test_ranges_without_scale(void)
 {
     const struct build_control control = {0};
@@ -320,7 +331,8 @@ static void test_ranges_without_scale(void)
     const struct tetlod_info *info = tetlod_info(file);
     for (uint32_t k = 0; k < info->level_count; k++) {
         const double *errors = info->levels[k].errors + TETLOD_MEASURES;
-        CHECK((errors[TETLOD_SAMPLED] == 0 || errors[TETLOD_SAMPLED] == 1) && errors[TETLOD_RMS] == errors[TETLOD_SAMPLED]);
+        CHECK((errors[TETLOD_SAMPLED] == 0 || errors[TETLOD_SAMPLED] == 1) &&
+              errors[TETLOD_RMS] == errors[TETLOD_SAMPLED]);
         CHECK(k || errors[TETLOD_SAMPLED] == 1);
         CHECK(isnan(errors[TETLOD_MAX]));
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The measured error of a transition is that of the overlay with the whole of the finest level, for any boxes over any complex: also where
- * bodies overlap each other or themselves. A local bound holds in the transition at every finest vertex. */
+/* The measured error of a transition is that of the overlay with the whole of the finest level, for any boxes over any
+ * complex: also where bodies overlap each other or themselves. A local bound holds in the transition at every finest
+ * vertex. */
 #include <stdlib.h>
 
 #include "src/measure/overlay.h"
@@ -19,7 +20,8 @@ enum { SEEDS = 4 };
 static int transitions, apart; /* regions with one; those whose difference is above 0 */
 
 /* The overlay of the finest level and the transition, whole; each body with itself. */
-static void measure_plainly(const struct forest *forest, const struct tetmesh *mesh, const uint32_t *tets, double out[2])
+static void measure_plainly(const struct forest *forest, const struct tetmesh *mesh, const uint32_t *tets,
+                            double out[2])
 {
     static const uint32_t both[] = {0, 1};
     struct tetmesh finest;
@@ -65,7 +67,8 @@ static void check_region(const struct forest *forest, uint64_t *state, const str
     measure_plainly(forest, &mesh, tets, plain);
     REQUIRE(region_measure(forest, &mesh, tets, 1 + (unsigned)(gen_random(state) % 2), NULL, ours, NULL) == TETLOD_OK);
     if (memcmp(plain, ours, sizeof ours) != 0)
-        TEST_FAIL("kind %d, seed %d: %.17g and %.17g, not %.17g and %.17g", (int)options->kind, (int)options->seed, ours[0], ours[1], plain[0], plain[1]);
+        TEST_FAIL("kind %d, seed %d: %.17g and %.17g, not %.17g and %.17g", (int)options->kind, (int)options->seed,
+                  ours[0], ours[1], plain[0], plain[1]);
     apart += ours[0] > 0 && ours[1] > 0;
     tetmesh_fini(&mesh);
     free(tets);
@@ -100,7 +103,8 @@ static void test_as_the_whole_overlay(void)
 {
     for (int kind = 0; kind < GEN_KINDS; kind++)
         for (uint64_t seed = 1; seed <= SEEDS; seed++)
-            check_stream(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = seed, .size = 3, .levels = 12, .arity = 2,
+            check_stream(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = seed, .size = 3, .levels = 12,
+                                               .arity = 2,
                                                .type = seed % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64});
     printf("# %d transitions, %d apart\n", transitions, apart);
     CHECK(transitions > 5 * SEEDS && apart > 5 * SEEDS);

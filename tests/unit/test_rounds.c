@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The parallel rounds: the same bytes on any number of threads and with either arithmetic; rings and stars of any size are contracted,
- * and what is refused is counted; a run stops at its limits.
+ * The parallel rounds: the same bytes on any number of threads and with either arithmetic; rings and stars of any size
+ * are contracted, and what is refused is counted; a run stops at its limits.
  */
 #include "src/simplify/rounds/rounds.h"
 
@@ -124,7 +124,8 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
             struct edge_answer a = kernels[0]->query_edge(&hoods[0], n, &query, working.stride);
             struct edge_answer b = kernels[1]->query_edge(&hoods[1], n, &query, working.stride);
             size_t width = 2 * (size_t)working.component_count;
-            CHECK(a.error == b.error && a.followed == b.followed && a.turned == b.turned && a.half_turned == b.half_turned);
+            CHECK(a.error == b.error && a.followed == b.followed && a.turned == b.turned &&
+                  a.half_turned == b.half_turned);
             CHECK_INT(memcmp(hoods[0].reach + n * width, hoods[1].reach + n * width, width * sizeof(double)), 0);
             check_doubt(&working, hoods, hoods[0].rows + (size_t)n * working.stride);
         }
@@ -151,7 +152,8 @@ static void test_either_arithmetic(void)
 
 /* ---- rings and stars of any size */
 
-/* A cylinder of five layers: each sector a prism of three tetrahedra. The axis has an edge whose ring is all sectors. */
+/* A cylinder of five layers: each sector a prism of three tetrahedra. The axis has an edge whose ring is all
+ * sectors. */
 static void make_cylinder(struct tetmesh *mesh, uint32_t sectors, uint32_t layers)
 {
     uint32_t side = sectors + 1;
@@ -169,7 +171,8 @@ static void make_cylinder(struct tetmesh *mesh, uint32_t sectors, uint32_t layer
     for (uint32_t i = 0; i < sectors * layers; i++) {
         uint32_t base = i / sectors * side, s = i % sectors, next = (s + 1) % sectors, low = s < next ? s : next,
                  high = s < next ? next : s;
-        const uint32_t path[6] = {base + low, base + high, base + sectors, base + side + low, base + side + high, base + side + sectors};
+        const uint32_t path[6] = {base + low, base + high, base + sectors, base + side + low, base + side + high,
+                                  base + side + sectors};
         const uint32_t tets[3][4] = {{path[0], path[1], path[2], path[5]}, {path[0], path[1], path[4], path[5]},
                                      {path[0], path[3], path[4], path[5]}};
         memcpy(mesh->corners + 4 * (size_t)mesh->tet_count, tets, sizeof tets);
@@ -196,7 +199,8 @@ static void test_rings_of_any_size(void)
         options.boundary_limit *= 1e-6; // the rim stays
         REQUIRE(rounds_simplify(&log, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
         CHECK_INT(log.inverted_tets + log.degenerate_tets + log.folded_tets, 0);
-        printf("# %u sectors: %u of %u tetrahedra are left\n", sectors[i], log.marks[log.mark_count - 1].tets, mesh.tet_count);
+        printf("# %u sectors: %u of %u tetrahedra are left\n", sectors[i], log.marks[log.mark_count - 1].tets,
+               mesh.tet_count);
         CHECK(log.marks[log.mark_count - 1].tets <= 3 * sectors[i] + 2); // one layer
         log_fini(&log);
         tetmesh_fini(&mesh);
@@ -214,7 +218,8 @@ static void test_rings_in_sequence(void)
         options.metric = METRIC_SVA;
         options.boundary_limit *= 1e-6;
         REQUIRE(simplify(&log, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
-        printf("# %u sectors: %u of %u tetrahedra are left\n", sectors, log.marks[log.mark_count - 1].tets, mesh.tet_count);
+        printf("# %u sectors: %u of %u tetrahedra are left\n", sectors, log.marks[log.mark_count - 1].tets,
+               mesh.tet_count);
         CHECK(log.marks[log.mark_count - 1].tets <= 3 * sectors + 2);
         log_fini(&log);
         tetmesh_fini(&mesh);
@@ -283,8 +288,10 @@ static void test_the_map_is_heard(void)
         CHECK_INT(log.count, 1);
         uint32_t other = log.children[0] ? log.children[0] : log.children[1], across = (other + 1) % 4 + 1;
         double there = (log.fields[0].values[0] + sign * values[across]) / 2;
-        printf("# to corner %u: %g instead of %g, certified %g\n", other, there, sign * values[0], 7 * log.certified[(log.mark_count - 1) * log.component_count]);
-        CHECK(other >= 1 && other <= 4 && fabs(there - sign * values[0]) <= 7 * log.certified[(log.mark_count - 1) * log.component_count] + 1e-12);
+        printf("# to corner %u: %g instead of %g, certified %g\n", other, there, sign * values[0],
+               7 * log.certified[(log.mark_count - 1) * log.component_count]);
+        CHECK(other >= 1 && other <= 4 &&
+              fabs(there - sign * values[0]) <= 7 * log.certified[(log.mark_count - 1) * log.component_count] + 1e-12);
         log_fini(&log);
         point_field_fini(&mesh.fields[0]);
         free(mesh.fields);
@@ -321,8 +328,8 @@ static void test_stops_where_told(void)
     tetmesh_fini(&mesh);
 }
 
-/* A cube's corners and a linear field are such that every interpolant is exact: what is certified is what it was widened by. Without
- * that, nothing would be left of the bound's own rounding (PROOF.md, 4). */
+/* A cube's corners and a linear field are such that every interpolant is exact: what is certified is what it was
+ * widened by. Without that, nothing would be left of the bound's own rounding (PROOF.md, 4). */
 static void test_bounds_are_widened(void)
 {
     struct tetmesh mesh;

@@ -16,7 +16,8 @@ static struct tetlod_info make(struct tetlod_field *fields, struct tetlod_level 
             of_level[i] = NAN;
         of_level[TETLOD_MAX] = 0.1 * (LEVELS - 1 - k) + 0.01;
         of_level[TETLOD_RMS] = of_level[TETLOD_MAX] / 10;
-        levels[k] = (struct tetlod_level){.vertices = 10 * (k + 1), .tets = 100 * (k + 1), .end = 1000 * (k + 1), .errors = of_level};
+        levels[k] = (struct tetlod_level){.vertices = 10 * (k + 1), .tets = 100 * (k + 1), .end = 1000 * (k + 1),
+                                          .errors = of_level};
     }
     fields[0] = (struct tetlod_field){.name = "p", .components = 1, .range = {0, 2}, .controlled = 1};
     fields[1] = (struct tetlod_field){.name = "q", .components = 1, .range = {0, 1}};
@@ -72,7 +73,8 @@ static void test_boxes(void)
     struct region_box box;
     CHECK(selection_read_box("-0,1,2,3,4,5e0;6", 14, &box) && !signbit(box.low[0]) && box.high[2] == 5);
     CHECK(selection_read_box(" 0, 0, 0, 1,  1, 1", 18, &box) && box.high[1] == 1);
-    static const char *const bad[] = {"", "0,0,0,1,1,1 2", "0,0,0,1,1", "0,0,0,1,1,1,", "0,0,0,1,1,-1", "0,0,0,1,1,nan", "0,0,0,1,1,1 "};
+    static const char *const bad[] = {"", "0,0,0,1,1,1 2", "0,0,0,1,1", "0,0,0,1,1,1,", "0,0,0,1,1,-1",
+                                      "0,0,0,1,1,nan", "0,0,0,1,1,1 "};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         CHECK(!selection_read_box(bad[i], strlen(bad[i]), &box));
 }

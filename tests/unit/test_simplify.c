@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Contraction sequences of small meshes: every level is a sound mesh of the same domain, certified errors are upper bounds,
- * and the sequence does not depend on the number of threads.
+ * Contraction sequences of small meshes: every level is a sound mesh of the same domain, certified errors are upper
+ * bounds, and the sequence does not depend on the number of threads.
  */
 #include "src/simplify/simplify.h"
 
@@ -34,7 +34,8 @@ static struct simplify_options usual(const struct tetmesh *mesh)
 static struct mesh_report look(const struct tetmesh *mesh)
 {
     struct mesh_report report = {0};
-    CHECK_INT(mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, &report, NULL), TETLOD_OK);
+    CHECK_INT(mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, &report, NULL),
+              TETLOD_OK);
     return report;
 }
 
@@ -70,7 +71,8 @@ static double true_error(const struct tetmesh *original, const struct tetmesh *l
     struct locator locator;
     uint64_t random = 77;
     double worst = 0;
-    if (locator_init(&locator, level->positions, level->vertex_count, level->corners, level->tet_count, NULL) != TETLOD_OK)
+    if (locator_init(&locator, level->positions, level->vertex_count, level->corners, level->tet_count,
+                     NULL) != TETLOD_OK)
         return INFINITY;
     for (int i = 0; i < POINTS; i++) {
         const uint32_t *corners = original->corners + 4 * (gen_random(&random) % original->tet_count);
@@ -92,7 +94,8 @@ static double true_error(const struct tetmesh *original, const struct tetmesh *l
             memcpy(place.vertices, level->corners + 4 * tet, sizeof place.vertices);
         } else
             locator_closest(&locator, p, &place);
-        worst = larger(worst, fabs(value_at(original, corners, weights) - value_at(level, place.vertices, place.weights)));
+        worst = larger(worst, fabs(value_at(original, corners, weights) - value_at(level, place.vertices,
+                                                                                   place.weights)));
     }
     locator_fini(&locator);
     return worst;
@@ -161,7 +164,8 @@ static void check_neighbours(const struct ancestry_level *level)
     size_t slots = 4 * (size_t)level->mesh.tet_count;
     uint32_t *built = malloc(slots * sizeof *built);
     REQUIRE(built);
-    CHECK_INT(adjacency_build(level->mesh.corners, level->mesh.tet_count, level->mesh.vertex_count, built, NULL, NULL), TETLOD_OK);
+    CHECK_INT(adjacency_build(level->mesh.corners, level->mesh.tet_count, level->mesh.vertex_count, built, NULL, NULL),
+              TETLOD_OK);
     CHECK(memcmp(built, level->neighbours, slots * sizeof *built) == 0);
     free(built);
 }
@@ -248,7 +252,8 @@ static void test_curved_boundary(void)
         const char *name;
         uint32_t size, most;
         double limit;
-    } cases[] = {{"torus", 5, 700, 0.01}, {"shell", 5, 650, 0.01}, {"fin", 6, 80, 0.002}, {"delta", 4, 30, 0.005}}; // delta: 6 to 28 by ties
+    } cases[] = {{"torus", 5, 700, 0.01}, {"shell", 5, 650, 0.01}, {"fin", 6, 80, 0.002},
+                 {"delta", 4, 30, 0.005}}; // delta: 6 to 28 by ties
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct tetmesh mesh = {0};
         REQUIRE(sample_find(cases[i].name)->make(&mesh, cases[i].size, NULL) == TETLOD_OK);
@@ -262,8 +267,8 @@ static void test_curved_boundary(void)
     }
 }
 
-/* A vertex drawn to its neighbour, with another value: the tetrahedra between have no volume, and stay until the two may
- * become one within the limit. Then all around is contracted as elsewhere. */
+/* A vertex drawn to its neighbour, with another value: the tetrahedra between have no volume, and stay until the two
+ * may become one within the limit. Then all around is contracted as elsewhere. */
 static void test_coincident_vertices(void)
 {
     enum { SIZE = 5, ROW = SIZE + 1, INNER = 2 + 2 * ROW + 2 * ROW * ROW, NEXT = INNER + 1, OUTER = 2 + 2 * ROW };
@@ -337,7 +342,8 @@ static void test_samples_by_measured_error(void)
     check_sample("fin", 4, METRIC_MEASURED, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 500);
 }
 
-/* What is left within 2 % by a metric; and for the measured one, are all fields that drive within it when measured anew? */
+/* What is left within 2 % by a metric; and for the measured one, are all fields that drive within it when measured
+ * anew? */
 static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t fields, uint32_t *out_left)
 {
     static const uint32_t controlled[2] = {0, 1};
@@ -522,7 +528,8 @@ static void test_single_tetrahedron(void)
     struct point_field field = {.name = name, .components = 1, .type = TETLOD_FLOAT64, .values = values};
     struct tetmesh mesh = {.position_type = TETLOD_FLOAT64, .vertex_count = 4, .tet_count = 1, .positions = positions,
                            .corners = corners, .field_count = 1, .fields = &field};
-    static const enum metric metrics[] = {METRIC_ENVELOPE, METRIC_FIELD_QUADRIC, METRIC_QUADRIC, METRIC_SVA, METRIC_MEASURED, METRIC_FIELD_QUADRIC};
+    static const enum metric metrics[] = {METRIC_ENVELOPE, METRIC_FIELD_QUADRIC, METRIC_QUADRIC, METRIC_SVA,
+                                          METRIC_MEASURED, METRIC_FIELD_QUADRIC};
     for (size_t i = 0; i < sizeof metrics / sizeof *metrics; i++) {
         struct contraction_log s;
         struct simplify_options options = usual(&mesh);

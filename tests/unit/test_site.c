@@ -19,7 +19,8 @@ struct fixture {
 
 static bool write_stream(const char *path, uint64_t seed)
 {
-    return gen_write(path, &(struct gen_options){.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2, .type = TETLOD_FLOAT32});
+    return gen_write(path, &(struct gen_options){.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2,
+                                                 .type = TETLOD_FLOAT32});
 }
 
 static bool open_fixture(struct fixture *f, uint64_t cache_bytes, uint64_t checked_at_once)
@@ -31,7 +32,8 @@ static bool open_fixture(struct fixture *f, uint64_t cache_bytes, uint64_t check
         return false;
     snprintf(f->path, sizeof f->path, "%s/m.tetlod", f->folder);
     const char *const paths[] = {f->folder};
-    const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10, .checked_at_once = checked_at_once};
+    const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10,
+                                              .checked_at_once = checked_at_once};
     f->site.cache = cache_new(cache_bytes);
     f->site.memory = cache_new(cache_bytes);
     f->site.metrics = metrics_new(routes);
@@ -70,7 +72,8 @@ static unsigned get(struct fixture *f, const char *path, const char *range)
         snprintf(target, sizeof target, "%s", path);
     else
         snprintf(target, sizeof target, "/v1/meshes/m/%s/%s", f->cid, path);
-    struct request request = {.method = METHOD_GET, .target = target, .header = range ? range_header : NULL, .opaque = held_range};
+    struct request request = {.method = METHOD_GET, .target = target, .header = range ? range_header : NULL,
+                              .opaque = held_range};
     response_release(&f->response);
     response_init(&f->response);
     CHECK_INT(site_answer(&f->site, &request, &f->response), ANSWERED);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The one-dimensional example of the thesis (Sezer 2002, chapter 3): the mesh 0, 1, 3, 4 with the values 0, 1, 2, 1, whose
- * middle edge is contracted by four methods; Table 3.1 lists the largest error of each. Here the line is thickened to
- * tetrahedra whose values do not change along y and z, so that the interpolants, quadrics and errors are the line's.
+ * The one-dimensional example of the thesis (Sezer 2002, chapter 3): the mesh 0, 1, 3, 4 with the values 0, 1, 2, 1,
+ * whose middle edge is contracted by four methods; Table 3.1 lists the largest error of each. Here the line is
+ * thickened to tetrahedra whose values do not change along y and z, so that the interpolants, quadrics and errors are
+ * the line's.
  */
 #include <stdlib.h>
 
@@ -41,7 +42,8 @@ static double contraction_error(double v, double s)
     const double x[3] = {line_x[0], v, line_x[3]}, values[3] = {line_s[0], s, line_s[3]};
     CHECK_INT(thicken(&before, line_x, line_s, 3), TETLOD_OK);
     CHECK_INT(thicken(&after, x, values, 2), TETLOD_OK);
-    CHECK_INT(overlay_max(&before, first, &after, first, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL), TETLOD_OK);
+    CHECK_INT(overlay_max(&before, first, &after, first, 1, &(struct overlay_options){.threads = 1}, &most, &report,
+                          NULL), TETLOD_OK);
     tetmesh_fini(&before);
     tetmesh_fini(&after);
     return most;
@@ -110,21 +112,25 @@ static uint32_t vertex_at(const struct tetmesh *mesh, double x, double y, double
     return TETLOD_NONE;
 }
 
-/* Scalar value assignment (3.3.2), as the builder does it: an edge along the line, inside; and behind it more of the line, so
- * that no value is clamped to the range. */
-static void try_assignment(struct tetmesh *mesh, const double places[][3], uint32_t count, double *errors, double *values)
+/* Scalar value assignment (3.3.2), as the builder does it: an edge along the line, inside; and behind it more of the
+ * line, so that no value is clamped to the range. */
+static void try_assignment(struct tetmesh *mesh, const double places[][3], uint32_t count, double *errors,
+                           double *values)
 {
     struct world world;
-    REQUIRE(world_open(&world, mesh, &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 30,
+    REQUIRE(world_open(&world, mesh,
+                       &(struct world_options){.controlled = (uint32_t[]){0}, .controlled_count = 1, .angle = 30,
                                                              .metric = METRIC_SVA}));
-    struct join join = {.simplex = {world_slot(&world, vertex_at(mesh, 1, 2, 2)), world_slot(&world, vertex_at(mesh, 3, 2, 2))}, .count = 2};
+    struct join join = {.simplex = {world_slot(&world, vertex_at(mesh, 1, 2, 2)),
+                                    world_slot(&world, vertex_at(mesh, 3, 2, 2))}, .count = 2};
     REQUIRE(star_gather(&world.star, &world.working, join.simplex, join.count));
     REQUIRE(outcome_list(&world.run, &world.worker, &join));
     for (uint32_t t = 0; t < count; t++) {
         memcpy(join.p, places[t], sizeof join.p);
         CHECK(star_fits(&world.star, &world.working, join.p) && outcome_weigh(&world.run, &world.worker, &join));
         outcome_say(&world.run, &world.worker, &join, true);
-        errors[t] = outcome_values(&world.run, &world.worker, &join, &values[t], NULL) / world.working.components[0].scale;
+        errors[t] = outcome_values(&world.run, &world.worker, &join, &values[t],
+                                   NULL) / world.working.components[0].scale;
         values[t] += world.working.fields[0].middles[0];
     }
     world_close(&world);

@@ -26,7 +26,8 @@ static struct view *open_view(const char *name)
 {
     uint32_t size;
     struct view *view = view_of(name, &size);
-    return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL, TETLOD_NONE) == TETLOD_OK ? view : NULL;
+    return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL,
+                                                                         TETLOD_NONE) == TETLOD_OK ? view : NULL;
 }
 
 static uint32_t *copy_words(const uint32_t *words, size_t count)
@@ -45,7 +46,8 @@ static void draw_all(struct view *view)
         c[i] = (info->bounds[0][i] + info->bounds[1][i]) / 2;
     for (uint32_t f = 0; f < info->field_count; f++) {
         view_shade(view, f, f ? -1 : 0);
-        CHECK_INT(view_isosurface(view, WITH_NORMALS, f, 0, (info->fields[f].range[0] + info->fields[f].range[1]) / 2), TETLOD_OK);
+        CHECK_INT(view_isosurface(view, WITH_NORMALS, f, 0, (info->fields[f].range[0] + info->fields[f].range[1]) / 2),
+                  TETLOD_OK);
     }
     CHECK_INT(view_surface(view, WITH_LINES | WITH_NORMALS), TETLOD_OK);
     CHECK(!view_part(view)->triangle_count == !view_part(view)->line_count); // levels of soups may have no faces
@@ -66,7 +68,8 @@ static void draw_all(struct view *view)
 
 static void test_every_level_moves_and_is_drawn(void)
 {
-    static const char *const names[] = {"one_tet", "grid_float32", "grid_12_bit", "holes_float32", "soup_float64", "kept_order"};
+    static const char *const names[] = {"one_tet", "grid_float32", "grid_12_bit", "holes_float32", "soup_float64",
+                                        "kept_order"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         struct view *view = open_view(names[i]);
         REQUIRE(view);
@@ -231,7 +234,8 @@ static void test_values_of_cells_colour_and_hide(void)
             CHECK_INT(view_surface(view, WITH_LINES | WITH_NORMALS), TETLOD_OK);
             CHECK(view_part(view)->point_count == 3 * view_part(view)->triangle_count);
             view_clip(view, info->bounds[0][0], info->bounds[0][1], info->bounds[0][2], -1, -1, -1);
-            CHECK_INT(view_slice(view, WITH_LINES, info->bounds[0][0] + 0.3, info->bounds[0][1] + 0.3, info->bounds[0][2] + 0.3, 1, 0, 0), TETLOD_OK);
+            CHECK_INT(view_slice(view, WITH_LINES, info->bounds[0][0] + 0.3, info->bounds[0][1] + 0.3,
+                                 info->bounds[0][2] + 0.3, 1, 0, 0), TETLOD_OK);
             CHECK_INT(view_surface(view, WITH_LINES), TETLOD_OK);
             view_unclip(view);
             CHECK_INT(view_resample(view, 8, 0), TETLOD_OK);

@@ -33,7 +33,8 @@ static bool rebuild(struct rebuilt *out, const struct working *working)
 {
     size_t m = working->tet_count, n = working->slot_count;
     uint32_t overfull;
-    *out = (struct rebuilt){.corners = malloc(16 * m + 1), .numbers = malloc(4 * m + 1), .neighbours = malloc(16 * m + 1),
+    *out = (struct rebuilt){.corners = malloc(16 * m + 1), .numbers = malloc(4 * m + 1),
+                            .neighbours = malloc(16 * m + 1),
                             .stars = malloc(16 * m + 1), .offsets = malloc((n + 1) * sizeof(size_t)),
                             .positions = malloc(24 * n + 1)};
     if (!out->corners || !out->numbers || !out->neighbours || !out->stars || !out->offsets || !out->positions)
@@ -102,7 +103,8 @@ static bool check_working(const struct working *working, const struct mesh_repor
         CHECK_INT(wrong_boundary(working, &rebuilt), 0);
         CHECK_INT(wrong_stars(working, &rebuilt), 0);
         CHECK_INT(wrong_flags(working), 0);
-        CHECK_INT(mesh_check(rebuilt.positions, rebuilt.corners, working->slot_count, rebuilt.count, &now, NULL), TETLOD_OK);
+        CHECK_INT(mesh_check(rebuilt.positions, rebuilt.corners, working->slot_count, rebuilt.count, &now, NULL),
+                  TETLOD_OK);
         CHECK_INT(working->slot_count - now.unused_vertices, working->vertices_alive - start->unused_vertices);
         CHECK_INT(now.overfull_faces, 0);
         CHECK_INT(now.duplicate_tets, 0);
@@ -185,7 +187,8 @@ static void test_random_contractions_of_samples(void)
     static const struct {
         const char *name;
         uint32_t size, least;
-    } meshes[] = {{"cube", 3, 30}, {"torus", 1, 10}, {"torus", 2, 50}, {"shell", 2, 20}, {"delta", 2, 50}, {"fin", 4, 50}};
+    } meshes[] = {{"cube", 3, 30}, {"torus", 1, 10}, {"torus", 2, 50}, {"shell", 2, 20}, {"delta", 2, 50},
+                  {"fin", 4, 50}};
     for (size_t i = 0; i < sizeof meshes / sizeof *meshes; i++) {
         struct tetmesh mesh = {0};
         REQUIRE(sample_find(meshes[i].name)->make(&mesh, meshes[i].size, NULL) == TETLOD_OK);
@@ -251,7 +254,8 @@ static void test_fits(void)
         CHECK(star_fits(star, &world.working, (double[]){0.5, 0, 0}));
         CHECK(!star_fits(star, &world.working, (double[]){1, 1, 1}));                    // flat
         CHECK(!star_fits(star, &world.working, (double[]){-1, 1, 1}));                   // turned inside out
-        CHECK(!star_fits(star, &world.working, (double[]){0.5, 0.75, 0.75 - 1e-12})); // beside the plane of 2 3 4, not enough
+        // beside the plane of 2 3 4, not enough
+        CHECK(!star_fits(star, &world.working, (double[]){0.5, 0.75, 0.75 - 1e-12}));
         world_close(&world);
     }
 }

@@ -16,7 +16,8 @@ from ._words import speak
 
 Arrays = Tuple[Any, Any, Mapping[str, Any], Mapping[str, Any]]
 
-TYPES = {'f4': 'Float32', 'f8': 'Float64', 'i1': 'Int8', 'u1': 'UInt8', 'i2': 'Int16', 'u2': 'UInt16', 'i4': 'Int32', 'u4': 'UInt32',
+TYPES = {'f4': 'Float32', 'f8': 'Float64', 'i1': 'Int8', 'u1': 'UInt8', 'i2': 'Int16', 'u2': 'UInt16', 'i4': 'Int32',
+         'u4': 'UInt32',
          'i8': 'Int64', 'u8': 'UInt64'}
 
 
@@ -53,11 +54,13 @@ def build(mesh: Any, tets: Any = None, fields: Union[Mapping[str, Any], Sequence
         os.replace(part, output)
         return None
     for name in {'progress', 'metadata'} & set(options):
-        raise TypeError('%s= is for libtetlod-build, which %s' % (name, 'does not take this' if library else 'is not installed'))
+        raise TypeError('%s= is for libtetlod-build, which %s' % (name,
+                                                                  'does not take this' if library else 'is not installed'))
     return build_by_program(mesh, arrays, output, program, options)
 
 
-def build_by_program(mesh: Any, arrays: Optional[Arrays], output: Any, program: Optional[str], options: Mapping[str, Any]) -> Optional[bytes]:
+def build_by_program(mesh: Any, arrays: Optional[Arrays], output: Any, program: Optional[str],
+                     options: Mapping[str, Any]) -> Optional[bytes]:
     with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
         path = os.path.join(folder, 'mesh.vtu')
         save_any(path, mesh, arrays)
@@ -127,14 +130,16 @@ def arguments(options: Mapping[str, Any]) -> List[str]:
     return given
 
 
-def arrays_of(mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]], cells: Optional[Mapping[str, Any]]) -> Optional[Arrays]:
+def arrays_of(mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]],
+              cells: Optional[Mapping[str, Any]]) -> Optional[Arrays]:
     """Points, tets, fields and cells of a mesh; None for a grid that a file has to be written of."""
     if hasattr(mesh, 'GetPointData'):  # VTK, and PyVista, whose grids are VTK's
         return None
     if hasattr(mesh, 'point_data') and hasattr(mesh, 'cells'):  # meshio
         if [block.type for block in mesh.cells] != ['tetra']:
             return None
-        return checked(mesh.points, mesh.cells[0].data, mesh.point_data, {name: values[0] for name, values in mesh.cell_data.items()})
+        return checked(mesh.points, mesh.cells[0].data, mesh.point_data,
+                       {name: values[0] for name, values in mesh.cell_data.items()})
     if isinstance(mesh, Mesh):
         return checked(mesh.points, mesh.tets, mesh.fields, mesh.cells)
     if tets is None:
@@ -148,9 +153,11 @@ def checked(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[st
         raise ValueError('points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
     if points.dtype.kind != 'f':
         points = points.astype(np.float64)
-    for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n, v in cells.items()]:
+    for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n,
+                                                                                   v in cells.items()]:
         if np.shape(values)[:1] != (count,):
-            raise ValueError('%r has values of shape %s; there are %d %s' % (name, np.shape(values), count, 'points' if name in fields else 'tets'))
+            raise ValueError('%r has values of shape %s; there are %d %s' % (name, np.shape(values), count,
+                                                                             'points' if name in fields else 'tets'))
     return points, tets, fields, cells
 
 
@@ -186,7 +193,8 @@ def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cell
         return '<DataArray type="%s" Name="%s" NumberOfComponents="%d" format="appended" offset="%d"/>' % (
             TYPES[values.dtype.str[1:]], quoted, values.size // max(1, len(values)), offset)
 
-    topology = {'connectivity': tets.astype(np.int64).ravel(), 'offsets': np.arange(4, 4 * len(tets) + 1, 4, dtype=np.int64),
+    topology = {'connectivity': tets.astype(np.int64).ravel(),
+                'offsets': np.arange(4, 4 * len(tets) + 1, 4, dtype=np.int64),
                 'types': np.full(len(tets), VTK_TETRA, np.uint8)}
     body = '<Piece NumberOfPoints="%d" NumberOfCells="%d">' % (len(points), len(tets)) + section('Points', {'Points': points}) + \
         section('Cells', topology) + section('PointData', dict(fields)) + section('CellData', dict(cells)) + '</Piece>'

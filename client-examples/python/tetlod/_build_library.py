@@ -30,13 +30,15 @@ class CArray(Structure):
 
 
 class CMesh(Structure):
-    _fields_ = [('struct_size', c_size_t), ('vertices', c_uint32), ('tets', c_uint32), ('position_type', c_int), ('positions', c_void_p),
+    _fields_ = [('struct_size', c_size_t), ('vertices', c_uint32), ('tets', c_uint32), ('position_type', c_int),
+                ('positions', c_void_p),
                 ('corners', c_void_p), ('field_count', c_uint32), ('cell_field_count', c_uint32), ('fields', POINTER(CArray)),
                 ('cell_fields', POINTER(CArray))]
 
 
 class COptions(Structure):
-    _fields_ = [('struct_size', c_size_t), ('controls', POINTER(c_char_p)), ('control_count', c_uint32), ('region', c_char_p),
+    _fields_ = [('struct_size', c_size_t), ('controls', POINTER(c_char_p)), ('control_count', c_uint32),
+                ('region', c_char_p),
                 ('max_error', c_double), ('min_tets', c_uint32), ('domain_error', c_double), ('boundary_angle', c_double), ('growth', c_double),
                 ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
                 ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
@@ -47,7 +49,8 @@ class COptions(Structure):
 FUNCTIONS = (('tetlod_build_defaults', None, (POINTER(COptions),)),
              ('tetlod_build', c_int, (POINTER(CMesh), POINTER(COptions), WRITE, c_void_p, POINTER(CError))))
 FRACTIONS = ('max_error', 'domain_error', 'position_error', 'field_error')
-NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'local_bound', 'position_bits', 'field_bits', 'keep_order', 'threads', 'memory')
+NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'local_bound', 'position_bits', 'field_bits',
+           'keep_order', 'threads', 'memory')
 OPTIONS = {'field', 'no_field', 'region', 'certify', 'compress', 'metadata', 'progress', *FRACTIONS, *NUMBERS}
 
 
@@ -83,14 +86,16 @@ def field_array(name: str, values: Any, kept: List[Any]) -> CArray:
 
 
 def c_mesh(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any], kept: List[Any]) -> CMesh:
-    points = np.ascontiguousarray(points, '=' + (points.dtype.str[1:] if points.dtype.str[1:] in ('f4', 'f8') else 'f8'))
+    points = np.ascontiguousarray(points,
+                                  '=' + (points.dtype.str[1:] if points.dtype.str[1:] in ('f4', 'f8') else 'f8'))
     if tets.size and (tets.min() < 0 or tets.max() >= len(points)):
         raise ValueError('tets refer to points %d to %d; there are %d' % (tets.min(), tets.max(), len(points)))
     tets = np.ascontiguousarray(tets, '=u4')
     c_fields = (CArray * len(fields))(*(field_array(n, v, kept) for n, v in fields.items()))
     c_cells = (CArray * len(cells))(*(field_array(n, v, kept) for n, v in cells.items()))
     kept += [points, tets, c_fields, c_cells]
-    return CMesh(ctypes.sizeof(CMesh), len(points), len(tets), points.dtype.itemsize == 8, points.ctypes.data, tets.ctypes.data, len(fields),
+    return CMesh(ctypes.sizeof(CMesh), len(points), len(tets), points.dtype.itemsize == 8, points.ctypes.data,
+                 tets.ctypes.data, len(fields),
                  len(cells), c_fields, c_cells)
 
 
@@ -116,11 +121,13 @@ def c_options(library: ctypes.CDLL, given: Mapping[str, Any], kept: List[Any]) -
     options.certify_exact = given.get('certify') == 'exact'
     options.compression = given.get('compress') or options.compression
     metadata = given.get('metadata')
-    options.metadata = metadata.encode() if isinstance(metadata, str) else json.dumps(metadata).encode() if metadata is not None else None
+    options.metadata = metadata.encode() if isinstance(metadata,
+                                                       str) else json.dumps(metadata).encode() if metadata is not None else None
     return options
 
 
-def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any], given: Dict[str, Any]) -> bytes:
+def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any],
+          given: Dict[str, Any]) -> bytes:
     """The stream of arrays. `given` are options of OPTIONS."""
     library, kept, chunks, error = functions(path), [], [], CError()  # type: ctypes.CDLL, List[Any], List[bytes], CError
     raised: List[BaseException] = []

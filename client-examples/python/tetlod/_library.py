@@ -35,40 +35,48 @@ class CSource(Structure):
 
 
 class CField(Structure):
-    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('range', c_double * 2), ('controlled', c_int),
+    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('range', c_double * 2),
+                ('controlled', c_int),
                 ('bounds', c_uint32), ('reserved', c_uint64 * 2)]
 
 
 class CLevel(Structure):
-    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('offset', c_uint64), ('end', c_uint64), ('domain_error', c_double),
+    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('offset', c_uint64), ('end', c_uint64),
+                ('domain_error', c_double),
                 ('errors', POINTER(c_double)), ('reserved', c_uint64 * 2)]
 
 
 class CCellField(Structure):
-    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('region', c_int), ('range', c_double * 2),
+    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('region', c_int),
+                ('range', c_double * 2),
                 ('reserved', c_uint64 * 2)]
 
 
 class CSection(Structure):
-    _fields_ = [('tag', c_char * 5), ('critical', c_int), ('offset', c_uint64), ('stored', c_uint64), ('size', c_uint64), ('reserved', c_uint64 * 2)]
+    _fields_ = [('tag', c_char * 5), ('critical', c_int), ('offset', c_uint64), ('stored', c_uint64),
+                ('size', c_uint64), ('reserved', c_uint64 * 2)]
 
 
 class CTopology(Structure):
-    _fields_ = [('step_count', c_uint32), ('times', POINTER(c_double)), ('cid', c_char * 33), ('offset', c_uint64), ('size', c_uint64),
+    _fields_ = [('step_count', c_uint32), ('times', POINTER(c_double)), ('cid', c_char * 33), ('offset', c_uint64),
+                ('size', c_uint64),
                 ('reserved', c_uint64 * 2)]
 
 
 class CInfo(Structure):
-    _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64), ('bounds', c_double * 6),
+    _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64),
+                ('bounds', c_double * 6),
                 ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
                 ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
                 ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
-                ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField)),
+                ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count',
+                                                                               c_uint32), ('cell_fields', POINTER(CCellField)),
                 ('topology_count', c_uint32), ('topologies', POINTER(CTopology))]
 
 
 class CMesh(Structure):
-    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('level', c_uint32), ('positions', c_void_p), ('fields', POINTER(c_void_p)),
+    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('level', c_uint32), ('positions', c_void_p),
+                ('fields', POINTER(c_void_p)),
                 ('corners', c_void_p), ('parents', c_void_p), ('reserved', c_void_p * 4)]
 
 
@@ -77,9 +85,11 @@ class CBand(Structure):
 
 
 class CSeriesInfo(Structure):
-    _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32), ('displacement', c_uint32), ('times', POINTER(c_double)),
+    _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32),
+                ('displacement', c_uint32), ('times', POINTER(c_double)),
                 ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)),
-                ('cell_field_count', c_uint32), ('cell_fields', POINTER(c_uint32)), ('cell_ranges', POINTER(c_double * 2)),
+                ('cell_field_count', c_uint32), ('cell_fields', POINTER(c_uint32)), ('cell_ranges',
+                                                                                     POINTER(c_double * 2)),
                 ('reserved', c_uint64 * 1)]
 
 
@@ -153,8 +163,10 @@ class LibraryDecoder:
 
         self._read = READ(read)
         self._file, self._cursor, self._series, self._series_cursor, error = c_void_p(), c_void_p(), c_void_p(), c_void_p(), CError()
-        self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None, byref(error)), error)
-        weakref.finalize(self, free, self._library, self._file, self._cursor, self._series, self._series_cursor, self._read)
+        self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None,
+                                              byref(error)), error)
+        weakref.finalize(self, free, self._library, self._file, self._cursor, self._series, self._series_cursor,
+                         self._read)
         self.info = self._information()
         c = self._library.tetlod_info(self._file).contents
         self.cell_ends = tuple(s.offset + s.stored for s in c.sections[:c.section_count] if s.tag == b'CVAL')
@@ -166,7 +178,8 @@ class LibraryDecoder:
 
     def open_cursor(self, cursor: c_void_p, fields: Sequence[int]) -> None:
         numbers, error = (c_uint32 * max(1, len(fields)))(*fields), CError()
-        self._check(self._library.tetlod_cursor_new(byref(cursor), self._file, numbers, len(fields), byref(error)), error)
+        self._check(self._library.tetlod_cursor_new(byref(cursor), self._file, numbers, len(fields), byref(error)),
+                    error)
 
     def _fill(self, offset: int, buffer: int, size: int) -> int:
         """The library's callback."""
@@ -193,7 +206,8 @@ class LibraryDecoder:
     def _information(self) -> Info:
         c = self._library.tetlod_info(self._file).contents
         names = [f.name.decode() for f in c.fields[:c.field_count]]
-        fields = tuple(Field(name, f.components, 'float64' if f.type else 'float32', (f.range[0], f.range[1]), bool(f.controlled),
+        fields = tuple(Field(name, f.components, 'float64' if f.type else 'float32', (f.range[0], f.range[1]),
+                             bool(f.controlled),
                              names[f.bounds] if f.bounds < len(names) else None)
                        for name, f in zip(names, c.fields[:c.field_count]))
         levels = []
@@ -202,9 +216,11 @@ class LibraryDecoder:
             errors = {f.name: dict(zip(MEASURES, values[4 * i:4 * i + 4])) for i, f in enumerate(fields)}
             levels.append(Level(number, level.vertices, level.tets, level.end, level.domain_error, errors))
         b = c.bounds[:]
-        return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless), fields,
+        return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])),
+                    bool(c.lossless), fields,
                     tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
-                    tuple(Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset, t.size) for t in c.topologies[:c.topology_count]))
+                    tuple(Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset,
+                                   t.size) for t in c.topologies[:c.topology_count]))
 
     def seek(self, level: int) -> None:
         error = CError()
@@ -235,8 +251,10 @@ class LibraryDecoder:
         self._check(self._library.tetlod_series_new(byref(self._series), self._file, byref(error)), error)
         c = self._library.tetlod_series_info(self._series).contents
         self._series_fields, self._moves = c.fields[:c.field_count], c.displacement != NONE
-        ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i, number in enumerate(self._series_fields)}
-        return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]), ranges)
+        ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i,
+                  number in enumerate(self._series_fields)}
+        return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]),
+                     ranges)
 
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         mesh, error = CMesh(), CError()
@@ -244,7 +262,9 @@ class LibraryDecoder:
             self.open_cursor(self._series_cursor, [])
         self._check(self._library.tetlod_seek_step(self._series, self._series_cursor, band, step, byref(error)), error)
         self._library.tetlod_cursor_mesh(self._series_cursor, byref(mesh))
-        points, tets, fields = self._arrays(mesh, {number: self._library.tetlod_step_values(self._series, i) for i, number in enumerate(self._series_fields)})
+        points, tets, fields = self._arrays(mesh,
+                                            {number: self._library.tetlod_step_values(self._series, i) for i,
+                                             number in enumerate(self._series_fields)})
         if self._moves:
             points = points.copy()
             self._check(self._library.tetlod_step_move(self._series, points.ctypes.data, byref(error)), error)
@@ -260,7 +280,8 @@ class LibraryDecoder:
         return self._cells(name, lambda *rest: self._library.tetlod_cells(self._file, *rest))
 
     def step_cells(self, name: str, step: int) -> Any:
-        return self._cells(name, lambda number, *rest: self._library.tetlod_step_cells(self._series, number, step, *rest))
+        return self._cells(name, lambda number,
+                           *rest: self._library.tetlod_step_cells(self._series, number, step, *rest))
 
     def _cells(self, name: str, read: Callable[[int, int, Any], Any]) -> Any:
         number = self.info.cells.index(name)
@@ -279,7 +300,8 @@ def metadata_of(text: Optional[bytes]) -> Dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def free(library: ctypes.CDLL, file: c_void_p, cursor: c_void_p, series: c_void_p, series_cursor: c_void_p, _: Any) -> None:
+def free(library: ctypes.CDLL, file: c_void_p, cursor: c_void_p, series: c_void_p, series_cursor: c_void_p,
+         _: Any) -> None:
     library.tetlod_series_free(series)
     library.tetlod_cursor_free(series_cursor)
     library.tetlod_cursor_free(cursor)

@@ -79,4 +79,5 @@ class Mesh:
         """A meshio.Mesh. Needs meshio."""
         import meshio
         cells = {name: [values] for name, values in self.cells.items()}
-        return meshio.Mesh(self.points, [('tetra', self.tets.astype('int64'))], point_data=dict(self.fields), cell_data=cells)
+        return meshio.Mesh(self.points, [('tetra', self.tets.astype('int64'))], point_data=dict(self.fields),
+                           cell_data=cells)

@@ -75,10 +75,13 @@ def collector_paused() -> Iterator[None]:
 
 
 def information(stream: Any) -> Info:
-    fields = tuple(Field(f['name'], f['components'], f['type'], (f['range'][0], f['range'][1]), f['controlled'], f['bounds']) for f in stream.fields)
-    levels = tuple(Level(k['level'], k['vertices'], k['tets'], k['bytes'], k['domain_error'], k['errors']) for k in stream.levels)
+    fields = tuple(Field(f['name'], f['components'], f['type'], (f['range'][0], f['range'][1]), f['controlled'],
+                         f['bounds']) for f in stream.fields)
+    levels = tuple(Level(k['level'], k['vertices'], k['tets'], k['bytes'], k['domain_error'],
+                         k['errors']) for k in stream.levels)
     exact = [f['exact_later'] or not scale.bits for f, scale in zip(stream.fields, stream.scales[1:])]
     low, high = stream.bounds
-    return Info(stream.cid, stream.vertices, stream.tets, stream.bytes, ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
+    return Info(stream.cid, stream.vertices, stream.tets, stream.bytes,
+                ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
                 not stream.scales[0].bits and all(exact), fields, levels, stream.metadata,
                 tuple(f['name'] for f in stream.cell_fields), tuple(Topology(**topology) for topology in stream.topologies))

@@ -103,7 +103,9 @@ class Remote(Source):
 
     def read(self, offset: int, size: int) -> bytes:
         end = offset + size
-        if len(self.data) < end and (offset >= self.late or offset > max(len(self.data), self.wanted)) and (apart := self._apart(offset, size)) is not None:
+        if len(self.data) < end and (offset >= self.late or
+                                     offset > max(len(self.data),
+                                                  self.wanted)) and (apart := self._apart(offset, size)) is not None:
             return apart
         while len(self.data) < end:
             if self.answer is None and not self._ask(max(end, self.wanted)):
@@ -130,7 +132,8 @@ class Remote(Source):
         try:
             self.data += self.answer.read1(CHUNK)
         except (http.client.HTTPException, OSError) as problem:
-            raise StreamError('%s: the connection was lost after %d bytes (%s)' % (self.name, before, problem)) from problem
+            raise StreamError('%s: the connection was lost after %d bytes (%s)' % (self.name, before,
+                                                                                   problem)) from problem
         if len(self.data) == before:
             missing = self.answer.length
             self.close()
@@ -162,7 +165,8 @@ class Remote(Source):
     def _open(self, url: str, headers: Dict[str, str]) -> http.client.HTTPResponse:
         self.requests += 1
         try:
-            answer: http.client.HTTPResponse = urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=TIMEOUT)
+            answer: http.client.HTTPResponse = urllib.request.urlopen(urllib.request.Request(url, headers=headers),
+                                                                      timeout=TIMEOUT)
             return answer
         except urllib.error.HTTPError as refused:
             raise OSError('%s: %s' % (url, explanation(refused))) from None
@@ -221,7 +225,8 @@ def source_at(location: Location, choice: Choice, progress: Optional[Progress]) 
     path = os.fspath(location)
     if not re.match(r'https?://', path, re.I):
         return File(path)
-    bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1', path.split('#')[0].split('?')[0])  # a link to the viewer names the mesh, too
+    bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1',
+                  path.split('#')[0].split('?')[0])  # a link to the viewer names the mesh, too
     if re.search(r'/v1/meshes/[^/]+/?$', bare):
         return Server(bare.rstrip('/'), choice, progress)
     return Host(path, progress)

@@ -17,7 +17,8 @@ def grid(mesh: Mesh) -> Any:
     points, cells, made = vtkPoints(), vtkCellArray(), vtkUnstructuredGrid()
     points.SetData(numpy_to_vtk(mesh.points, deep=True))
     offsets = np.arange(0, 4 * len(mesh.tets) + 1, 4, dtype=np.int64)
-    cells.SetData(numpy_to_vtkIdTypeArray(offsets, deep=True), numpy_to_vtkIdTypeArray(mesh.tets.astype(np.int64).ravel(), deep=True))
+    cells.SetData(numpy_to_vtkIdTypeArray(offsets, deep=True),
+                  numpy_to_vtkIdTypeArray(mesh.tets.astype(np.int64).ravel(), deep=True))
     made.SetPoints(points)
     made.SetCells(VTK_TETRA, cells)
     for data, arrays in ((made.GetPointData(), mesh.fields), (made.GetCellData(), mesh.cells)):

@@ -23,33 +23,39 @@ class Series:
         self.stream, data = stream, Bytes(table)
         fields, bands, steps, displacement = data.take('IIII')
         groups, rows = (steps + GROUP - 1) // GROUP, fields * bands
-        require(0 < fields <= 256 and 0 < bands <= 64 and 0 < steps <= 1 << 20 and displacement <= fields, 'a series beyond the limits')
+        require(0 < fields <= 256 and 0 < bands <= 64 and 0 < steps <= 1 << 20 and displacement <= fields,
+                'a series beyond the limits')
         size = 16 + 24 * fields + 16 * bands + 8 * (rows + steps + rows * steps) + 16 * rows * groups
         require(len(table) == size, 'the table of steps has another length')
         self.fields = [self._field(data) for _ in range(fields)]
         self.displacement = self.fields[displacement - 1] if displacement else None
-        require(not displacement or self.displacement['components'] == 3, 'points that move in other than three directions')
+        require(not displacement or self.displacement['components'] == 3,
+                'points that move in other than three directions')
         require(len({field['field'] for field in self.fields}) == fields, 'a field has steps twice')
         self.bands = [dict(zip(('error', 'level'), data.take('dQ'))) for _ in range(bands)]
         for band, before in zip(self.bands, [None] + self.bands):
             require(0 <= band['error'] < math.inf and band['level'] < len(stream.levels), 'a band of no level')
-            require(before is None or band['error'] < before['error'] and band['level'] >= before['level'], 'bands that do not fall')
+            require(before is None or band['error'] < before['error'] and band['level'] >= before['level'],
+                    'bands that do not fall')
             level = stream.levels[band['level']]
-            require(band['error'] or (level['vertices'], level['tets']) == (stream.vertices, stream.tets), 'an exact band below the finest level')
+            require(band['error'] or (level['vertices'], level['tets']) == (stream.vertices, stream.tets),
+                    'an exact band below the finest level')
         self._quanta = [data.take('d') for _ in range(rows)]
         require(all(0 <= quantum <= 2.0 ** 900 for quantum in self._quanta), 'a grid that is none')
         self.times = [data.take('d') for _ in range(steps)]
         require(all(map(math.isfinite, self.times)) and self.times == sorted(self.times), 'times that fall')
         require(stream.group_times in (None, tuple(self.times)), 'other steps than the table of topology groups says')
         self._entries = [[data.take('If') for _ in range(steps)] for _ in range(rows)]
-        require(all(0 <= error < math.inf for row in self._entries for _, error in row), 'a step with an error that is none')
+        require(all(0 <= error < math.inf for row in self._entries for _, error in row),
+                'a step with an error that is none')
         self._digests = [[data.take('16s') for _ in range(groups)] for _ in range(rows)]
         self._sections = [section for section in stream.sections if section['tag'] == 'TVAL']
         sizes = [sum(size for size, _ in row) for row in self._entries]
         require([(s['stored'], s['packed']) for s in self._sections] == [(size, False) for size in sizes],
                 'the table of steps does not go with the stream')
         levels = [stream.levels[band['level']] for band in self.bands]
-        counted = sum(field['components'] for field in self.fields) * sum(level['vertices'] + level['tets'] for level in levels) * steps
+        counted = sum(field['components'] for field in self.fields) * sum(level['vertices'] +
+                                                                          level['tets'] for level in levels) * steps
         require(counted <= allowed(STEP_ROWS, sum(sizes)), 'more steps than their bytes can hold')
         self._cursor, self._lower, self._found = None, {}, {}
         cells = stream.section('CTIM')
@@ -105,9 +111,11 @@ class Series:
         row, begin = number * len(self.bands) + band, step // GROUP * GROUP
         sizes = [size for size, _ in self._entries[row]]
         offset = self._sections[row]['offset'] + sum(sizes[:begin])
-        group = self.stream._part('a group of steps', offset, sum(sizes[begin:begin + GROUP]), self._digests[row][begin // GROUP])
+        group = self.stream._part('a group of steps', offset, sum(sizes[begin:begin + GROUP]),
+                                  self._digests[row][begin // GROUP])
         field = self.fields[number]
-        steps = Steps(self._lower[self.bands[band]['level']], field['type'], self._quanta[band * len(self.fields) + number], field['components'])
+        steps = Steps(self._lower[self.bands[band]['level']], field['type'],
+                      self._quanta[band * len(self.fields) + number], field['components'])
         for size in sizes[begin:step + 1]:
             steps.decode(group[:size])
             group = group[size:]

@@ -94,7 +94,8 @@ static void put_cell_fields(struct tetlodi_buffer *out, const struct tetlod_info
         put(out, ",\"range\":");
         put_point(out, field->range, 2);
         put(out, field->region ? ",\"region\":true,\"place\":" : ",\"region\":false,\"place\":");
-        put_point(out, (const double[]){(double)info->sections[section].offset, (double)info->sections[section].stored}, 2);
+        put_point(out, (const double[]){(double)info->sections[section].offset,
+                                        (double)info->sections[section].stored}, 2);
         put(out, "}");
     }
 }

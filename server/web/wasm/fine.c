@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Where a length has some value: tetrahedra that this surface may pass through are divided into eight, again and again, until a
- * length that is taken as linear between corners is nearly the true one, which is that of interpolated components. */
+/* Where a length has some value: tetrahedra that this surface may pass through are divided into eight, again and again,
+ * until a length that is taken as linear between corners is nearly the true one, which is that of interpolated
+ * components. */
 #include <math.h>
 
 #include "format/fail.h"
@@ -30,11 +31,12 @@ static double length_of(const double *vector, uint32_t components)
     return sqrt(product(vector, vector, components));
 }
 
-/* May a vector within the tetrahedron be that long? None is longer than the longest corner's, none is farther from the mean than the
- * corner that is. */
+/* May a vector within the tetrahedron be that long? None is longer than the longest corner's, none is farther from the
+ * mean than the corner that is. */
 static bool may_meet(const double *const corners[4], const struct target *target)
 {
-    double products[4], squares[4], mean = 0, longest = 0, farthest = 0; // products: of a corner and four times the mean
+    // products: of a corner and four times the mean
+    double products[4], squares[4], mean = 0, longest = 0, farthest = 0;
     for (int i = 0; i < 4; i++) {
         products[i] = 0;
         for (int j = 0; j < 4; j++)
@@ -50,7 +52,8 @@ static bool may_meet(const double *const corners[4], const struct target *target
     return target->low <= longest && target->high >= sqrt(mean) - sqrt(farthest) - rounding;
 }
 
-/* What the length between two corners, taken as linear, is too large by in the middle, where that is largest or nearly so. */
+/* What the length between two corners, taken as linear, is too large by in the middle, where that is largest or nearly
+ * so. */
 static double deviation_of(const double *a, const double *b, uint32_t components)
 {
     double squares = 0;
@@ -149,7 +152,8 @@ static bool halve(struct view_fine *fine, uint32_t a, uint32_t b, uint32_t *out)
     for (size_t i = 0; i < 3; i++)
         place[3 * (size_t)*number + i] = (place[3 * (size_t)a + i] + place[3 * (size_t)b + i]) / 2;
     for (size_t c = 0; c < fine->width; c++)
-        rows[*number * (size_t)fine->width + c] = (rows[a * (size_t)fine->width + c] + rows[b * (size_t)fine->width + c]) / 2;
+        rows[*number * (size_t)fine->width + c] = (rows[a * (size_t)fine->width + c] +
+                                                   rows[b * (size_t)fine->width + c]) / 2;
     return true;
 }
 
@@ -213,7 +217,8 @@ static void measure(struct view_fine *fine, uint32_t components)
         fine->deviation = fmax(fine->deviation, deviation_of_tet(fine, fine->mesh.corners + 4 * t, components));
 }
 
-/* One that is near enough stays. Beside one that is divided it has straight edges: what gapes between them is within the accuracy. */
+/* One that is near enough stays. Beside one that is divided it has straight edges: what gapes between them is within
+ * the accuracy. */
 static bool divide_all(struct view_fine *fine, const struct target *target)
 {
     swap_corners(fine);
@@ -244,7 +249,8 @@ enum tetlod_status view_divide(struct view *view, const struct point_field *fiel
     const struct target target = {field->components, value, margin ? value + fine->accuracy : value};
     bool made = take_tets(view, field, &target);
     measure(fine, field->components);
-    for (int i = 0; made && i < MAX_ROUNDS && fine->deviation > fine->accuracy && fine->mesh.tet_count < MAX_TETS / 8; i++)
+    for (int i = 0; made && i < MAX_ROUNDS && fine->deviation > fine->accuracy && fine->mesh.tet_count < MAX_TETS / 8;
+         i++)
         made = divide_all(fine, &target);
     double *lengths = made ? array_resize(fine->lengths, fine->mesh.vertex_count, sizeof *lengths) : NULL;
     if (!lengths)

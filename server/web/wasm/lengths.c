@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The value that colours, along a segment and on a grid. Components are linear on each tetrahedron, their length is not: it is
- * taken of components that were interpolated. */
+/* The value that colours, along a segment and on a grid. Components are linear on each tetrahedron, their length is
+ * not: it is taken of components that were interpolated. */
 #include <math.h>
 #include <string.h>
 
@@ -10,7 +10,8 @@
 
 /* ---- along a segment ---- */
 
-/* A piece is divided until straight lines between its ends are as good as that, as a part of the longest vector there. */
+/* A piece is divided until straight lines between its ends are as good as that, as a part of the longest vector
+ * there. */
 static const double ACCURACY = 2e-7;
 enum { MAX_PARTS = 4096 }; /* of a piece */
 

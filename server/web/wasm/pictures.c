@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What is drawn of the mesh that is shown: its boundary, slices, isosurfaces, a grid, with the value that colours them. */
+/* What is drawn of the mesh that is shown: its boundary, slices, isosurfaces, a grid, with the value that colours
+ * them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -131,7 +132,8 @@ bool view_reserve_points(struct view_part *part, uint32_t count, bool normals)
     part->components = 0;
     return array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)count, sizeof *part->points) &&
            array_reserve((void **)&part->values, &part->value_cap, count, sizeof *part->values) &&
-           (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count, sizeof *part->normals));
+           (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count,
+                                      sizeof *part->normals));
 }
 
 static void take_counts(struct view_part *part, const struct cut *cut, uint32_t with)
@@ -162,7 +164,8 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
         double squares = 0;
         for (uint32_t i = 0; i < 3; i++)
-            part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, places->values, places->stride, i) - view->centre[i]);
+            part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, places->values, places->stride,
+                                                                i) - view->centre[i]);
         for (uint32_t c = 0; c < part->components; c++) {
             double x = cut_value(cut, v, shade->values, shade->stride, c);
             part->vectors[(size_t)v * part->components + c] = (float)x;
@@ -176,7 +179,8 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
     return TETLOD_OK;
 }
 
-static enum tetlod_status draw_part(struct view *view, const struct cut *cut, uint32_t with, const struct view_points *of)
+static enum tetlod_status draw_part(struct view *view, const struct cut *cut, uint32_t with,
+                                    const struct view_points *of)
 {
     TETLOD_TRY(draw(view, cut, with, of, &view->part));
     return view_facet(view, cut);
@@ -427,7 +431,8 @@ uint32_t view_probe(struct view *view, double x, double y, double z)
         for (uint32_t c = 0; c < field->components; c++, out++) {
             *out = field->values ? 0 : NAN;
             for (int i = 0; field->values && i < 4; i++)
-                *out += weights[i] * field->values[(size_t)drawn->corners[4 * (size_t)tet + (size_t)i] * field->components + c];
+                *out += weights[i] * field->values[(size_t)drawn->corners[4 * (size_t)tet + (size_t)i] *
+                                                   field->components + c];
         }
     }
     return tet != TETLOD_NONE && view->has_kept ? view->kept_tets[tet] : tet;

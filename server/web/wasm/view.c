@@ -242,6 +242,7 @@ void view_place(struct view *view, double t)
             continue;
         view->shown.fields[f].values = at->fields[f].values;
         if (!arrived)
-            blend(at->fields[f].values, view->from.fields[f].values, to->fields[f].values, vertices * to->fields[f].components, t);
+            blend(at->fields[f].values, view->from.fields[f].values, to->fields[f].values,
+                  vertices * to->fields[f].components, t);
     }
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What the browser's worker holds of one stream: the bytes that have come, a cursor, and the mesh that is shown. That is the
- * cursor's own, or a copy on its way between two levels, while the cursor goes on. server/web/client/tetlod.js
+ * What the browser's worker holds of one stream: the bytes that have come, a cursor, and the mesh that is shown. That
+ * is the cursor's own, or a copy on its way between two levels, while the cursor goes on. server/web/client/tetlod.js
  * calls the exports: numbers are 32-bit words or doubles, arrays are addresses in the module's memory.
  */
 #ifndef TETLOD_VIEW_H
@@ -29,7 +29,8 @@ struct view_part {
     const uint32_t *triangles; /* [3 * triangle_count] */
     const uint32_t *lines;     /* [2 * line_count] */
     float *normals;            /* [3 * point_count], or NULL */
-    uint32_t components;       /* of the vectors whose lengths the values are; 0: the values are linear on each triangle */
+    /* of the vectors whose lengths the values are; 0: the values are linear on each triangle */
+    uint32_t components;
     float *vectors;            /* [components * point_count] */
     float *normal_room;
     size_t point_cap, value_cap, normal_cap, vector_cap;
@@ -70,7 +71,8 @@ struct view_points {
     bool lengths; /* colours show the length of `shade` */
 };
 
-/* The tetrahedra that an isosurface of a length may pass through, divided (fine.c). Begins zeroed; its memory is used again. */
+/* The tetrahedra that an isosurface of a length may pass through, divided (fine.c). Begins zeroed; its memory is used
+ * again. */
 struct view_fine {
     struct tetmesh mesh, coarse; /* divided, and as they were before the last division; without fields */
     size_t position_cap, corner_cap[2], parent_cap[2], row_cap;
@@ -103,7 +105,8 @@ struct view {
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     struct view_fine fine;           /* of the last isosurface of a length */
     double shade_range[2];
-    double **cells;                  /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
+    /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
+    double **cells;
     bool by_cells;                   /* tetrahedra have the values that colour, not vertices */
     double *of_tets, *of_kept;       /* those of the mesh that is shown, and of `kept` */
     struct view_sample sample;
@@ -158,7 +161,8 @@ VIEW_EXPORT(view_describe) const char *view_describe(struct view *view);
 /* The finest level that is there whole, or TETLOD_NONE. */
 VIEW_EXPORT(view_ready) uint32_t view_ready(const struct view *view);
 
-/* Decodes level 0, with these fields (count TETLOD_NONE: all); then moves to others. After a failure the cursor is at the last level that could be decoded. */
+/* Decodes level 0, with these fields (count TETLOD_NONE: all); then moves to others. After a failure the cursor is at
+ * the last level that could be decoded. */
 VIEW_EXPORT(view_open) uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count);
 VIEW_EXPORT(view_seek) uint32_t view_seek(struct view *view, uint32_t level);
 VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *view);
@@ -169,7 +173,8 @@ VIEW_EXPORT(view_centre) const double *view_centre(const struct view *view);
 /* Bytes from elsewhere in the stream, until they are forgotten. */
 VIEW_EXPORT(view_put) uint32_t view_put(struct view *view, double offset, const void *bytes, uint32_t size);
 VIEW_EXPORT(view_forget) void view_forget(struct view *view);
-/* Reads the table of steps, which is put; steps are of the fields that view_open named. Then the table as JSON; NULL: out of memory. */
+/* Reads the table of steps, which is put; steps are of the fields that view_open named. Then the table as JSON; NULL:
+ * out of memory. */
 VIEW_EXPORT(view_series) uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count);
 VIEW_EXPORT(view_describe_series) const char *view_describe_series(struct view *view);
 /* Offset and size of the bytes that a step needs in a band, of the series' field number `field`. */
@@ -191,14 +196,14 @@ VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
  * tetrahedra: the surface then lies where the length is at least the value. */
 enum { WITH_LINES = 1, WITH_NORMALS = 2, WITH_MARGIN = 4 };
 
-/* The value that colours, of the mesh as it is now; component -1: the length of all of them, which pictures, grids and lines take of
- * interpolated components; field -1: nothing colours, the value is 0. Returns its
- * least and greatest. */
+/* The value that colours, of the mesh as it is now; component -1: the length of all of them, which pictures, grids and
+ * lines take of interpolated components; field -1: nothing colours, the value is 0. Returns its least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
 /* Some of those values, as many of each as it has of the volume. */
 VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
 /* From now on pictures are of what is behind a plane; or of everything again. */
-VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny,
+                                      double nz);
 VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
 
 /* ---- some of the tetrahedra (view_filter.c) ---- */
@@ -223,7 +228,8 @@ VIEW_EXPORT(view_cells_span) const double *view_cells_span(struct view *view, ui
 VIEW_EXPORT(view_cells) const double *view_cells(const struct view *view, uint32_t field);
 /* Of a tetrahedron, in a field of cells that is loaded. */
 double view_cell_value(const struct view *view, uint32_t field, int32_t component, size_t tet);
-/* As view_shade: such a field colours, which is loaded. After view_filter. Then its least and greatest value are in view_shade_range. */
+/* As view_shade: such a field colours, which is loaded. After view_filter. Then its least and greatest value are in
+ * view_shade_range. */
 VIEW_EXPORT(view_shade_cells) uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component);
 VIEW_EXPORT(view_shade_range) const double *view_shade_range(const struct view *view);
 
@@ -235,7 +241,8 @@ VIEW_EXPORT(view_slice)
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_isosurface)
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
-/* Is the last isosurface as near as it is to be? One of a length is of flat triangles where it is curved; other ones are exact. */
+/* Is the last isosurface as near as it is to be? One of a length is of flat triangles where it is curved; other ones
+ * are exact. */
 VIEW_EXPORT(view_is_near) bool view_is_near(const struct view *view);
 VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
 /* The value that colours, or its logarithm, on a grid over the stream's bounds: view_grid and view_voxels. */
@@ -251,9 +258,9 @@ VIEW_EXPORT(view_values) const double *view_values(const struct view *view, uint
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
 VIEW_EXPORT(view_line) const struct cut_line *view_line(const struct view *view);
-/* Which tetrahedron of those that are drawn a point is in, or is as good as in: the page knows points of the surface in float32 only.
- * TETLOD_NONE, or its values are in view_probed: a number for each component of each field, NaN for those that are not decoded. After
- * view_filter. */
+/* Which tetrahedron of those that are drawn a point is in, or is as good as in: the page knows points of the surface in
+ * float32 only. TETLOD_NONE, or its values are in view_probed: a number for each component of each field, NaN for those
+ * that are not decoded. After view_filter. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
 VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 
@@ -279,7 +286,8 @@ const struct point_field *view_length_field(const struct view *view);
 enum tetlod_status view_lengths_along(struct view *view, const double from[3], const double to[3]);
 enum tetlod_status view_lengths_on_grid(struct view *view);
 
-/* Divides what is drawn near where the length of a field is `value` into view->fine; `margin`: or larger by the accuracy. (fine.c) */
+/* Divides what is drawn near where the length of a field is `value` into view->fine; `margin`: or larger by the
+ * accuracy. (fine.c) */
 enum tetlod_status view_divide(struct view *view, const struct point_field *field, double value, bool margin);
 
 /* What is drawn of view->part, which was made of a cut. */

@@ -16,7 +16,8 @@ static void forget_kept(struct view *view)
 void view_threshold(struct view *view, bool of_cells, uint32_t field, int32_t component, double low, double high)
 {
     const struct view_range *last = &view->range;
-    if (view->has_range && last->of_cells == of_cells && last->field == field && last->component == component && last->low == low && last->high == high)
+    if (view->has_range && last->of_cells == of_cells && last->field == field && last->component == component &&
+        last->low == low && last->high == high)
         return;
     view->has_range = true;
     view->range = (struct view_range){of_cells, field, component, low, high};
@@ -39,7 +40,8 @@ static int by_number(const void *a, const void *b)
 uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count)
 {
     struct view_hidden *hidden = &view->hidden;
-    if (field == hidden->field && count == hidden->count && (!count || memcmp(numbers, hidden->numbers, count * sizeof *numbers) == 0))
+    if (field == hidden->field && count == hidden->count &&
+        (!count || memcmp(numbers, hidden->numbers, count * sizeof *numbers) == 0))
         return TETLOD_OK;
     double *room = array_resize(hidden->numbers, count ? count : 1, sizeof *room);
     if (!room)
@@ -57,7 +59,8 @@ static bool is_in_range(const struct view *view, uint32_t tet)
     const uint32_t *corners = view->shown.corners + 4 * (size_t)tet;
     bool in = true;
     for (int i = 0; i < (range->of_cells ? 1 : 4); i++) {
-        double value = range->of_cells ? view_cell_value(view, range->field, range->component, tet) : view->function[corners[i]];
+        double value = range->of_cells ? view_cell_value(view, range->field, range->component,
+                                                         tet) : view->function[corners[i]];
         in = in && value >= range->low && value <= range->high;
     }
     return in;
@@ -66,7 +69,8 @@ static bool is_in_range(const struct view *view, uint32_t tet)
 static bool is_hidden(const struct view *view, uint32_t tet)
 {
     const struct view_hidden *hidden = &view->hidden;
-    return bsearch(&view->cells[hidden->field][tet], hidden->numbers, hidden->count, sizeof *hidden->numbers, by_number) != NULL;
+    return bsearch(&view->cells[hidden->field][tet], hidden->numbers, hidden->count, sizeof *hidden->numbers,
+                   by_number) != NULL;
 }
 
 static bool keep(struct view *view)
@@ -99,9 +103,11 @@ uint32_t view_filter(struct view *view)
     if (view->has_kept || (!view->has_range && !view->hidden.count))
         return TETLOD_OK;
     if (view->has_range && !range->of_cells)
-        view_take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field, range->component, view->function);
+        view_take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
+                         range->component, view->function);
     view->has_kept = keep(view);
-    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra", 20 * (uint64_t)view->shown.tet_count);
+    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra",
+                                                           20 * (uint64_t)view->shown.tet_count);
 }
 
 const struct tetmesh *view_drawn(struct view *view)

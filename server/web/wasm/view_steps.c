@@ -91,7 +91,8 @@ static enum tetlod_status take_values(struct view *view)
     for (uint32_t f = 0; f < count; f++)
         values[f] = view->mesh.fields[f];
     for (uint32_t f = 0; f < info->field_count; f++)
-        if (tetlod_step_values(view->series, f) && values[info->fields[f]]) // where points move, they are decoded without being asked for
+        // where points move, they are decoded without being asked for
+        if (tetlod_step_values(view->series, f) && values[info->fields[f]])
             values[info->fields[f]] = tetlod_step_values(view->series, f);
     view_leave_step(view);
     view->step_values = values;
@@ -108,7 +109,8 @@ struct connections {
 static struct connections connections_of(const struct view *view)
 {
     bool hold = view->step_values && !view->has_kept;
-    return (struct connections){hold && view->has_boundary, hold && view->has_lines, hold && view->has_rays, view->mesh.level};
+    return (struct connections){hold && view->has_boundary, hold && view->has_lines, hold && view->has_rays,
+                                view->mesh.level};
 }
 
 /* They are those of another step of the same level, too. */

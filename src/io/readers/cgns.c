@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading CGNS: every zone of every volume base is a block. Sections of elements of lower dimension are passed over; solutions at
- * vertices and in cell centres are fields; where there are several steps in time, FlowSolutionPointers name those of each.
+ * Reading CGNS: every zone of every volume base is a block. Sections of elements of lower dimension are passed over;
+ * solutions at vertices and in cell centres are fields; where there are several steps in time, FlowSolutionPointers
+ * name those of each.
  */
 #include <cgnslib.h>
 #include <stdio.h>
@@ -48,7 +49,8 @@ static const char *library_says(char out[SAID])
 static enum tetlod_status fail(const struct zone *z, const char *what)
 {
     char said[SAID];
-    return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: %s: %.100s", z->base, z->zone, what, library_says(said));
+    return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: %s: %.100s", z->base, z->zone, what,
+                        library_says(said));
 }
 
 static bool plausible(const struct zone *z, int64_t count)
@@ -74,7 +76,8 @@ static enum tetlod_status read_points(struct zone *z)
         if (cg_coord_info(z->file, z->base, z->zone, c, &type, name) == CG_OK)
             is_double |= type != CGNS_ENUMV(RealSingle);
     }
-    TETLOD_TRY(assemble_points(&z->block->mesh, (uint64_t)z->points, is_double ? TETLOD_FLOAT64 : TETLOD_FLOAT32, z->error));
+    TETLOD_TRY(assemble_points(&z->block->mesh, (uint64_t)z->points, is_double ? TETLOD_FLOAT64 : TETLOD_FLOAT32,
+                               z->error));
     double *axis = array_new((size_t)z->points, sizeof *axis);
     enum tetlod_status status = axis ? TETLOD_OK : tetlodi_fail_nomem(z->error, "the points", (uint64_t)z->points * 8);
     for (size_t d = 0; d < 3 && status == TETLOD_OK; d++) {
@@ -126,8 +129,10 @@ static enum tetlod_status add_mixed(struct zone *z, const cgsize_t *numbers, cgs
     cgsize_t at = 0;
     for (cgsize_t c = 0; c < count; c++) {
         int points = 0;
-        if (at >= size || cg_npe((CGNS_ENUMT(ElementType_t))numbers[at], &points) != CG_OK || points <= 0 || points > size - at - 1)
-            return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: a section of mixed elements does not fit", z->base, z->zone);
+        if (at >= size || cg_npe((CGNS_ENUMT(ElementType_t))numbers[at], &points) != CG_OK || points <= 0 ||
+            points > size - at - 1)
+            return tetlodi_fail(z->error, TETLOD_ERR_MESH,
+                                "base %d, zone %d: a section of mixed elements does not fit", z->base, z->zone);
         const struct element *element = find_element((CGNS_ENUMT(ElementType_t))numbers[at]);
         if (element)
             TETLOD_TRY(add_element(z, element, numbers + at + 1));
@@ -152,7 +157,8 @@ static enum tetlod_status add_polyhedron(struct zone *z, const cgsize_t *faces, 
     for (cgsize_t f = 0; f < count; f++) {
         cgsize_t number = face_index(z, faces[f]);
         if (number < 0 || number >= z->face_count)
-            return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: a polyhedron has a face that is not there", z->base, z->zone);
+            return tetlodi_fail(z->error, TETLOD_ERR_MESH,
+                                "base %d, zone %d: a polyhedron has a face that is not there", z->base, z->zone);
         size += 1 + (size_t)(z->face_offsets[number + 1] - z->face_offsets[number]);
     }
     stream = array_new(size, sizeof *stream);
@@ -204,11 +210,13 @@ static enum tetlod_status load_section(struct zone *z, int number, struct sectio
     cgsize_t last;
     int boundary, parent;
     *s = (struct section){0};
-    if (cg_section_read(z->file, z->base, z->zone, number, name, &s->type, &s->first, &last, &boundary, &parent) != CG_OK ||
+    if (cg_section_read(z->file, z->base, z->zone, number, name, &s->type, &s->first, &last, &boundary,
+                        &parent) != CG_OK ||
         cg_ElementDataSize(z->file, z->base, z->zone, number, &s->size) != CG_OK)
         return fail(z, "a section of elements cannot be read");
     s->count = last - s->first + 1;
-    if (!plausible(z, s->size) || !plausible(z, s->count) || (find_element(s->type) && s->size / find_element(s->type)->points != s->count))
+    if (!plausible(z, s->size) || !plausible(z, s->count) ||
+        (find_element(s->type) && s->size / find_element(s->type)->points != s->count))
         return fail(z, "a section has more elements than the file can hold");
     if (!find_element(s->type) && !is_poly(s->type)) {
         s->size = 0; // of lower dimension
@@ -231,10 +239,12 @@ static enum tetlod_status add_uniform(struct zone *z, const struct section *s, c
     enum { PART = 1 << 16 };
     size_t most = s->count < PART ? (size_t)s->count : PART;
     cgsize_t *part = array_new(most * element->points, sizeof *part);
-    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(z->error, "the cells", (uint64_t)most * element->points * sizeof *part);
+    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(z->error, "the cells",
+                                                                      (uint64_t)most * element->points * sizeof *part);
     for (cgsize_t at = 0; at < s->count && status == TETLOD_OK; at += PART) {
         cgsize_t some = s->count - at < PART ? s->count - at : PART;
-        if (cg_elements_partial_read(z->file, z->base, z->zone, s->number, s->first + at, s->first + at + some - 1, part, NULL) != CG_OK)
+        if (cg_elements_partial_read(z->file, z->base, z->zone, s->number, s->first + at, s->first + at + some - 1,
+                                     part, NULL) != CG_OK)
             status = fail(z, "a section of elements cannot be read");
         for (cgsize_t c = 0; c < some && status == TETLOD_OK; c++)
             status = add_element(z, element, part + c * element->points);
@@ -316,8 +326,10 @@ static void read_unit(const struct zone *z, const struct solution *s, int number
     CGNS_ENUMT(TimeUnits_t) time;
     CGNS_ENUMT(TemperatureUnits_t) temperature;
     CGNS_ENUMT(AngleUnits_t) angle;
-    if (cg_goto(z->file, z->base, "Zone_t", z->zone, "FlowSolution_t", s->number, "DataArray_t", number, "end") != CG_OK ||
-        cg_exponents_info(&type) != CG_OK || cg_exponents_read(type == CGNS_ENUMV(RealSingle) ? (void *)singles : exponents) != CG_OK)
+    if (cg_goto(z->file, z->base, "Zone_t", z->zone, "FlowSolution_t", s->number, "DataArray_t", number,
+                "end") != CG_OK ||
+        cg_exponents_info(&type) != CG_OK || cg_exponents_read(type == CGNS_ENUMV(RealSingle) ? (void *)singles
+                                                               : exponents) != CG_OK)
         return;
     for (int i = 0; i < COUNT && type == CGNS_ENUMV(RealSingle); i++)
         exponents[i] = (double)singles[i];
@@ -337,7 +349,8 @@ static void read_unit(const struct zone *z, const struct solution *s, int number
     unit_of_powers(unit, names, exponents, COUNT);
 }
 
-static enum tetlod_status read_field(struct zone *z, const struct solution *s, int first, uint32_t width, const char *said)
+static enum tetlod_status read_field(struct zone *z, const struct solution *s, int first, uint32_t width,
+                                     const char *said)
 {
     struct tetmesh *mesh = &z->block->mesh;
     cgsize_t from[3] = {1, 1, 1}, to[3] = {s->cell ? z->cells : z->points, 1, 1};
@@ -358,7 +371,8 @@ static enum tetlod_status read_field(struct zone *z, const struct solution *s, i
         cg_field_info(z->file, z->base, z->zone, s->number, first + (int)d, &type, name);
         kind = type == CGNS_ENUMV(RealSingle) ? kind : TETLOD_FLOAT64;
         is_integer &= type == CGNS_ENUMV(Integer) || type == CGNS_ENUMV(LongInteger);
-        if (cg_field_read(z->file, z->base, z->zone, s->number, name, CGNS_ENUMV(RealDouble), from, to, buffer) != CG_OK)
+        if (cg_field_read(z->file, z->base, z->zone, s->number, name, CGNS_ENUMV(RealDouble), from, to,
+                          buffer) != CG_OK)
             status = fail(z, "a field cannot be read");
         for (uint64_t r = 0; r < rows && status == TETLOD_OK; r++)
             field->values[r * width + d] = buffer[r];
@@ -437,7 +451,8 @@ static enum tetlod_status read_solutions(struct zone *z)
         char name[33];
         CGNS_ENUMT(GridLocation_t) where;
         struct solution s = {.number = n};
-        if (cg_sol_info(z->file, z->base, z->zone, n, name, &where) != CG_OK || cg_nfields(z->file, z->base, z->zone, n, &s.fields) != CG_OK)
+        if (cg_sol_info(z->file, z->base, z->zone, n, name, &where) != CG_OK ||
+            cg_nfields(z->file, z->base, z->zone, n, &s.fields) != CG_OK)
             return fail(z, "a solution cannot be read");
         if (wanted[0] && strcmp(name, wanted) != 0 && where == CGNS_ENUMV(Vertex))
             continue;
@@ -457,7 +472,8 @@ static enum tetlod_status read_zone(struct zone *z)
     cgsize_t size[9] = {0};
     char name[33];
     CGNS_ENUMT(ZoneType_t) type;
-    if (cg_zone_type(z->file, z->base, z->zone, &type) != CG_OK || cg_zone_read(z->file, z->base, z->zone, name, size) != CG_OK)
+    if (cg_zone_type(z->file, z->base, z->zone, &type) != CG_OK ||
+        cg_zone_read(z->file, z->base, z->zone, name, size) != CG_OK)
         return fail(z, "cannot be read");
     z->is_structured = type == CGNS_ENUMV(Structured);
     z->points = size[0];
@@ -491,7 +507,8 @@ static enum tetlod_status choose_step(struct zone *z, const struct io_read_optio
             CGNS_ENUMT(DataType_t) type;
             int rank;
             cgsize_t dims[12];
-            if (cg_array_info(a, name, &type, &rank, dims) == CG_OK && strcmp(name, "TimeValues") == 0 && rank == 1 && dims[0] == steps)
+            if (cg_array_info(a, name, &type, &rank, dims) == CG_OK && strcmp(name, "TimeValues") == 0 && rank == 1 &&
+                dims[0] == steps)
                 times = array_zero((size_t)steps, sizeof *times);
             if (times && cg_array_read_as(a, CGNS_ENUMV(RealDouble), times) != CG_OK)
                 memset(times, 0, (size_t)steps * sizeof *times);
@@ -522,7 +539,8 @@ static enum tetlod_status read_base(struct zone *z, struct blocks *out, const st
 {
     char name[33];
     int cell_dimension, dimension, zones;
-    if (cg_base_read(z->file, z->base, name, &cell_dimension, &dimension) != CG_OK || cg_nzones(z->file, z->base, &zones) != CG_OK)
+    if (cg_base_read(z->file, z->base, name, &cell_dimension, &dimension) != CG_OK ||
+        cg_nzones(z->file, z->base, &zones) != CG_OK)
         return fail(z, "the base cannot be read");
     if (cell_dimension != 3 || dimension != 3) {
         z->report->flat_blocks++;
@@ -558,7 +576,8 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     if (status == TETLOD_OK && out->count == 0 && !*z.passed_over)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no zone in three dimensions");
     else if (status == TETLOD_OK && out->count == 0)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no base or zone '%.60s'; there are:%s", input->options->block, z.passed_over);
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no base or zone '%.60s'; there are:%s",
+                              input->options->block, z.passed_over);
     cg_close(z.file);
     return status;
 }
@@ -570,7 +589,8 @@ bool cgns_sniff(const unsigned char *bytes, size_t size)
         for (const unsigned char *at = bytes; at < bytes + 32; at++)
             if (memcmp(at, adf, sizeof adf - 1) == 0)
                 return true;
-    return size >= 8 && memcmp(bytes, "\x89HDF\r\n\x1a\n", 8) == 0 && sniff_holds(bytes, size < 65536 ? size : 65536, "CGNSLibraryVersion");
+    return size >= 8 && memcmp(bytes, "\x89HDF\r\n\x1a\n", 8) == 0 && sniff_holds(bytes, size < 65536 ? size : 65536,
+                                                                                  "CGNSLibraryVersion");
 }
 
 enum tetlod_status cgns_read(struct blocks *out, const struct io_input *input, struct io_report *report,

@@ -37,7 +37,8 @@ struct ensight {
     struct ensight_file *file;
     char line[ENSIGHT_LINE + 1]; /* the one that is next; empty: there is none */
     bool node_ids, element_ids, found;
-    uint64_t most_values;     /* that a file of a variable can hold: bounds what a few numbers in a geometry can ask for */
+    /* that a file of a variable can hold: bounds what a few numbers in a geometry can ask for */
+    uint64_t most_values;
     struct part *parts;       /* owned */
     struct section *sections; /* owned */
     size_t part_count, part_capacity, section_count, section_capacity;
@@ -70,7 +71,8 @@ static enum tetlod_status read_corners(struct ensight *e, struct cells *cells, c
         return tetlodi_fail_nomem(e->error, "the cells", count * width * sizeof *corners);
     enum tetlod_status status = ensight_points(e->file, count * width, corners);
     for (uint64_t c = 0; status == TETLOD_OK && c < count; c++)
-        status = cells_add_numbers(cells, element->type, corners + c * width, element->type == VTK_TYPE_FLAT ? 0 : width, e->error);
+        status = cells_add_numbers(cells, element->type, corners + c * width,
+                                   element->type == VTK_TYPE_FLAT ? 0 : width, e->error);
     free(corners);
     return status;
 }
@@ -532,7 +534,8 @@ static enum tetlod_status read_part_values(struct ensight *e, const struct ensig
         done += count;
     }
     return done >= (v->cell ? part->cells : part->points) ? TETLOD_OK
-                                                          : ensight_fail(e->file, "a part has fewer values than elements or points");
+                                                          : ensight_fail(e->file,
+                                                                         "a part has fewer values than elements or points");
 }
 
 static enum tetlod_status read_variable(struct ensight *e, const struct ensight_entry *entry)
@@ -581,7 +584,8 @@ bool ensight_sniff(const unsigned char *bytes, size_t size)
 {
     struct text text = {(const char *)bytes, (const char *)bytes + (size < 2048 ? size : 2048)};
     struct text word = text_word_past_comments(&text);
-    return text_is(word, "FORMAT") && sniff_holds((const unsigned char *)text.at, (size_t)(text.end - text.at), "ensight");
+    return text_is(word, "FORMAT") && sniff_holds((const unsigned char *)text.at, (size_t)(text.end - text.at),
+                                                  "ensight");
 }
 
 enum tetlod_status ensight_read(struct blocks *out, const struct io_input *input, struct io_report *report,

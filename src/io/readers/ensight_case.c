@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The case file: lines KEY: VALUES in sections. Time sets come after what refers to them, so that names of files with a number in
- * place of ***** are made at the end.
+ * The case file: lines KEY: VALUES in sections. Time sets come after what refers to them, so that names of files with a
+ * number in place of ***** are made at the end.
  */
 #include "src/io/readers/ensight_case.h"
 
@@ -64,7 +64,8 @@ static enum tetlod_status fail_nomem(const struct reader *r)
 static struct text word_or_quoted(struct text *text)
 {
     struct text word = text_word(text);
-    const char *quote = word.at < word.end && *word.at == '"' ? memchr(word.at + 1, '"', (size_t)(text->end - word.at - 1)) : NULL;
+    const char *quote = word.at < word.end && *word.at == '"' ? memchr(word.at + 1, '"',
+                                                                       (size_t)(text->end - word.at - 1)) : NULL;
     if (!quote)
         return word;
     text->at = quote + 1;
@@ -108,7 +109,8 @@ static enum tetlod_status read_entry(const struct reader *r, struct text kind, s
 static enum tetlod_status add_variable(struct reader *r, struct text kind, struct text values)
 {
     struct ensight_case *out = r->out;
-    if (!array_reserve((void **)&out->variables, &out->variable_capacity, out->variable_count + 1, sizeof *out->variables))
+    if (!array_reserve((void **)&out->variables, &out->variable_capacity, out->variable_count + 1,
+                       sizeof *out->variables))
         return fail_nomem(r);
     struct ensight_entry *entry = &out->variables[out->variable_count++];
     *entry = (struct ensight_entry){0};
@@ -135,8 +137,10 @@ static enum tetlod_status read_list(struct reader *r, struct text values, struct
     double time;
     int64_t number;
     while (are_times ? text_double(&text, false, &time) : text_int(&text, &number)) {
-        bool good = are_times ? array_reserve((void **)&set->times, &set->time_capacity, set->count + 1, sizeof *set->times)
-                              : array_reserve((void **)&set->numbers, &set->number_capacity, set->number_count + 1, sizeof *set->numbers);
+        bool good = are_times ? array_reserve((void **)&set->times, &set->time_capacity, set->count + 1,
+                                              sizeof *set->times)
+                              : array_reserve((void **)&set->numbers, &set->number_capacity, set->number_count + 1,
+                                              sizeof *set->numbers);
         if (!good)
             return fail_nomem(r);
         if (are_times)
@@ -166,7 +170,8 @@ static enum tetlod_status read_time(struct reader *r, struct text key, struct te
         good = text_int(&values, &set->start);
     else if (text_is(key, "filename increment"))
         good = text_int(&values, &set->increment);
-    return good ? TETLOD_OK : tetlodi_fail(r->error, TETLOD_ERR_MESH, "time set %" PRId64 ": '%.*s' is not a whole number", set->number,
+    return good ? TETLOD_OK : tetlodi_fail(r->error, TETLOD_ERR_MESH,
+                                           "time set %" PRId64 ": '%.*s' is not a whole number", set->number,
                                            text_length(key), key.at);
 }
 
@@ -209,7 +214,8 @@ static enum tetlod_status fill_name(const struct reader *r, struct ensight_entry
         number = set->numbers[entry->step];
     else if (__builtin_mul_overflow((int64_t)entry->step, set->increment, &number) ||
              __builtin_add_overflow(number, set->start, &number))
-        return tetlodi_fail(r->error, TETLOD_ERR_MESH, "the numbers of files of time set %" PRId64 " are too large", set->number);
+        return tetlodi_fail(r->error, TETLOD_ERR_MESH, "the numbers of files of time set %" PRId64 " are too large",
+                            set->number);
     size_t size = strlen(entry->file) + 32;
     char *name = array_new(size, 1);
     if (!name)

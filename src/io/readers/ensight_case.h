@@ -20,7 +20,8 @@ struct ensight_case {
 };
 
 /* To be freed also after a failure. */
-TETLOD_CHECKED enum tetlod_status ensight_case_read(struct ensight_case *out, const struct io_input *input, struct io_report *report,
+TETLOD_CHECKED enum tetlod_status ensight_case_read(struct ensight_case *out, const struct io_input *input,
+                                                    struct io_report *report,
                                                     struct tetlod_error *error);
 void ensight_case_fini(struct ensight_case *ensight);
 

@@ -18,7 +18,8 @@ enum tetlod_status ensight_fail(const struct ensight_file *file, const char *why
 {
     unsigned long line = 1;
     if (file->kind != ENSIGHT_TEXT)
-        return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.80s: byte %td: %s", file->name, file->rest.at - file->begin, why);
+        return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.80s: byte %td: %s", file->name,
+                            file->rest.at - file->begin, why);
     for (const char *at = file->begin; at < file->rest.at; at++)
         line += *at == '\n';
     return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.80s: line %lu: %s", file->name, line, why);
@@ -39,7 +40,8 @@ static const char *take_record(struct ensight_file *file, uint64_t size)
     const char *payload = file->rest.at + marker;
     if (left(file) < 2 * marker || size > left(file) - 2 * marker)
         return NULL;
-    if (marked && (word_at(file->rest.at, file->big_endian) != size || word_at(payload + size, file->big_endian) != size))
+    if (marked && (word_at(file->rest.at, file->big_endian) != size ||
+                   word_at(payload + size, file->big_endian) != size))
         return NULL;
     file->rest.at = payload + size + marker;
     return payload;
@@ -88,7 +90,8 @@ static void find_kind(struct ensight_file *file)
         ensight_line(file, line);
 }
 
-enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input *input, const char *name, bool is_geometry,
+enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input *input, const char *name,
+                                bool is_geometry,
                                 struct tetlod_error *error)
 {
     char *path = NULL;
@@ -157,7 +160,8 @@ static void end_line(struct ensight_file *file)
 static enum tetlod_status take_words(struct ensight_file *file, uint64_t count, const unsigned char **out)
 {
     *out = (const unsigned char *)take_record(file, count * WORD);
-    return *out ? TETLOD_OK : ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
+    return *out ? TETLOD_OK : ensight_fail(file,
+                                           "the next record is not as long as it should be; is the file truncated?");
 }
 
 /* The next number of a text. In EnSight 6 numbers may touch: one ends where the next one's sign is, and a whole one
@@ -233,7 +237,8 @@ enum tetlod_status ensight_floats(struct ensight_file *file, uint64_t count, dou
     if (file->kind != ENSIGHT_TEXT) {
         TETLOD_TRY(take_words(file, count, &words));
         for (size_t i = 0; out && i < count; i += PART) {
-            values_to_doubles(words + i * WORD, VALUE_FLOAT32, file->big_endian, count - i < PART ? (size_t)count - i : PART, out + i);
+            values_to_doubles(words + i * WORD, VALUE_FLOAT32, file->big_endian,
+                              count - i < PART ? (size_t)count - i : PART, out + i);
             file_view_pass(&file->view, words + i * WORD);
         }
         return TETLOD_OK;

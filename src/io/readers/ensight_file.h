@@ -21,9 +21,10 @@ struct ensight_file {
     struct tetlod_error *error;
 };
 
-/* Reads the file of that name beside the case; a geometry tells its kind in its first line, which is taken. To be closed also after a
- * failure. */
-TETLOD_CHECKED enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input *input, const char *name,
+/* Reads the file of that name beside the case; a geometry tells its kind in its first line, which is taken. To be
+ * closed also after a failure. */
+TETLOD_CHECKED enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input *input,
+                                               const char *name,
                                                bool is_geometry, struct tetlod_error *error);
 void ensight_close(struct ensight_file *file);
 TETLOD_CHECKED enum tetlod_status ensight_fail(const struct ensight_file *file, const char *why);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading Exodus II: a netCDF file, classic or HDF5, with element blocks connect1, connect2, ... of one type each, and variables of
- * nodes (vals_nod_var1, ...) and of the elements of a block (vals_elem_var1eb1, ...) for each step in time. "Small model" files hold
- * all variables of nodes in one: vals_nod_var (step, variable, node). Variables become vectors and tensors by their names, as VTK's
- * reader joins them. The number of a block becomes the cell field ObjectId, as VTK calls it. Sets of nodes and sides are skipped.
+ * Reading Exodus II: a netCDF file, classic or HDF5, with element blocks connect1, connect2, ... of one type each, and
+ * variables of nodes (vals_nod_var1, ...) and of the elements of a block (vals_elem_var1eb1, ...) for each step in
+ * time. "Small model" files hold all variables of nodes in one: vals_nod_var (step, variable, node). Variables become
+ * vectors and tensors by their names, as VTK's reader joins them. The number of a block becomes the cell field
+ * ObjectId, as VTK calls it. Sets of nodes and sides are skipped.
  */
 #include <netcdf.h>
 #include <stdio.h>
@@ -53,7 +54,8 @@ static bool find_variable(const struct exodus *e, const char *name, struct varia
 {
     int dims[NC_MAX_VAR_DIMS];
     *out = (struct variable){0};
-    if (nc_inq_varid(e->file, name, &out->id) != NC_NOERR || nc_inq_varndims(e->file, out->id, &out->rank) != NC_NOERR ||
+    if (nc_inq_varid(e->file, name, &out->id) != NC_NOERR ||
+        nc_inq_varndims(e->file, out->id, &out->rank) != NC_NOERR ||
         out->rank > 3 || nc_inq_vardimid(e->file, out->id, dims) != NC_NOERR || nc_inq_vartype(e->file, out->id, &out->type) != NC_NOERR)
         return false;
     for (int d = 0; d < out->rank; d++)
@@ -69,7 +71,8 @@ static bool plausible(const struct exodus *e, uint64_t count)
 }
 
 /* `count` values of a variable from start[...] on: one step, one row, all of the last dimension. */
-static enum tetlod_status read_row(const struct exodus *e, const char *name, int rank, const size_t *start, uint64_t count, double *out,
+static enum tetlod_status read_row(const struct exodus *e, const char *name, int rank, const size_t *start,
+                                   uint64_t count, double *out,
                                    nc_type *type)
 {
     struct variable variable;
@@ -119,7 +122,8 @@ static enum tetlod_status read_points(struct exodus *e)
     if (!plausible(e, count))
         return fail(e, "num_nodes is more than the file can hold");
     bool apart = find_variable(e, names[0], &variable);
-    if (!apart && (!find_variable(e, "coord", &variable) || variable.rank != 2 || variable.dims[0] != 3 || variable.dims[1] != count))
+    if (!apart && (!find_variable(e, "coord", &variable) || variable.rank != 2 || variable.dims[0] != 3 ||
+                   variable.dims[1] != count))
         return fail(e, "has no coordinates");
     bool is_double = variable.type != NC_FLOAT;
     for (size_t d = 1; d < 3 && apart; d++)
@@ -161,7 +165,8 @@ static const struct element elements[] = {
 /* The points of an element that VTK's type has: they come first. */
 static size_t kept_points(unsigned char type)
 {
-    static const uint8_t counts[] = {[VTK_TYPE_TET] = 4, [VTK_TYPE_HEXAHEDRON] = 8, [VTK_TYPE_WEDGE] = 6, [VTK_TYPE_PYRAMID] = 5,
+    static const uint8_t counts[] = {[VTK_TYPE_TET] = 4, [VTK_TYPE_HEXAHEDRON] = 8, [VTK_TYPE_WEDGE] = 6,
+                                     [VTK_TYPE_PYRAMID] = 5,
                                      [VTK_TYPE_TET10] = 10, [VTK_TYPE_HEXAHEDRON20] = 20, [VTK_TYPE_WEDGE15] = 15, [VTK_TYPE_PYRAMID13] = 13};
     return counts[type];
 }
@@ -175,7 +180,8 @@ static unsigned char find_element(const char *name, size_t points)
 }
 
 /* The type of a block's elements. */
-static enum tetlod_status type_of(const struct exodus *e, const char *name, const struct variable *connect, unsigned char *out)
+static enum tetlod_status type_of(const struct exodus *e, const char *name, const struct variable *connect,
+                                  unsigned char *out)
 {
     char type_name[64] = "";
     size_t length = 0;
@@ -183,12 +189,14 @@ static enum tetlod_status type_of(const struct exodus *e, const char *name, cons
         nc_get_att_text(e->file, connect->id, "elem_type", type_name);
     *out = find_element(type_name, connect->dims[1]);
     if (*out == VTK_TYPE_FLAT && (strncasecmp(type_name, "NSIDED", 6) == 0 || strncasecmp(type_name, "NFACED", 6) == 0))
-        return tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s: elements of type %.20s cannot be read", name, type_name);
+        return tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s: elements of type %.20s cannot be read", name,
+                            type_name);
     return TETLOD_OK;
 }
 
 /* Elements by the numbers of their points, of which there are `points` each. */
-static enum tetlod_status add_elements(struct exodus *e, unsigned char type, size_t points, const long long *numbers, size_t count)
+static enum tetlod_status add_elements(struct exodus *e, unsigned char type, size_t points, const long long *numbers,
+                                       size_t count)
 {
     for (size_t c = 0; c < count; c++) {
         int64_t corners[27];
@@ -217,7 +225,8 @@ static enum tetlod_status read_block(struct exodus *e, uint64_t b, uint64_t *cou
     TETLOD_TRY(type_of(e, name, &connect, &type));
     size_t points = connect.dims[1], most = connect.dims[0] < PART ? connect.dims[0] : PART;
     long long *part = array_new(most * points, sizeof *part);
-    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(e->error, "the cells", (uint64_t)most * points * sizeof *part);
+    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(e->error, "the cells",
+                                                                      (uint64_t)most * points * sizeof *part);
     for (size_t at = 0; at < connect.dims[0] && status == TETLOD_OK; at += PART) {
         const size_t start[2] = {at, 0}, size[2] = {connect.dims[0] - at < PART ? connect.dims[0] - at : PART, points};
         if (points && nc_get_vara_longlong(e->file, connect.id, start, size, part) != NC_NOERR)
@@ -287,7 +296,8 @@ static struct place place_of(const struct exodus *e, bool cell, uint64_t number,
     struct place place = {.rank = 2, .start = {(size_t)e->step}};
     struct variable all;
     if (cell) {
-        snprintf(place.name, sizeof place.name, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
+        snprintf(place.name, sizeof place.name, "vals_elem_var%llueb%llu", (unsigned long long)number,
+                 (unsigned long long)(b + 1));
     } else if (find_variable(e, "vals_nod_var", &all) && all.rank == 3 && number <= all.dims[1]) {
         place = (struct place){"vals_nod_var", 3, {(size_t)e->step, (size_t)number - 1, 0}};
     } else {
@@ -315,14 +325,17 @@ static void read_unit(const struct exodus *e, bool cell, uint64_t number, char u
         struct variable variable;
         nc_type type;
         size_t length;
-        if (find_variable(e, place_of(e, cell, number, b).name, &variable) && nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
+        if (find_variable(e, place_of(e, cell, number, b).name, &variable) &&
+            nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
             length < sizeof text && nc_get_att_text(e->file, variable.id, "units", text) == NC_NOERR)
             unit_set(unit, text, strnlen(text, length));
     }
 }
 
-/* Values of variable `number` (from 1) at points or of cells into every width-th double. A block that lacks it has NaN. */
-static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t number, const uint64_t *counts, uint64_t rows,
+/* Values of variable `number` (from 1) at points or of cells into every width-th double. A block that lacks it has
+ * NaN. */
+static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t number, const uint64_t *counts,
+                                        uint64_t rows,
                                         double *buffer, double *out, uint32_t width, enum tetlod_type *io_type)
 {
     uint64_t at = 0;
@@ -363,7 +376,8 @@ static bool joins_to(const char names[MAX_JOINED][MAX_NAME + 1], size_t join, ch
     return true;
 }
 
-/* The name of the field that begins with variable v (from 0) of `count`, and its components, which are the next variables. */
+/* The name of the field that begins with variable v (from 0) of `count`, and its components, which are the next
+ * variables. */
 static uint32_t name_field(const struct exodus *e, const char *list, uint64_t v, uint64_t count, char out[MAX_NAME + 1])
 {
     char names[MAX_JOINED][MAX_NAME + 1] = {{0}};
@@ -377,7 +391,8 @@ static uint32_t name_field(const struct exodus *e, const char *list, uint64_t v,
 }
 
 /* Adds the field of the variables v (from 0) to v + width - 1. */
-static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, uint32_t width, const char *name, const uint64_t *counts,
+static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, uint32_t width, const char *name,
+                                     const uint64_t *counts,
                                      uint64_t rows, double *buffer)
 {
     struct tetmesh *mesh = &e->block->mesh;
@@ -386,7 +401,8 @@ static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, ui
         TETLOD_TRY(assemble_cell_field(mesh, name, width, TETLOD_FLOAT64, rows, e->error));
     else
         TETLOD_TRY(assemble_field(mesh, name, width, TETLOD_FLOAT64, e->error));
-    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                          1] : &mesh->fields[mesh->field_count - 1];
     for (uint32_t d = 0; d < width; d++)
         TETLOD_TRY(read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type));
     field->type = type;
@@ -424,7 +440,8 @@ static enum tetlod_status choose_step(struct exodus *e, const struct io_read_opt
     struct variable variable;
     if (!times)
         return tetlodi_fail_nomem(e->error, "the steps", count * 8);
-    enum tetlod_status status = find_variable(e, "time_whole", &variable) ? read_values(e, "time_whole", count, times) : TETLOD_OK;
+    enum tetlod_status status = find_variable(e, "time_whole", &variable) ? read_values(e, "time_whole", count,
+                                                                                        times) : TETLOD_OK;
     if (status == TETLOD_OK)
         status = time_steps_pick(count, times, options, e->report, e->error);
     e->has_steps = true;
@@ -440,7 +457,8 @@ static enum tetlod_status read_all(struct exodus *e, const struct io_read_option
         return fail(e, "is a netCDF file without the element blocks of Exodus");
     uint64_t *counts = array_zero((size_t)e->blocks, sizeof *counts);
     double *ids = array_new((size_t)e->blocks, sizeof *ids);
-    enum tetlod_status status = counts && ids ? read_points(e) : tetlodi_fail_nomem(e->error, "the blocks", e->blocks * 16);
+    enum tetlod_status status = counts && ids ? read_points(e) : tetlodi_fail_nomem(e->error, "the blocks",
+                                                                                    e->blocks * 16);
     if (status == TETLOD_OK)
         status = read_ids(e, ids);
     if (status == TETLOD_OK)

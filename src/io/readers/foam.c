@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh (foam_cells.c), and the
- * fields of a time, a folder whose name is a number. Boundary conditions are not read.
+ * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh (foam_cells.c), and
+ * the fields of a time, a folder whose name is a number. Boundary conditions are not read.
  */
 #include <dirent.h>
 #include <stdio.h>
@@ -44,7 +44,8 @@ static uint32_t components_of(const char *class_name, bool *cell)
     static const struct {
         const char *name;
         uint32_t components;
-    } kinds[] = {{"ScalarField", 1}, {"VectorField", 3}, {"SymmTensorField", 6}, {"TensorField", 9}, {"SphericalTensorField", 1}};
+    } kinds[] = {{"ScalarField", 1}, {"VectorField", 3}, {"SymmTensorField", 6}, {"TensorField", 9},
+                 {"SphericalTensorField", 1}};
     *cell = strncmp(class_name, "vol", 3) == 0;
     const char *rest = *cell ? class_name + 3 : strncmp(class_name, "point", 5) == 0 ? class_name + 5 : "";
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
@@ -68,7 +69,8 @@ static void read_dimensions(struct foam_file *file, char unit[UNIT_SIZE])
 }
 
 /* The values of internalField, one for all or one for each, and their unit. */
-static enum tetlod_status internal_values(struct foam_file *file, uint32_t width, uint64_t rows, double **out, char unit[UNIT_SIZE])
+static enum tetlod_status internal_values(struct foam_file *file, uint32_t width, uint64_t rows, double **out,
+                                          char unit[UNIT_SIZE])
 {
     uint64_t count = rows;
     struct text token;
@@ -83,7 +85,8 @@ static enum tetlod_status internal_values(struct foam_file *file, uint32_t width
     if (text_is(foam_token(file), "nonuniform")) {
         foam_token(file); // List<scalar>
         TETLOD_TRY(foam_scalars(file, width, out, &count));
-        return count == rows ? TETLOD_OK : foam_fail(file, "its internalField has another number of values than there are cells");
+        return count == rows ? TETLOD_OK : foam_fail(file,
+                                                     "its internalField has another number of values than there are cells");
     }
     double row[9];
     if (width > 1 && !text_is(foam_token(file), "("))
@@ -125,7 +128,8 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     TETLOD_TRY_DONE(internal_values(&file, width, rows, &values, unit));
     TETLOD_TRY_DONE(foam_end(&file));
     TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
-    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                          1] : &mesh->fields[mesh->field_count - 1];
     free(field->values);
     field->values = values;
     values = NULL;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The cells of an OpenFOAM mesh, whose files list faces and the cells on their two sides. Most meshes that matter here are of
- * tetrahedra, which take less memory than their faces: a cell of four triangles is put together while the faces go by. Only the faces
- * of other cells are kept. These are recognised by their faces: hexahedra, wedges and pyramids become these, all others polyhedra.
+ * The cells of an OpenFOAM mesh, whose files list faces and the cells on their two sides. Most meshes that matter here
+ * are of tetrahedra, which take less memory than their faces: a cell of four triangles is put together while the faces
+ * go by. Only the faces of other cells are kept. These are recognised by their faces: hexahedra, wedges and pyramids
+ * become these, all others polyhedra.
  */
 #include "src/io/readers/foam_cells.h"
 
@@ -12,8 +13,8 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
-/* A cell of four faces has a bit for each of its points that one of the faces seen so far leaves out. The base, which comes first,
- * leaves out the last one. */
+/* A cell of four faces has a bit for each of its points that one of the faces seen so far leaves out. The base, which
+ * comes first, leaves out the last one. */
 enum { SEEN_NONE = 0, SEEN_BASE = 8, SEEN_ALL = 15, NO_TET = 16 };
 
 struct faces {
@@ -76,7 +77,8 @@ static enum tetlod_status count_faces(struct faces *f)
     TETLOD_TRY(count_file(f, "constant/polyMesh/owner", &capacity, &owners));
     TETLOD_TRY(count_file(f, "constant/polyMesh/neighbour", &capacity, &neighbours));
     if (neighbours > owners)
-        return tetlodi_fail(f->error, TETLOD_ERR_MESH, "constant/polyMesh: there are %llu neighbours, but only %llu owners",
+        return tetlodi_fail(f->error, TETLOD_ERR_MESH,
+                            "constant/polyMesh: there are %llu neighbours, but only %llu owners",
                             (unsigned long long)neighbours, (unsigned long long)owners);
     bool has_tets = false;
     for (uint64_t c = 0; c < f->cells && !has_tets; c++)
@@ -184,7 +186,8 @@ static bool may_be_tet(const struct faces *f, uint32_t cell)
     return f->face_counts[cell] == 4 && f->seen[cell] != NO_TET;
 }
 
-/* The first face becomes the base, its points turned as seen from inside: faces are counter-clockwise seen from outside their owner. */
+/* The first face becomes the base, its points turned as seen from inside: faces are counter-clockwise seen from outside
+ * their owner. */
 static void start_tet(struct faces *f, uint32_t cell, const uint32_t *corners, bool is_owner)
 {
     uint32_t *tet = f->tets + 4 * (size_t)cell;
@@ -351,9 +354,10 @@ static int64_t point_above(const struct faces *f, const uint32_t *faces, uint64_
     return above;
 }
 
-/* Cell c of these faces by shape: its corners in VTK's order; 0 if it is none of the four. A face's points are counter-clockwise
- * seen from outside its owner; the base's should be so from inside. */
-static unsigned char find_shape(const struct faces *f, uint64_t c, const uint32_t *faces, uint64_t count, int64_t corners[8], size_t *corner_count)
+/* Cell c of these faces by shape: its corners in VTK's order; 0 if it is none of the four. A face's points are
+ * counter-clockwise seen from outside its owner; the base's should be so from inside. */
+static unsigned char find_shape(const struct faces *f, uint64_t c, const uint32_t *faces, uint64_t count,
+                                int64_t corners[8], size_t *corner_count)
 {
     unsigned triangles = 0, quads = 0;
     uint32_t base = faces[0];

@@ -6,6 +6,7 @@
 #include "src/io/readers/foam_text.h"
 
 /* Reads constant/polyMesh of the case. */
-TETLOD_CHECKED enum tetlod_status foam_cells(struct cells *out, const struct io_input *input, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status foam_cells(struct cells *out, const struct io_input *input,
+                                             struct tetlod_error *error);
 
 #endif

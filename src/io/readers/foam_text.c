@@ -45,7 +45,8 @@ static void inflate_some(struct gzip *gzip)
     uint64_t left = packed_left(gzip);
     gzip->stream.avail_in = (uInt)(left < MOST ? left : MOST);
     int result = inflate(&gzip->stream, Z_NO_FLUSH);
-    gzip->is_done = result == Z_STREAM_END && (packed_left(gzip) < 2 || memcmp(gzip->stream.next_in, "\x1f\x8b", 2) != 0);
+    gzip->is_done = result == Z_STREAM_END && (packed_left(gzip) < 2 ||
+                                               memcmp(gzip->stream.next_in, "\x1f\x8b", 2) != 0);
     if (result == Z_STREAM_END && !gzip->is_done)
         result = inflateReset(&gzip->stream);
     gzip->is_damaged = result != Z_OK && !gzip->is_done; // without more input it says Z_BUF_ERROR
@@ -194,7 +195,8 @@ static enum tetlod_status read_header(struct foam_file *file)
     return TETLOD_OK;
 }
 
-enum tetlod_status foam_open(struct foam_file *file, const struct io_input *input, const char *name, struct tetlod_error *error)
+enum tetlod_status foam_open(struct foam_file *file, const struct io_input *input, const char *name,
+                             struct tetlod_error *error)
 {
     *file = (struct foam_file){.name = name, .label = VALUE_INT32, .scalar = VALUE_FLOAT64, .error = error};
     TETLOD_TRY(load(file, input, name));

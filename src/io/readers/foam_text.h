@@ -29,7 +29,8 @@ TETLOD_CHECKED enum tetlod_status foam_end(struct foam_file *file);
 
 TETLOD_CHECKED enum tetlod_status foam_fail(const struct foam_file *file, const char *why);
 
-/* The next word, number or single character ( ) { } ; without comments; empty at the end. It stays until the next call. */
+/* The next word, number or single character ( ) { } ; without comments; empty at the end. It stays until the next
+ * call. */
 struct text foam_token(struct foam_file *file);
 
 /* A list of labels, read one at a time. Those that are no numbers of points, faces or cells become TETLOD_NONE. */

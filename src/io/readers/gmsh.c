@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #define _GNU_SOURCE // memmem
 /*
- * Reading Gmsh MSH 2.0 to 2.2, 4.0 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes, $Elements,
- * $Entities, $NodeData and $ElementData matter. Points and cells have numbers (tags) of their own. In 4.0 and 4.1 they come in
- * blocks, one per entity; 4.0 has the entity's tag before its dimension, and tags of points and cells are 32-bit integers.
+ * Reading Gmsh MSH 2.0 to 2.2, 4.0 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes,
+ * $Elements, $Entities, $NodeData and $ElementData matter. Points and cells have numbers (tags) of their own. In 4.0
+ * and 4.1 they come in blocks, one per entity; 4.0 has the entity's tag before its dimension, and tags of points and
+ * cells are 32-bit integers.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -210,7 +211,8 @@ static enum tetlod_status find_element(const struct gmsh *g, int64_t type, struc
             *out = elements[e];
             return TETLOD_OK;
         }
-    return tetlodi_fail(g->error, TETLOD_ERR_MESH, "byte %td: Gmsh element type %lld is not known", g->rest.at - g->begin,
+    return tetlodi_fail(g->error, TETLOD_ERR_MESH, "byte %td: Gmsh element type %lld is not known",
+                        g->rest.at - g->begin,
                         (long long)type);
 }
 
@@ -250,7 +252,8 @@ static enum tetlod_status take_element(struct gmsh *g, const struct element *ele
     for (int p = 0; p < element->points; p++) {
         uint32_t index = tag_map_find(&g->tags, corners[p]);
         if (index == TETLOD_NONE)
-            return tetlodi_fail(g->error, TETLOD_ERR_MESH, "byte %td: an element refers to point %lld, which is not there",
+            return tetlodi_fail(g->error, TETLOD_ERR_MESH,
+                                "byte %td: an element refers to point %lld, which is not there",
                                 g->rest.at - g->begin, (long long)corners[p]);
         corners[p] = index;
     }
@@ -321,8 +324,8 @@ static enum tetlod_status skip_tags(struct gmsh *g)
     return TETLOD_OK;
 }
 
-/* An entity: its tag, of a part of one also that one and the partitions, a point or the bounds, its physical groups and, but for
- * points, what bounds it. A part without a group is in that of the whole. */
+/* An entity: its tag, of a part of one also that one and the partitions, a point or the bounds, its physical groups
+ * and, but for points, what bounds it. A part without a group is in that of the whole. */
 static enum tetlod_status read_entity(struct gmsh *g, int dimension, bool is_part)
 {
     int64_t tag, count, number, whole[2] = {0, 0}, first = 0;
@@ -368,7 +371,8 @@ static enum tetlod_status read_entities(struct gmsh *g)
     return read_all_entities(g, false);
 }
 
-/* Of a mesh in partitions: their number, ghost entities and their partitions, and the parts of entities, in which the elements are. */
+/* Of a mesh in partitions: their number, ghost entities and their partitions, and the parts of entities, in which the
+ * elements are. */
 static enum tetlod_status read_parts(struct gmsh *g)
 {
     int64_t partitions, ghosts, ghost[2];
@@ -450,14 +454,16 @@ static enum tetlod_status take_values(struct gmsh *g, struct point_field *field,
             different += v != TETLOD_NONE && !seen[v];
             if (v != TETLOD_NONE)
                 seen[v] = 1;
-            status = take_doubles(g, field->components, v == TETLOD_NONE ? skipped : field->values + (size_t)v * field->components);
+            status = take_doubles(g, field->components,
+                                  v == TETLOD_NONE ? skipped : field->values + (size_t)v * field->components);
         }
     }
     for (size_t i = 0; status == TETLOD_OK && cell && i < rows * field->components; i++)
         field->values[i] = seen[i / field->components] ? field->values[i] : NAN;
     free(seen);
     if (status == TETLOD_OK && !cell && different != rows)
-        return tetlodi_fail(g->error, TETLOD_ERR_MESH, "field %.60s has values at %zu of %zu points", field->name, different, rows);
+        return tetlodi_fail(g->error, TETLOD_ERR_MESH, "field %.60s has values at %zu of %zu points", field->name,
+                            different, rows);
     return status;
 }
 
@@ -482,7 +488,8 @@ static enum tetlod_status read_data(struct gmsh *g, bool cell)
     for (int64_t i = 0; i < integers; i++) // time step, components, values, partition
         TETLOD_TRY_DONE(take_text_count(g, &numbers[i < 4 ? i : 3]));
     end_line(g);
-    if (numbers[1] && (uint64_t)numbers[1] > (uint64_t)(g->rest.end - g->rest.at) / (cell ? 1u : g->mesh->vertex_count + 1u)) {
+    if (numbers[1] && (uint64_t)numbers[1] > (uint64_t)(g->rest.end - g->rest.at) /
+        (cell ? 1u : g->mesh->vertex_count + 1u)) {
         status = fail(g, "the file ends too early for the values of this field; is it truncated?");
         goto done;
     }
@@ -490,9 +497,11 @@ static enum tetlod_status read_data(struct gmsh *g, bool cell)
         status = fail(g, "element data has more than 9 components");
         goto done;
     }
-    TETLOD_TRY_DONE(cell ? assemble_cell_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->cells->count, g->error)
+    TETLOD_TRY_DONE(cell ? assemble_cell_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->cells->count,
+                                               g->error)
                          : assemble_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->error));
-    status = take_values(g, cell ? &g->mesh->cell_fields[g->mesh->cell_field_count - 1] : &g->mesh->fields[g->mesh->field_count - 1],
+    status = take_values(g, cell ? &g->mesh->cell_fields[g->mesh->cell_field_count - 1]
+                         : &g->mesh->fields[g->mesh->field_count - 1],
                          cell, numbers[2]);
 done:
     free(name);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading Abaqus and CalculiX .inp: *NODE and *ELEMENT with the lines of data that follow; ** starts a comment. The set of elements
- * that *ELEMENT names, else the part, is the cell field region, numbered from 1 in order of appearance. Each *PART is a block, moved as
- * its *INSTANCE says; files that *INCLUDE and INPUT= name are read in their place.
+ * Reading Abaqus and CalculiX .inp: *NODE and *ELEMENT with the lines of data that follow; ** starts a comment. The set
+ * of elements that *ELEMENT names, else the part, is the cell field region, numbered from 1 in order of appearance.
+ * Each *PART is a block, moved as its *INSTANCE says; files that *INCLUDE and INPUT= name are read in their place.
  */
 #include <math.h>
 #include <stdio.h>
@@ -67,7 +67,8 @@ static bool next_line(struct inp *p, struct text *out)
     return false;
 }
 
-/* What is before the next comma, without white space about it; the text goes on after it. False at the end of the line. */
+/* What is before the next comma, without white space about it; the text goes on after it. False at the end of the
+ * line. */
 static bool next_item(struct text *line, struct text *out)
 {
     if (line->at >= line->end)
@@ -115,7 +116,8 @@ static enum tetlod_status need_block(struct inp *p)
 }
 
 /* Reads a file that a line names in the place of that line. */
-static enum tetlod_status follow(struct inp *p, struct text name, enum tetlod_status (*read)(struct inp *p, struct text keyword),
+static enum tetlod_status follow(struct inp *p, struct text name,
+                                 enum tetlod_status (*read)(struct inp *p, struct text keyword),
                                  struct text keyword)
 {
     struct inp outer = *p;
@@ -288,7 +290,8 @@ static enum tetlod_status finish(struct inp *p)
         uint32_t number = cells->connectivity[i];
         cells->connectivity[i] = number == TETLOD_NONE ? TETLOD_NONE : tag_map_find(&p->nodes, number);
         if (number == TETLOD_NONE)
-            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to a node whose number is not one of 0 to %u", TETLOD_NONE - 1);
+            return tetlodi_fail(p->error, TETLOD_ERR_MESH,
+                                "an element refers to a node whose number is not one of 0 to %u", TETLOD_NONE - 1);
         if (cells->connectivity[i] == TETLOD_NONE)
             return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to node %u, which is not there", number);
     }
@@ -335,7 +338,8 @@ static void move(struct tetmesh *mesh, const double shift[3], const double turn[
         }
         for (int d = 0; d < 3 && length > 0 && angle != 0; d++) { // Rodrigues
             int e = (d + 1) % 3, f = (d + 2) % 3;
-            at[d] = turn[d] + from[d] * c + (axis[e] * from[f] - axis[f] * from[e]) / length * s + axis[d] / length * along * (1 - c);
+            at[d] = turn[d] + from[d] * c + (axis[e] * from[f] - axis[f] *
+                                             from[e]) / length * s + axis[d] / length * along * (1 - c);
         }
     }
 }
@@ -411,16 +415,19 @@ bool inp_sniff(const unsigned char *bytes, size_t size)
     while (next_line(&p, &line)) {
         if (*line.at != '*')
             continue;
-        if (is_keyword(line, "*HEADING") || is_keyword(line, "*NODE") || is_keyword(line, "*INCLUDE") || is_keyword(line, "*PART"))
+        if (is_keyword(line, "*HEADING") || is_keyword(line, "*NODE") || is_keyword(line, "*INCLUDE") ||
+            is_keyword(line, "*PART"))
             return true;
     }
     return false;
 }
 
-enum tetlod_status inp_read(struct blocks *out, const struct io_input *input, struct io_report *report, struct tetlod_error *error)
+enum tetlod_status inp_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
     const char *begin = (const char *)input->bytes;
-    struct inp p = {.begin = begin, .rest = {begin, begin + input->size}, .view = input->view, .error = error, .report = report,
+    struct inp p = {.begin = begin, .rest = {begin, begin + input->size}, .view = input->view, .error = error,
+                    .report = report,
                     .input = input, .out = out};
     enum tetlod_status status = read_all(&p);
     free(p.positions);

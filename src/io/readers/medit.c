@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading Medit .mesh and .meshb, with the .sol or .solb file of values at its vertices where one is given. Text is words: a keyword,
- * a count, numbers; line ends mean nothing, and what is not known is passed over up to the next keyword. A binary file begins with the
- * number 1, which tells its byte order, and its version, which tells the widths of numbers; each keyword is a number followed by the
- * place of the next one.
+ * Reading Medit .mesh and .meshb, with the .sol or .solb file of values at its vertices where one is given. Text is
+ * words: a keyword, a count, numbers; line ends mean nothing, and what is not known is passed over up to the next
+ * keyword. A binary file begins with the number 1, which tells its byte order, and its version, which tells the widths
+ * of numbers; each keyword is a number followed by the place of the next one.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -178,7 +178,8 @@ static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
         const char *name;
         unsigned char type;
         uint8_t corners;
-    } cells[] = {{"Tetrahedra", VTK_TYPE_TET, 4},     {"Hexahedra", VTK_TYPE_HEXAHEDRON, 8}, {"Prisms", VTK_TYPE_WEDGE, 6},
+    } cells[] = {{"Tetrahedra", VTK_TYPE_TET, 4},     {"Hexahedra", VTK_TYPE_HEXAHEDRON, 8},
+                 {"Prisms", VTK_TYPE_WEDGE, 6},
                  {"Pyramids", VTK_TYPE_PYRAMID, 5},   {"Triangles", VTK_TYPE_FLAT, 3},       {"Edges", VTK_TYPE_FLAT, 2},
                  {"Quadrilaterals", VTK_TYPE_FLAT, 4}, {"Hexaedra", VTK_TYPE_HEXAHEDRON, 8}};
     if (text_is(keyword, "MeshVersionFormatted"))
@@ -203,7 +204,8 @@ static int64_t binary_version(const unsigned char *bytes, size_t size, bool *big
         values_to_ints(bytes, VALUE_INT32, *big_endian, WORDS, words);
         bool wide = words[1] >= 3; // the place of the next keyword, behind the dimension
         int64_t place = words[*big_endian && wide ? 4 : 3];
-        if (words[0] == 1 && words[1] >= 1 && words[1] <= 4 && words[2] == 3 && place == (wide ? 24 : 20) && words[wide ? 5 : 4] == 3)
+        if (words[0] == 1 && words[1] >= 1 && words[1] <= 4 && words[2] == 3 && place == (wide ? 24 : 20) &&
+            words[wide ? 5 : 4] == 3)
             return words[1];
     }
     return 0;
@@ -215,7 +217,8 @@ static struct text name_of(int64_t number)
     static const struct {
         int64_t number;
         const char *name;
-    } names[] = {{3, "Dimension"}, {4, "Vertices"},   {5, "Edges"},     {6, "Triangles"}, {7, "Quadrilaterals"}, {8, "Tetrahedra"},
+    } names[] = {{3, "Dimension"}, {4, "Vertices"},   {5, "Edges"},     {6, "Triangles"}, {7, "Quadrilaterals"},
+                 {8, "Tetrahedra"},
                  {9, "Prisms"},    {10, "Hexahedra"}, {49, "Pyramids"}, {54, "End"},      {62, "SolAtVertices"}};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (names[i].number == number)
@@ -314,14 +317,16 @@ static enum tetlod_status read_solution(struct medit *m, const struct io_input *
     enum tetlod_status status = read_all(m, read_solution_keyword);
     if (status == TETLOD_OK && m->mesh->field_count == before)
         status = fail(m, "there is no SolAtVertices");
-    return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path, inner.message);
+    return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path,
+                                                          inner.message);
 }
 
 bool medit_sniff(const unsigned char *bytes, size_t size)
 {
     struct text rest = {(const char *)bytes, (const char *)bytes + size};
     bool big_endian;
-    return binary_version(bytes, size, &big_endian) > 0 || text_is(text_word_past_comments(&rest), "MeshVersionFormatted");
+    return binary_version(bytes, size, &big_endian) > 0 || text_is(text_word_past_comments(&rest),
+                                                                   "MeshVersionFormatted");
 }
 
 enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, struct io_report *report,
@@ -331,7 +336,8 @@ enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, 
     TETLOD_TRY(blocks_add(out, &block, error));
     struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
-    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error, .cells = &block->cells, .view = input->view};
+    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error,
+                      .cells = &block->cells, .view = input->view};
     enum tetlod_status status = read_all(&m, read_keyword);
     if (status == TETLOD_OK && !mesh->positions)
         status = fail(&m, "there are no Vertices; is the file truncated?");

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * PLOT3D, binary: the number of grids, unless there is one only and it is left out; the three int32 dimensions of each; then for
- * each grid all x, all y, all z and perhaps an int32 for each point (iblank, 0: the point is blanked). The solution: the same
- * counts, and for each grid four numbers (Mach number, angle of attack, Reynolds number, time), then density, the three momenta,
- * stagnation energy, each for all points; what follows is not read. Byte order, precision, iblank and record markers (the size of
- * each record before and after it, as Fortran writes) are those that make the size of the grid's file come out.
+ * PLOT3D, binary: the number of grids, unless there is one only and it is left out; the three int32 dimensions of each;
+ * then for each grid all x, all y, all z and perhaps an int32 for each point (iblank, 0: the point is blanked). The
+ * solution: the same counts, and for each grid four numbers (Mach number, angle of attack, Reynolds number, time), then
+ * density, the three momenta, stagnation energy, each for all points; what follows is not read. Byte order, precision,
+ * iblank and record markers (the size of each record before and after it, as Fortran writes) are those that make the
+ * size of the grid's file come out.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -31,7 +32,8 @@ static int64_t int_at(const unsigned char *bytes, bool big_endian, uint64_t at)
 }
 
 /* Points of a grid; 0 if its dimensions are not in the bytes, or more than these can hold. */
-static uint64_t points_of(const unsigned char *bytes, size_t size, const struct layout *layout, uint64_t grid, uint32_t dims[3])
+static uint64_t points_of(const unsigned char *bytes, size_t size, const struct layout *layout, uint64_t grid,
+                          uint32_t dims[3])
 {
     uint64_t points = 1;
     for (int d = 0; d < 3; d++) {
@@ -51,7 +53,8 @@ static uint64_t grid_size(const struct layout *layout, uint64_t points)
 }
 
 /* Whether both markers about a record are its size. */
-static bool is_record(const unsigned char *bytes, size_t size, const struct layout *layout, uint64_t at, uint64_t length)
+static bool is_record(const unsigned char *bytes, size_t size, const struct layout *layout, uint64_t at,
+                      uint64_t length)
 {
     return at + length + 8 <= size && int_at(bytes, layout->big_endian, at) == (int64_t)length &&
            int_at(bytes, layout->big_endian, at + 4 + length) == (int64_t)length;
@@ -85,7 +88,8 @@ static bool fits(const unsigned char *bytes, size_t size, struct layout *layout)
     uint64_t at = layout->data_at;
     for (uint64_t g = 0; g < layout->grids; g++) {
         uint64_t points = points_of(bytes, size, layout, g, dims), length = grid_size(layout, points);
-        if (!points || at > size || length > size - at || (layout->has_markers && !is_record(bytes, size, layout, at, length)))
+        if (!points || at > size || length > size - at ||
+            (layout->has_markers && !is_record(bytes, size, layout, at, length)))
             return false;
         at += length + (layout->has_markers ? 8 : 0);
     }
@@ -121,7 +125,8 @@ static enum tetlod_type float_type(const struct layout *layout)
 }
 
 /* One component of all points into every width-th double. */
-static void read_column(const unsigned char *bytes, const struct layout *layout, uint64_t points, uint64_t column, double *out, size_t width)
+static void read_column(const unsigned char *bytes, const struct layout *layout, uint64_t points, uint64_t column,
+                        double *out, size_t width)
 {
     size_t size = value_size(layout->type);
     for (uint64_t p = 0; p < points; p++)
@@ -151,7 +156,8 @@ static enum tetlod_status add_fields(struct tetmesh *mesh, const struct layout *
     for (uint32_t f = 0; f < 4; f++) {
         TETLOD_TRY(tetmesh_add_field(mesh, fields[f].name, fields[f].components, float_type(layout), error));
         for (uint32_t c = 0; f < 3 && c < fields[f].components; c++)
-            read_column(numbers, layout, mesh->vertex_count, fields[f].column + c, mesh->fields[f].values + c, fields[f].components);
+            read_column(numbers, layout, mesh->vertex_count, fields[f].column + c, mesh->fields[f].values + c,
+                        fields[f].components);
     }
     fill_pressure(mesh);
     return TETLOD_OK;
@@ -159,7 +165,8 @@ static enum tetlod_status add_fields(struct tetmesh *mesh, const struct layout *
 
 static enum tetlod_status fail_short(const struct io_input *input, uint64_t needed, struct tetlod_error *error)
 {
-    return tetlodi_fail(error, TETLOD_ERR_MESH, "%.80s: has %zu bytes, a solution for this grid has %llu", input->other_path,
+    return tetlodi_fail(error, TETLOD_ERR_MESH, "%.80s: has %zu bytes, a solution for this grid has %llu",
+                        input->other_path,
                         input->other_size, (unsigned long long)needed);
 }
 
@@ -201,7 +208,8 @@ static enum tetlod_status read_blank(struct block *block, const unsigned char *b
     return status;
 }
 
-static enum tetlod_status read_grid(struct blocks *out, const struct io_input *input, const struct layout *layout, uint64_t grid,
+static enum tetlod_status read_grid(struct blocks *out, const struct io_input *input, const struct layout *layout,
+                                    uint64_t grid,
                                     uint64_t *io_at, struct io_report *report, struct tetlod_error *error)
 {
     struct block *block;
@@ -209,7 +217,8 @@ static enum tetlod_status read_grid(struct blocks *out, const struct io_input *i
     uint64_t points = points_of(input->bytes, input->size, layout, grid, block->dims);
     const unsigned char *numbers = input->bytes + *io_at + (layout->has_markers ? 4 : 0);
     if (layout->grids == 1 && (block->dims[0] < 2 || block->dims[1] < 2 || block->dims[2] < 2))
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "a grid of %u x %u x %u points has no volume", block->dims[0], block->dims[1],
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "a grid of %u x %u x %u points has no volume", block->dims[0],
+                            block->dims[1],
                             block->dims[2]);
     TETLOD_TRY(assemble_points(&block->mesh, points, float_type(layout), error));
     for (uint32_t c = 0; c < 3; c++)
@@ -226,7 +235,8 @@ enum tetlod_status plot3d_read(struct blocks *out, const struct io_input *input,
     struct layout layout;
     size_t first = out->count;
     if (!find_layout(input->bytes, input->size, &layout))
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "its %zu bytes are not binary PLOT3D grids, of either byte order", input->size);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "its %zu bytes are not binary PLOT3D grids, of either byte order",
+                            input->size);
     uint64_t at = layout.data_at;
     for (uint64_t g = 0; g < layout.grids; g++)
         TETLOD_TRY(read_grid(out, input, &layout, g, &at, report, error));

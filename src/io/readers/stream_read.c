@@ -29,7 +29,8 @@ enum tetlod_status stream_read(struct blocks *out, const struct io_input *input,
     TETLOD_TRY_DONE(tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, error));
     TETLOD_TRY_DONE(level_mesh_take(tetlod_info(file), &cursor, mesh, error));
     status = level_mesh_cells(file, TETLOD_NONE, NULL, mesh, error);
-    block->cells = (struct cells){.count = mesh->tet_count, .connectivity = mesh->corners, .connectivity_count = 4 * (uint64_t)mesh->tet_count};
+    block->cells = (struct cells){.count = mesh->tet_count, .connectivity = mesh->corners,
+                                  .connectivity_count = 4 * (uint64_t)mesh->tet_count};
     mesh->corners = NULL; // they are the cells', until these are split
     mesh->tet_count = 0;
 done:

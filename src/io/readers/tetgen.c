@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading TetGen's NAME.node (points, their attributes, which become fields) and NAME.ele (tetrahedra). Both are text, a
- * header and a line for each: its number, from 0 or 1 on, and values; # starts a comment.
+ * Reading TetGen's NAME.node (points, their attributes, which become fields) and NAME.ele (tetrahedra). Both are text,
+ * a header and a line for each: its number, from 0 or 1 on, and values; # starts a comment.
  */
 #include <stdlib.h>
 
@@ -35,7 +35,8 @@ static enum tetlod_status take_double(struct file *f, double *out)
 {
     file_view_pass(f->view, f->rest.at);
     struct text word = text_word_past_comments(&f->rest);
-    return text_double(&word, false, out) ? TETLOD_OK : fail(f, "there should be a number here; is the file truncated?");
+    return text_double(&word, false, out) ? TETLOD_OK : fail(f,
+                                                             "there should be a number here; is the file truncated?");
 }
 
 /* The first of a header's numbers, checked against the bytes that are left for so many lines. */
@@ -58,7 +59,8 @@ static enum tetlod_status read_nodes(struct tetmesh *mesh, struct file *f, int64
     TETLOD_TRY(take_header(f, header, 4));
     if (header[1] != 3)
         return fail(f, "the dimension should be 3");
-    if (header[2] > MOST_ATTRIBUTES || (header[2] && (header[0] ? header[0] : 1) > (f->rest.end - f->rest.at) / 2 / header[2]))
+    if (header[2] > MOST_ATTRIBUTES ||
+        (header[2] && (header[0] ? header[0] : 1) > (f->rest.end - f->rest.at) / 2 / header[2]))
         return fail(f, "the file ends too early for these attributes; is it truncated?");
     TETLOD_TRY(assemble_points(mesh, (uint64_t)header[0], TETLOD_FLOAT64, f->error));
     for (int64_t a = 0; a < header[2]; a++)
@@ -108,7 +110,8 @@ enum tetlod_status tetgen_read(struct blocks *out, const struct io_input *input,
     struct tetmesh *mesh = &block->mesh;
     const char *node_bytes = (const char *)input->bytes, *element_bytes = (const char *)input->other;
     struct file nodes = {".node", node_bytes, {node_bytes, node_bytes + input->size}, input->view, error};
-    struct file elements = {".ele", element_bytes, {element_bytes, element_bytes + input->other_size}, input->other_view, error};
+    struct file elements = {".ele", element_bytes, {element_bytes, element_bytes + input->other_size},
+                            input->other_view, error};
     int64_t first_point = 0;
     enum tetlod_status status = read_nodes(mesh, &nodes, &first_point);
     if (status == TETLOD_OK)

@@ -106,7 +106,8 @@ enum tetlod_status vtk_ints(struct vtk_stream *stream, enum value_type type, siz
     return TETLOD_OK;
 }
 
-/* A binary string's length is in the low bits of a big-endian word of 1, 2, 4 or 8 bytes; the two high bits tell which. */
+/* A binary string's length is in the low bits of a big-endian word of 1, 2, 4 or 8 bytes; the two high bits tell
+ * which. */
 static bool skip_string(struct vtk_stream *stream)
 {
     if (left(stream) == 0)

@@ -31,7 +31,8 @@ TETLOD_CHECKED enum tetlod_status vtk_array_type(const struct vtk_stream *stream
 /* The next count values; vtk_check_count is to be asked before room is made for them. */
 TETLOD_CHECKED enum tetlod_status vtk_check_count(const struct vtk_stream *stream, enum value_type type, uint64_t count,
                                                   struct tetlod_error *error);
-TETLOD_CHECKED enum tetlod_status vtk_doubles(struct vtk_stream *stream, enum value_type type, size_t count, double *out,
+TETLOD_CHECKED enum tetlod_status vtk_doubles(struct vtk_stream *stream, enum value_type type, size_t count,
+                                              double *out,
                                               struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status vtk_ints(struct vtk_stream *stream, enum value_type type, size_t count, int64_t *out,
                                            struct tetlod_error *error);

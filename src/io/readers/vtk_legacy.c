@@ -309,7 +309,8 @@ static uint64_t cell_tuples(const struct legacy *l)
 static enum tetlod_status make_points(struct legacy *l);
 static enum tetlod_status set_dims(struct legacy *l);
 
-static enum tetlod_status read_values(struct legacy *l, struct text name, struct vtk_array_type type, uint64_t components)
+static enum tetlod_status read_values(struct legacy *l, struct text name, struct vtk_array_type type,
+                                      uint64_t components)
 {
     struct tetmesh *mesh = l->mesh;
     bool cell = l->attributes == CELL_DATA;
@@ -317,11 +318,13 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     if (!decoded)
         return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
     bool ghosts = is_ghosts(decoded, components);
-    enum tetlod_status status = cell ? assemble_cell_field(mesh, decoded, components, float_type(type.type), l->tuples, l->error)
+    enum tetlod_status status = cell ? assemble_cell_field(mesh, decoded, components, float_type(type.type), l->tuples,
+                                                           l->error)
                                      : assemble_field(mesh, decoded, components, float_type(type.type), l->error);
     free(decoded);
     TETLOD_TRY(status);
-    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                          1] : &mesh->fields[mesh->field_count - 1];
     TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
     field->is_integer = !value_is_float(type.type) && values_are_whole(field->values, (size_t)(l->tuples * components));
     l->last = ghosts ? NULL : field;
@@ -340,7 +343,8 @@ static enum tetlod_status take_attribute(struct legacy *l, struct text name, str
     uint64_t count = tuples * (uint64_t)components;
     l->last = NULL;
     if (wanted && tuples != l->tuples)
-        return fail(l, l->attributes == POINT_DATA ? "this point array has another number of values than there are points"
+        return fail(l, l->attributes == POINT_DATA
+                    ? "this point array has another number of values than there are points"
                                                    : "this cell array has another number of values than there are cells");
     if (!wanted) {
         if (l->attributes != FIELD_DATA)
@@ -546,8 +550,8 @@ static bool grid_points(const struct legacy *l, uint64_t *out)
     return true;
 }
 
-/* Of grids whose points are not in the file. Their number is bounded by the data that follows, of points or of cells, which
- * are at least an eighth as many. */
+/* Of grids whose points are not in the file. Their number is bounded by the data that follows, of points or of cells,
+ * which are at least an eighth as many. */
 static enum tetlod_status make_points(struct legacy *l)
 {
     uint64_t count;

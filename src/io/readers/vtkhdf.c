@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading VTKHDF: the group VTKHDF of an HDF5 file, of type UnstructuredGrid (in parts, one after the other in each data set)
- * or ImageData; versions 1.0 and 2.x with steps in time.
+ * Reading VTKHDF: the group VTKHDF of an HDF5 file, of type UnstructuredGrid (in parts, one after the other in each
+ * data set) or ImageData; versions 1.0 and 2.x with steps in time.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,7 +57,8 @@ static enum tetlod_status read_points(struct vtkhdf *v, const struct part *part,
     TETLOD_TRY(h5_open_set(v->root, "Points", v->size, &set, v->error));
     enum tetlod_status status = set.rank == 2 && set.dims[1] == 3 && part->points <= set.dims[0]
                                     ? assemble_points(mesh, part->points, set.type, v->error)
-                                    : tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set Points should be %llu x 3 numbers or more",
+                                    : tetlodi_fail(v->error, TETLOD_ERR_MESH,
+                                                   "data set Points should be %llu x 3 numbers or more",
                                                    (unsigned long long)part->points);
     if (status == TETLOD_OK)
         status = h5_read_doubles(&set, part->first_point, part->points, mesh->positions, v->error);
@@ -72,7 +73,8 @@ static enum tetlod_status open_ints(struct vtkhdf *v, const char *name, uint64_t
     if (out->rank == 1 && count <= out->dims[0])
         return TETLOD_OK;
     H5Dclose(out->id);
-    return tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set %s should have %llu numbers or more", name, (unsigned long long)count);
+    return tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set %s should have %llu numbers or more", name,
+                        (unsigned long long)count);
 }
 
 static enum tetlod_status read_types(struct vtkhdf *v, const struct part *part, struct cells *cells)
@@ -80,7 +82,8 @@ static enum tetlod_status read_types(struct vtkhdf *v, const struct part *part, 
     struct h5_set set;
     TETLOD_TRY(open_ints(v, "Types", part->cells, &set));
     cells->types = array_new((size_t)part->cells, 1);
-    enum tetlod_status status = cells->types ? h5_read_bytes(&set, part->first_cell, part->cells, cells->types, v->error)
+    enum tetlod_status status = cells->types ? h5_read_bytes(&set, part->first_cell, part->cells, cells->types,
+                                                             v->error)
                                              : tetlodi_fail_nomem(v->error, "the cells", part->cells);
     for (uint64_t c = 0; c < part->cells && status == TETLOD_OK; c++)
         if (cells->types[c] == VTK_TYPE_POLYHEDRON)
@@ -94,7 +97,8 @@ static enum tetlod_status read_offsets(struct vtkhdf *v, const struct part *part
     struct h5_set set;
     TETLOD_TRY(open_ints(v, "Offsets", part->cells + 1, &set));
     cells->offsets = array_new((size_t)part->cells + 1, sizeof *cells->offsets);
-    enum tetlod_status status = cells->offsets ? h5_read_ints(&set, part->first_offset, part->cells + 1, (int64_t *)cells->offsets, v->error)
+    enum tetlod_status status = cells->offsets ? h5_read_ints(&set, part->first_offset, part->cells + 1,
+                                                              (int64_t *)cells->offsets, v->error)
                                                : tetlodi_fail_nomem(v->error, "the cells", part->cells * 8);
     H5Dclose(set.id);
     return status;
@@ -106,7 +110,8 @@ static enum tetlod_status read_connectivity(struct vtkhdf *v, const struct part 
     TETLOD_TRY(open_ints(v, "Connectivity", part->connectivity, &set));
     cells->connectivity = array_new((size_t)part->connectivity, sizeof *cells->connectivity);
     enum tetlod_status status =
-        cells->connectivity ? h5_read_numbers(&set, part->first_connectivity, part->connectivity, cells->connectivity, v->error)
+        cells->connectivity ? h5_read_numbers(&set, part->first_connectivity, part->connectivity, cells->connectivity,
+                                              v->error)
                             : tetlodi_fail_nomem(v->error, "the cells", part->connectivity * 4);
     H5Dclose(set.id);
     return status;
@@ -135,7 +140,8 @@ struct walk {
 };
 
 /* Adds a field of these rows of the set. */
-static enum tetlod_status take_set(const struct walk *w, const char *name, const struct h5_set *set, uint64_t width, uint64_t first,
+static enum tetlod_status take_set(const struct walk *w, const char *name, const struct h5_set *set, uint64_t width,
+                                   uint64_t first,
                                    uint64_t rows, struct point_field **out)
 {
     struct tetmesh *mesh = &w->block->mesh;
@@ -171,7 +177,8 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
     uint64_t width = set.rank == 2 ? set.dims[1] : 1;
     enum tetlod_status status = TETLOD_OK;
     if (set.rank < 1 || set.rank > 2 || set.dims[0] < w->rows)
-        status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path, (unsigned long long)w->rows);
+        status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path,
+                              (unsigned long long)w->rows);
     if (status == TETLOD_OK)
         status = take_set(w, name, &set, width, first + w->first, w->rows, &field);
     if (status == TETLOD_OK && is_ghosts(name, width))
@@ -240,7 +247,8 @@ static enum tetlod_status load_counts(struct vtkhdf *v, struct counts *c)
     bool good = cells == c->parts && connectivity == c->parts;
     for (uint64_t p = 0; good && p < c->parts; p++)
         good = c->points[p] >= 0 && c->cells[p] >= 0 && c->connectivity[p] >= 0;
-    return good ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_MESH, "the numbers of points, cells and corners do not match");
+    return good ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_MESH,
+                                           "the numbers of points, cells and corners do not match");
 }
 
 static enum tetlod_status read_parts(struct vtkhdf *v, const struct counts *c)
@@ -295,7 +303,8 @@ static bool read_attribute(hid_t where, const char *name, hid_t type, size_t cou
     return good;
 }
 
-/* A data set whose dimensions are those of the points or cells, k first, and perhaps components; with steps, these in front. */
+/* A data set whose dimensions are those of the points or cells, k first, and perhaps components; with steps, these in
+ * front. */
 static enum tetlod_status take_image_array(struct walk *w, const char *path, const char *name)
 {
     struct h5_set set;
@@ -338,7 +347,8 @@ static enum tetlod_status make_points(struct vtkhdf *v, struct block *block, con
         points *= block->dims[d];
     TETLOD_TRY(assemble_points(&block->mesh, points, TETLOD_FLOAT64, v->error));
     for (uint64_t p = 0; p < points; p++) {
-        const uint64_t at[3] = {p % block->dims[0], p / block->dims[0] % block->dims[1], p / block->dims[0] / block->dims[1]};
+        const uint64_t at[3] = {p % block->dims[0], p / block->dims[0] % block->dims[1],
+                                p / block->dims[0] / block->dims[1]};
         for (int row = 0; row < 3; row++) {
             double sum = origin[row];
             for (int d = 0; d < 3; d++)
@@ -364,10 +374,12 @@ static enum tetlod_status read_image(struct vtkhdf *v)
         points *= n;
     }
     if (!good)
-        return tetlodi_fail(v->error, TETLOD_ERR_MESH, "its WholeExtent is missing, or has more points than the file has values");
+        return tetlodi_fail(v->error, TETLOD_ERR_MESH,
+                            "its WholeExtent is missing, or has more points than the file has values");
     TETLOD_TRY(make_points(v, block, extent));
     for (int cell = 0; cell < 2; cell++) {
-        struct walk w = {v, block, cell ? "CellData" : "PointData", cell, 0, cell ? block_cell_count(block) : points, TETLOD_OK};
+        struct walk w = {v, block, cell ? "CellData" : "PointData", cell, 0, cell ? block_cell_count(block) : points,
+                         TETLOD_OK};
         if (w.rows && h5_has(v->root, w.group))
             H5Literate_by_name(v->root, w.group, H5_INDEX_NAME, H5_ITER_INC, NULL, on_image_array, &w, H5P_DEFAULT);
         TETLOD_TRY(w.status);
@@ -405,16 +417,19 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     struct vtkhdf v = {.size = input->size, .out = out, .options = input->options, .report = report, .error = error};
     v.root = h5_has(file, "VTKHDF") ? H5Gopen2(file, "VTKHDF", H5P_DEFAULT) : -1;
     if (v.root < 0)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an HDF5 file without a group VTKHDF; if it belongs to an XDMF file, name that");
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "is an HDF5 file without a group VTKHDF; if it belongs to an XDMF file, name that");
     h5_read_text(v.root, "Type", type, sizeof type);
-    bool is_untyped = !type[0] && h5_has(v.root, "Connectivity"); // older files, which VTK's reader takes for grids, too
+    bool is_untyped = !type[0] && h5_has(v.root,
+                                         "Connectivity"); // older files, which VTK's reader takes for grids, too
     enum tetlod_status status = choose_step(&v);
     if (status == TETLOD_OK && (is_untyped || strcmp(type, "UnstructuredGrid") == 0))
         status = read_unstructured(&v);
     else if (status == TETLOD_OK && strcmp(type, "ImageData") == 0)
         status = read_image(&v);
     else if (status == TETLOD_OK)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "is VTKHDF of type '%.40s'; UnstructuredGrid and ImageData can be read", type);
+        status = tetlodi_fail(error, TETLOD_ERR_MESH,
+                              "is VTKHDF of type '%.40s'; UnstructuredGrid and ImageData can be read", type);
     H5Gclose(v.root);
     H5Fclose(file);
     return status;

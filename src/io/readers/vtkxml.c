@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading the XML files of VTK, versions 0.1 to 2.x: unstructured (VTU), structured, rectilinear and image grids (VTS, VTR,
- * VTI) in any number of pieces, the parallel forms of these, whose pieces are files, and files of blocks (VTM, VTPD, VTPC) and
- * of steps in time (PVD).
+ * Reading the XML files of VTK, versions 0.1 to 2.x: unstructured (VTU), structured, rectilinear and image grids (VTS,
+ * VTR, VTI) in any number of pieces, the parallel forms of these, whose pieces are files, and files of blocks (VTM,
+ * VTPD, VTPC) and of steps in time (PVD).
  */
 #include <stdlib.h>
 #include <string.h>
@@ -40,12 +40,14 @@ static enum tetlod_status read_piece(const struct vtkxml_document *document, con
 }
 
 /* A structured piece that a parallel form names is one block, whatever the file is made of. */
-static enum tetlod_status read_grid(const struct vtkxml_document *document, struct blocks *out, const struct io_input *input,
+static enum tetlod_status read_grid(const struct vtkxml_document *document, struct blocks *out,
+                                    const struct io_input *input,
                                     struct io_report *report, struct tetlod_error *error)
 {
     int64_t(*extents)[6] = array_new(document->piece_count, sizeof *extents);
     size_t first = out->count;
-    enum tetlod_status status = extents ? TETLOD_OK : tetlodi_fail_nomem(error, "the extents", document->piece_count * 48);
+    enum tetlod_status status = extents ? TETLOD_OK : tetlodi_fail_nomem(error, "the extents",
+                                                                         document->piece_count * 48);
     for (size_t p = 0; p < document->piece_count && status == TETLOD_OK; p++) {
         const struct vtkxml_piece *piece = &document->pieces[p];
         status = read_piece(document, piece, out, input, report, error);
@@ -78,7 +80,8 @@ static enum tetlod_status read_pieces(const struct vtkxml_document *document, st
 }
 
 /* The times of a collection, and which of them is asked for; *has_time: whether it has any. */
-static enum tetlod_status choose_time(const struct vtkxml_document *document, const struct io_input *input, double *time,
+static enum tetlod_status choose_time(const struct vtkxml_document *document, const struct io_input *input,
+                                      double *time,
                                       bool *has_time, struct io_report *report, struct tetlod_error *error)
 {
     struct time_steps steps = {0};
@@ -95,7 +98,8 @@ static enum tetlod_status choose_time(const struct vtkxml_document *document, co
     return status;
 }
 
-static enum tetlod_status fail_block(const struct vtkxml_document *document, const char *name, struct tetlod_error *error)
+static enum tetlod_status fail_block(const struct vtkxml_document *document, const char *name,
+                                     struct tetlod_error *error)
 {
     char known[160] = "";
     size_t length = 0;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Binary data of an array: words (UInt32 or UInt64) and then the values. Uncompressed, one word: the bytes that follow.
- * Compressed: the number of blocks, the size of a whole block, the size of the last one if it is a partial one (else 0),
- * the compressed size of each block, then the blocks. As base64, header and values may be encoded apart or together.
+ * Compressed: the number of blocks, the size of a whole block, the size of the last one if it is a partial one (else
+ * 0), the compressed size of each block, then the blocks. As base64, header and values may be encoded apart or
+ * together.
  */
 #include <limits.h>
 #include <stdatomic.h>
@@ -80,8 +81,10 @@ static size_t take_quads(struct source *s, unsigned char *out, size_t size)
     return done;
 }
 
-/* Bytes at a place of the document: as they are, or those of raw appended data read into the buffer. NULL: they cannot be read. */
-static const unsigned char *bytes_at(const struct vtkxml_document *document, size_t at, size_t size, unsigned char *buffer)
+/* Bytes at a place of the document: as they are, or those of raw appended data read into the buffer. NULL: they cannot
+ * be read. */
+static const unsigned char *bytes_at(const struct vtkxml_document *document, size_t at, size_t size,
+                                     unsigned char *buffer)
 {
     if (!document->file || at + size <= document->text)
         return document->bytes + at;
@@ -125,7 +128,8 @@ static uint64_t most_left(const struct source *s)
 static bool take_words(struct source *s, size_t count, uint64_t *out)
 {
     size_t width = s->document->header_size;
-    unsigned char *bytes = (unsigned char *)out + count * (sizeof *out - width); // at the end, so that widening from the front is in place
+    // at the end, so that widening from the front is in place
+    unsigned char *bytes = (unsigned char *)out + count * (sizeof *out - width);
     if (count > most_left(s) / width || !take(s, bytes, count * width))
         return false;
     values_to_ints(bytes, width == 8 ? VALUE_UINT64 : VALUE_UINT32, s->document->big_endian, count, (int64_t *)out);
@@ -156,7 +160,8 @@ static enum tetlod_status fail_short(struct tetlod_error *error, const struct vt
                         array->name, (unsigned long long)array->line, (unsigned long long)count);
 }
 
-enum tetlod_status vtkxml_check_count(const struct vtkxml_document *document, const struct vtkxml_array *array, uint64_t count,
+enum tetlod_status vtkxml_check_count(const struct vtkxml_document *document, const struct vtkxml_array *array,
+                                      uint64_t count,
                                    struct tetlod_error *error)
 {
     static const unsigned ratios[] = {1, 1100, 300, 20000}; // deflate reaches 1032, lz4 255, lzma 7000
@@ -245,14 +250,16 @@ static bool compare(const struct target *target, const unsigned char *bytes, siz
 
 /* ---- blocks */
 
-/* An array as blocks of bytes, each of whole values: compressed by themselves, or the parts that one thread takes at a time. */
+/* An array as blocks of bytes, each of whole values: compressed by themselves, or the parts that one thread takes at a
+ * time. */
 struct data_blocks {
     uint64_t count, size, last; /* bytes of values; of the last one if it is a partial one, else 0 */
     uint64_t *stored;           /* owned: bytes of each in the file */
     uint64_t total, most;       /* of them */
 };
 
-static enum tetlod_status new_sizes(struct data_blocks *out, const struct vtkxml_array *array, struct tetlod_error *error)
+static enum tetlod_status new_sizes(struct data_blocks *out, const struct vtkxml_array *array,
+                                    struct tetlod_error *error)
 {
     out->stored = array_new(out->count, sizeof *out->stored);
     return out->stored ? TETLOD_OK : tetlodi_fail_nomem(error, array->name, out->count * sizeof *out->stored);
@@ -298,7 +305,8 @@ static enum tetlod_status read_plain_header(struct source *s, const struct vtkxm
         return fail_short(error, array, needed / value_size(array->type));
     if (stored != needed)
         return fail_count(array, error);
-    *out = (struct data_blocks){needed / PLAIN_BLOCK + (needed % PLAIN_BLOCK != 0), PLAIN_BLOCK, needed % PLAIN_BLOCK, NULL, 0, 0};
+    *out = (struct data_blocks){needed / PLAIN_BLOCK + (needed % PLAIN_BLOCK != 0), PLAIN_BLOCK, needed % PLAIN_BLOCK,
+                                NULL, 0, 0};
     TETLOD_TRY(new_sizes(out, array, error));
     for (uint64_t b = 0; b < out->count; b++)
         out->stored[b] = block_size(out, b);
@@ -306,7 +314,8 @@ static enum tetlod_status read_plain_header(struct source *s, const struct vtkxm
 }
 
 /* Sums the sizes up, which may be anything. */
-static enum tetlod_status add_sizes(const struct source *s, const struct vtkxml_array *array, struct data_blocks *blocks,
+static enum tetlod_status add_sizes(const struct source *s, const struct vtkxml_array *array,
+                                    struct data_blocks *blocks,
                                     uint64_t needed, struct tetlod_error *error)
 {
     uint64_t left = most_left(s);
@@ -329,14 +338,16 @@ struct block_job {
     const struct data_blocks *blocks;
     const unsigned char *decoded; /* of base64: all of them; or NULL: they are in the document */
     const size_t *begins;         /* [block] */
-    unsigned char *stored[PARALLEL_MOST_THREADS], *plain[PARALLEL_MOST_THREADS]; /* owned; NULL where they are not needed */
+    /* owned; NULL where they are not needed */
+    unsigned char *stored[PARALLEL_MOST_THREADS], *plain[PARALLEL_MOST_THREADS];
     atomic_int problem;
 };
 
 static int convert_block(struct block_job *job, unsigned worker, size_t b)
 {
     const struct vtkxml_document *document = job->document;
-    size_t width = value_size(job->target->type), size = (size_t)block_size(job->blocks, b), stored = (size_t)job->blocks->stored[b];
+    size_t width = value_size(job->target->type), size = (size_t)block_size(job->blocks,
+                                                                            b), stored = (size_t)job->blocks->stored[b];
     const unsigned char *bytes = job->decoded ? job->decoded + job->begins[b]
                                               : bytes_at(document, job->begins[b], stored, job->stored[worker]);
     if (!bytes)
@@ -364,12 +375,14 @@ static void convert_range(void *context, unsigned worker, size_t begin, size_t e
     }
 }
 
-static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml_array *array, struct tetlod_error *error)
+static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml_array *array,
+                                      struct tetlod_error *error)
 {
     const struct data_blocks *blocks = job->blocks;
     unsigned threads = blocks->count > 1 ? parallel_cores() : 1;
     threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
-    uint64_t size = blocks->count == 1 ? block_size(blocks, 0) : blocks->size; // a size that no block has may be anything
+    // a size that no block has may be anything
+    uint64_t size = blocks->count == 1 ? block_size(blocks, 0) : blocks->size;
     bool reads = job->document->file && !job->decoded, inflates = job->document->compressor != VTKXML_UNCOMPRESSED, good = true;
     for (unsigned t = 0; t < threads; t++) {
         job->stored[t] = reads ? array_new((size_t)blocks->most, 1) : NULL;
@@ -389,17 +402,20 @@ static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml
         *job->target->differs = true;
         return TETLOD_OK;
     }
-    return problem ? fail_array(error, array, problem == BLOCK_UNREAD ? "it cannot be read" : "a compressed block is damaged")
+    return problem ? fail_array(error, array,
+                                problem == BLOCK_UNREAD ? "it cannot be read" : "a compressed block is damaged")
                    : TETLOD_OK;
 }
 
 /* Plain values in base64, decoded and converted part by part. */
-static enum tetlod_status convert_base64(struct source *s, const struct vtkxml_array *array, const struct target *target,
+static enum tetlod_status convert_base64(struct source *s, const struct vtkxml_array *array,
+                                         const struct target *target,
                                          const struct data_blocks *blocks, struct tetlod_error *error)
 {
     size_t *begins = array_zero((size_t)blocks->count, sizeof *begins);
     unsigned char *part = array_new((size_t)blocks->most, 1);
-    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = part, .begins = begins};
+    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = part,
+                            .begins = begins};
     enum tetlod_status status = begins && part ? TETLOD_OK : tetlodi_fail_nomem(error, array->name, blocks->most);
     for (size_t b = 0; b < blocks->count && status == TETLOD_OK && !(target->differs && *target->differs); b++) {
         if (!take(s, part, (size_t)blocks->stored[b]))
@@ -413,12 +429,14 @@ static enum tetlod_status convert_base64(struct source *s, const struct vtkxml_a
 }
 
 /* Where each block begins, and the bytes of base64 decoded, then all blocks. */
-static enum tetlod_status convert_blocks(struct source *s, const struct vtkxml_array *array, const struct target *target,
+static enum tetlod_status convert_blocks(struct source *s, const struct vtkxml_array *array,
+                                         const struct target *target,
                                          const struct data_blocks *blocks, struct tetlod_error *error)
 {
     size_t *begins = array_new((size_t)blocks->count, sizeof *begins);
     unsigned char *decoded = s->base64 ? array_new((size_t)blocks->total, 1) : NULL;
-    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = decoded, .begins = begins};
+    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = decoded,
+                            .begins = begins};
     enum tetlod_status status = TETLOD_OK;
     if (!begins || (s->base64 && !decoded))
         status = tetlodi_fail_nomem(error, array->name, blocks->total);
@@ -511,11 +529,13 @@ enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const s
     return read_binary(document, array, &target, count, error);
 }
 
-enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array, size_t count,
+enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array,
+                                      size_t count,
                                       int64_t first, int64_t step, bool *out, struct tetlod_error *error)
 {
     bool differs = value_is_float(array->type) || array->format == VTKXML_ASCII;
-    struct target target = {.first = first, .step = step, .differs = &differs, .type = array->type, .big_endian = document->big_endian};
+    struct target target = {.first = first, .step = step, .differs = &differs, .type = array->type,
+                            .big_endian = document->big_endian};
     enum tetlod_status status = differs ? TETLOD_OK : read_binary(document, array, &target, count, error);
     *out = !differs;
     return status;

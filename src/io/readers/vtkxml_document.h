@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The XML part of a VTK file as tables of its pieces, arrays and further files, and the decoding of one array wherever its
- * values are. */
+/* The XML part of a VTK file as tables of its pieces, arrays and further files, and the decoding of one array wherever
+ * its values are. */
 #ifndef TETLOD_VTKXML_DOCUMENT_H
 #define TETLOD_VTKXML_DOCUMENT_H
 
@@ -51,14 +51,17 @@ struct vtkxml_piece {
 /* A file that another one is made of. */
 struct vtkxml_part {
     char *file;
-    char *path; /* owned, as `file` is: "/BLOCK/.../NAME/", the names of the blocks that it is in and its own; those without a name are not in it */
+    /* owned, as `file` is: "/BLOCK/.../NAME/", the names of the blocks that it is in and its own; those without a name
+     * are not in it */
+    char *path;
     double time;
     bool has_time;
 };
 
 struct vtkxml_document {
     const struct file_input *file; /* or NULL: all is in memory */
-    const unsigned char *bytes;    /* of which the first `text` are not raw appended data, which is read range by range */
+    /* of which the first `text` are not raw appended data, which is read range by range */
+    const unsigned char *bytes;
     size_t text, size;
     struct file_view *view; /* of the bytes, or NULL */
     enum vtkxml_kind kind;
@@ -92,12 +95,14 @@ TETLOD_CHECKED enum tetlod_status vtkxml_check_count(const struct vtkxml_documen
 enum vtkxml_result { VTKXML_DOUBLES, VTKXML_INTS, VTKXML_NUMBERS, VTKXML_BYTES };
 
 /* Exactly `count` values, decompressed and converted on all threads. */
-TETLOD_CHECKED enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const struct vtkxml_array *array,
+TETLOD_CHECKED enum tetlod_status vtkxml_values(const struct vtkxml_document *document,
+                                                const struct vtkxml_array *array,
                                                 size_t count, enum vtkxml_result result, void *out,
                                                 struct tetlod_error *error);
 
 /* Whether `count` integers are first, first + step, ...: no room for them is needed. Of text it says no. */
-TETLOD_CHECKED enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array,
+TETLOD_CHECKED enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document,
+                                                     const struct vtkxml_array *array,
                                                      size_t count, int64_t first, int64_t step, bool *out,
                                                      struct tetlod_error *error);
 
@@ -106,7 +111,8 @@ TETLOD_CHECKED enum tetlod_status vtkxml_read_piece(const struct vtkxml_document
                                                     const struct vtkxml_piece *piece, struct block *block,
                                                     struct io_report *report, struct tetlod_error *error);
 
-/* Makes one structured block of those from `first` on, which lie in the whole extent as `extents` (six numbers each) says. */
+/* Makes one structured block of those from `first` on, which lie in the whole extent as `extents` (six numbers each)
+ * says. */
 TETLOD_CHECKED enum tetlod_status vtkxml_join(struct blocks *blocks, size_t first, const int64_t (*extents)[6],
                                               const int64_t whole[6], struct io_report *report,
                                               struct tetlod_error *error);

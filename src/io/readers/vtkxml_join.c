@@ -30,7 +30,8 @@ static void copy_rows(const struct join *join, const int64_t *extent, const void
             memcpy((unsigned char *)to + row_at(join->extent, extent, j, k, cell) * size, at, count * size);
 }
 
-static enum tetlod_status start_whole(struct join *join, const struct block *pieces, size_t count, struct tetlod_error *error)
+static enum tetlod_status start_whole(struct join *join, const struct block *pieces, size_t count,
+                                      struct tetlod_error *error)
 {
     uint64_t points = 1;
     enum tetlod_type type = TETLOD_FLOAT32;
@@ -45,11 +46,13 @@ static enum tetlod_status start_whole(struct join *join, const struct block *pie
     return join->filled ? TETLOD_OK : tetlodi_fail_nomem(error, "the joined grid", points);
 }
 
-static enum tetlod_status check_extent(const int64_t *whole, const int64_t *extent, size_t piece, struct tetlod_error *error)
+static enum tetlod_status check_extent(const int64_t *whole, const int64_t *extent, size_t piece,
+                                       struct tetlod_error *error)
 {
     for (int d = 0; d < 6; d += 2)
         if (extent[d] < whole[d] || extent[d + 1] > whole[d + 1])
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "the extent of piece %zu is not within the whole extent", piece);
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "the extent of piece %zu is not within the whole extent",
+                                piece);
     return TETLOD_OK;
 }
 
@@ -70,10 +73,12 @@ static enum tetlod_status join_field(struct join *join, struct block *pieces, si
         is_integer &= field->is_integer;
     }
     if (cell)
-        TETLOD_TRY(assemble_cell_field(mesh, like->name, like->components, type, block_cell_count(&join->whole), error));
+        TETLOD_TRY(assemble_cell_field(mesh, like->name, like->components, type, block_cell_count(&join->whole),
+                                       error));
     else
         TETLOD_TRY(assemble_field(mesh, like->name, like->components, type, error));
-    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                          1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = is_integer;
     memcpy(field->unit, like->unit, sizeof field->unit);
     for (size_t p = 0; p < count; p++)
@@ -83,18 +88,21 @@ static enum tetlod_status join_field(struct join *join, struct block *pieces, si
 }
 
 /* All fields, at points or of cells. */
-static enum tetlod_status join_fields(struct join *join, struct block *pieces, size_t count, const int64_t (*extents)[6], bool cell,
+static enum tetlod_status join_fields(struct join *join, struct block *pieces, size_t count,
+                                      const int64_t (*extents)[6], bool cell,
                                       struct tetlod_error *error)
 {
     const struct tetmesh *first = &pieces[0].mesh;
     for (size_t p = 1; p < count; p++)
         block_note_others(&pieces[0], &pieces[p], cell, join->report);
     for (uint32_t f = 0; f < (cell ? first->cell_field_count : first->field_count); f++)
-        TETLOD_TRY(join_field(join, pieces, count, extents, cell ? &first->cell_fields[f] : &first->fields[f], cell, error));
+        TETLOD_TRY(join_field(join, pieces, count, extents, cell ? &first->cell_fields[f] : &first->fields[f], cell,
+                              error));
     return TETLOD_OK;
 }
 
-static enum tetlod_status join_hidden(struct join *join, struct block *pieces, size_t count, const int64_t (*extents)[6],
+static enum tetlod_status join_hidden(struct join *join, struct block *pieces, size_t count,
+                                      const int64_t (*extents)[6],
                                       struct tetlod_error *error)
 {
     uint64_t cells = block_cell_count(&join->whole);
@@ -118,7 +126,8 @@ static enum tetlod_status join_hidden(struct join *join, struct block *pieces, s
     return TETLOD_OK;
 }
 
-static enum tetlod_status join_points(struct join *join, struct block *pieces, size_t count, const int64_t (*extents)[6],
+static enum tetlod_status join_points(struct join *join, struct block *pieces, size_t count,
+                                      const int64_t (*extents)[6],
                                       struct tetlod_error *error)
 {
     for (size_t p = 0; p < count; p++) {
@@ -131,7 +140,8 @@ static enum tetlod_status join_points(struct join *join, struct block *pieces, s
         free(ones);
     }
     const unsigned char *hole = memchr(join->filled, 0, join->whole.mesh.vertex_count);
-    return hole ? tetlodi_fail(error, TETLOD_ERR_MESH, "no piece has point %td of the whole extent", hole - join->filled)
+    return hole ? tetlodi_fail(error, TETLOD_ERR_MESH, "no piece has point %td of the whole extent",
+                               hole - join->filled)
                 : TETLOD_OK;
 }
 

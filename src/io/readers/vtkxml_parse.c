@@ -180,7 +180,8 @@ static void start_piece(struct parse *parse, const char **attributes)
     if (is_elsewhere)
         piece.source = copy_attribute(attributes, "Source");
     if ((is_elsewhere && !piece.source) ||
-        !array_reserve((void **)&document->pieces, &document->piece_capacity, document->piece_count + 1, sizeof piece)) {
+        !array_reserve((void **)&document->pieces, &document->piece_capacity, document->piece_count + 1,
+                       sizeof piece)) {
         free(piece.source);
         fail_nomem(parse);
         return;
@@ -199,7 +200,8 @@ static void start_block(struct parse *parse, const char *name)
 {
     size_t end = parse->path ? strlen(parse->path) : 0, length = name ? strlen(name) : 0;
     if (!array_reserve((void **)&parse->path, &parse->path_capacity, end + length + 3, 1) ||
-        !array_reserve((void **)&parse->path_ends, &parse->end_capacity, parse->open_blocks + 1, sizeof *parse->path_ends)) {
+        !array_reserve((void **)&parse->path_ends, &parse->end_capacity, parse->open_blocks + 1,
+                       sizeof *parse->path_ends)) {
         fail_nomem(parse);
         return;
     }
@@ -267,7 +269,8 @@ static void start_array(struct parse *parse, const char **attributes)
         fail(parse, "this array is not of numbers, its type is", type ? type : "");
         return;
     }
-    array.format = is_appended ? VTKXML_APPENDED : format && strcmp(format, "binary") == 0 ? VTKXML_INLINE : VTKXML_ASCII;
+    array.format = is_appended ? VTKXML_APPENDED : format && strcmp(format,
+                                                                    "binary") == 0 ? VTKXML_INLINE : VTKXML_ASCII;
     if (!number(parse, attributes, "NumberOfComponents", 1, &array.components) ||
         !number(parse, attributes, "offset", is_appended ? -1 : 0, &array.offset))
         return;
@@ -329,7 +332,8 @@ static enum vtkxml_section find_section(const char *name)
     return VTKXML_ELSEWHERE;
 }
 
-/* An array's text ends where it does, or where elements about it begin (VTK writes InformationKeys after the values). */
+/* An array's text ends where it does, or where elements about it begin (VTK writes InformationKeys after the
+ * values). */
 static void end_array(struct parse *parse)
 {
     if (parse->in_array)
@@ -411,7 +415,8 @@ static void find_appended(struct vtkxml_document *document)
     document->text = document->appended_raw && document->file ? document->appended : document->size;
 }
 
-enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct io_input *input, struct io_report *report,
+enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct io_input *input,
+                                struct io_report *report,
                                 struct tetlod_error *error)
 {
     size_t size = input->file ? input->file->size : input->size;

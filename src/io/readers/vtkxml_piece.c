@@ -281,11 +281,14 @@ static enum tetlod_status read_field(struct reader *r, const struct vtkxml_array
         TETLOD_TRY(assemble_cell_field(mesh, array->name, array->components, type_of(array), rows, r->error));
     else
         TETLOD_TRY(assemble_field(mesh, array->name, array->components, type_of(array), r->error));
-    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                          1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = !value_is_float(array->type);
     memcpy(field->unit, array->unit, sizeof field->unit);
-    TETLOD_TRY(vtkxml_values(r->document, array, (size_t)(rows * array->components), VTKXML_DOUBLES, field->values, r->error));
-    return is_ghosts(array->name, array->components) ? block_take_ghosts(r->block, cell, r->report, r->error) : TETLOD_OK;
+    TETLOD_TRY(vtkxml_values(r->document, array, (size_t)(rows * array->components), VTKXML_DOUBLES, field->values,
+                             r->error));
+    return is_ghosts(array->name, array->components) ? block_take_ghosts(r->block, cell, r->report,
+                                                                         r->error) : TETLOD_OK;
 }
 
 static enum tetlod_status read_fields(struct reader *r)
@@ -296,7 +299,8 @@ static enum tetlod_status read_fields(struct reader *r)
         if ((!cell && array->section != VTKXML_POINT_DATA) || !(cell ? r->cells : r->points))
             continue;
         if (vtkxml_find(r->document, r->piece, array->section, array->name) != array)
-            io_leave_out(r->report, &r->report->skipped_arrays, array->name, strlen(array->name)); // a second one of that name would look like the first
+            // a second one of that name would look like the first
+            io_leave_out(r->report, &r->report->skipped_arrays, array->name, strlen(array->name));
         else
             TETLOD_TRY(read_field(r, array, cell));
     }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading XDMF 2 and 3: an XML file that tells of grids (topology, geometry, attributes) whose numbers are in its text, in raw
- * binary files or in HDF5 files beside it. Uniform grids, spatial collections and trees (blocks), temporal collections (steps).
+ * Reading XDMF 2 and 3: an XML file that tells of grids (topology, geometry, attributes) whose numbers are in its text,
+ * in raw binary files or in HDF5 files beside it. Uniform grids, spatial collections and trees (blocks), temporal
+ * collections (steps).
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,7 +28,8 @@ struct xdmf {
 
 static enum tetlod_status fail_at(const struct xdmf *x, const struct xml_node *node, const char *what)
 {
-    return tetlodi_fail(x->error, TETLOD_ERR_MESH, "line %llu: %s %s", (unsigned long long)node->line, node->name, what);
+    return tetlodi_fail(x->error, TETLOD_ERR_MESH, "line %llu: %s %s", (unsigned long long)node->line, node->name,
+                        what);
 }
 
 static const char *attribute_of(const struct xml_node *node, const char *name, const char *older)
@@ -46,11 +48,16 @@ struct topology {
 
 static const struct topology topologies[] = {
     {"Polyvertex", 1, VTK_TYPE_FLAT, 0},    {"Polyline", 2, VTK_TYPE_FLAT, 0},        {"Polygon", 3, VTK_TYPE_FLAT, 0},
-    {"Triangle", 4, VTK_TYPE_FLAT, 3},      {"Quadrilateral", 5, VTK_TYPE_FLAT, 4},   {"Tetrahedron", 6, VTK_TYPE_TET, 4},
-    {"Pyramid", 7, VTK_TYPE_PYRAMID, 5},    {"Wedge", 8, VTK_TYPE_WEDGE, 6},          {"Hexahedron", 9, VTK_TYPE_HEXAHEDRON, 8},
-    {"Edge_3", 34, VTK_TYPE_FLAT, 3},       {"Triangle_6", 36, VTK_TYPE_FLAT, 6},     {"Quadrilateral_8", 37, VTK_TYPE_FLAT, 8},
-    {"Tetrahedron_10", 38, VTK_TYPE_TET10, 10}, {"Tet_10", 38, VTK_TYPE_TET10, 10},   {"Pyramid_13", 39, VTK_TYPE_PYRAMID13, 13},
-    {"Wedge_15", 40, VTK_TYPE_WEDGE15, 15}, {"Wedge_18", 41, VTK_TYPE_WEDGE18, 18},   {"Hexahedron_20", 48, VTK_TYPE_HEXAHEDRON20, 20},
+    {"Triangle", 4, VTK_TYPE_FLAT, 3},      {"Quadrilateral", 5, VTK_TYPE_FLAT, 4},   {"Tetrahedron", 6, VTK_TYPE_TET,
+                                                                                       4},
+    {"Pyramid", 7, VTK_TYPE_PYRAMID, 5},    {"Wedge", 8, VTK_TYPE_WEDGE, 6},          {"Hexahedron", 9,
+                                                                                       VTK_TYPE_HEXAHEDRON, 8},
+    {"Edge_3", 34, VTK_TYPE_FLAT, 3},       {"Triangle_6", 36, VTK_TYPE_FLAT, 6},     {"Quadrilateral_8", 37,
+                                                                                       VTK_TYPE_FLAT, 8},
+    {"Tetrahedron_10", 38, VTK_TYPE_TET10, 10}, {"Tet_10", 38, VTK_TYPE_TET10, 10},   {"Pyramid_13", 39,
+                                                                                       VTK_TYPE_PYRAMID13, 13},
+    {"Wedge_15", 40, VTK_TYPE_WEDGE15, 15}, {"Wedge_18", 41, VTK_TYPE_WEDGE18, 18},   {"Hexahedron_20", 48,
+                                                                                       VTK_TYPE_HEXAHEDRON20, 20},
     {"Hex_20", 48, VTK_TYPE_HEXAHEDRON20, 20}, {"Hexahedron_27", 50, VTK_TYPE_HEXAHEDRON27, 27}, {"Quad", 5, VTK_TYPE_FLAT, 4},
 };
 
@@ -63,7 +70,8 @@ static const struct topology *find_topology(const char *name, int64_t mixed)
 }
 
 /* Cells one after the other: its type, for those without a fixed number of points that number, the points. */
-static enum tetlod_status add_mixed(const struct xdmf *x, const struct xml_node *node, const uint32_t *numbers, uint64_t count,
+static enum tetlod_status add_mixed(const struct xdmf *x, const struct xml_node *node, const uint32_t *numbers,
+                                    uint64_t count,
                                     struct cells *cells)
 {
     for (uint64_t at = 0; at < count;) {
@@ -96,7 +104,8 @@ static enum tetlod_status add_uniform(const struct xdmf *x, const struct topolog
         return TETLOD_OK;
     }
     for (uint64_t c = 0; c < count; c++)
-        TETLOD_TRY(cells_add_numbers(cells, topology->vtk_type, item->numbers + c * topology->points, flat ? 0 : topology->points, x->error));
+        TETLOD_TRY(cells_add_numbers(cells, topology->vtk_type, item->numbers + c * topology->points,
+                                     flat ? 0 : topology->points, x->error));
     return TETLOD_OK;
 }
 
@@ -188,7 +197,8 @@ static enum tetlod_status origin_points(const struct xdmf *x, const struct xml_n
     if (status == TETLOD_OK)
         status = assemble_points(&block->mesh, points, TETLOD_FLOAT64, x->error);
     for (uint64_t p = 0; p < points && status == TETLOD_OK; p++) {
-        const uint64_t at[3] = {p % block->dims[0], p / block->dims[0] % block->dims[1], p / block->dims[0] / block->dims[1]};
+        const uint64_t at[3] = {p % block->dims[0], p / block->dims[0] % block->dims[1],
+                                p / block->dims[0] / block->dims[1]};
         for (int d = 0; d < 3; d++)
             block->mesh.positions[3 * p + (uint64_t)d] = items[0].doubles[2 - d] + (double)at[d] * items[1].doubles[2 - d];
     }
@@ -212,7 +222,8 @@ static enum tetlod_status read_geometry(const struct xdmf *x, const struct xml_n
         return fail_at(x, node, "should be XYZ, X_Y_Z, VXVYVZ or ORIGIN_DXDYDZ with its DataItems");
     TETLOD_TRY(xdmf_load(&x->source, child, false, &item, x->error));
     enum tetlod_status status = item.count % 3 ? fail_at(x, node, "should have three numbers for each point")
-                                               : assemble_points_of(&block->mesh, item.count / 3, &item.doubles, item.type, x->error);
+                                               : assemble_points_of(&block->mesh, item.count / 3, &item.doubles,
+                                                                    item.type, x->error);
     xdmf_item_fini(&item);
     return status;
 }
@@ -259,7 +270,8 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
         status = cell ? assemble_cell_field(mesh, name, width, item.type, rows, x->error)
                       : assemble_field(mesh, name, width, item.type, x->error);
     if (status == TETLOD_OK) {
-        struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+        struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
+                                                              1] : &mesh->fields[mesh->field_count - 1];
         field->is_integer = item.is_integer && values_are_whole(item.doubles, (size_t)item.count);
         const char *unit = unit_of(x, node);
         unit_set(field->unit, unit, strlen(unit));
@@ -291,7 +303,8 @@ static enum tetlod_status check_dims(const struct xdmf *x, const struct xml_node
 }
 
 /* The block of that topology and geometry: grids that share both, as those of several functions do, are one. */
-static enum tetlod_status find_block(struct xdmf *x, const struct xml_node *grid, const struct xml_node *const shape[2], struct block **out)
+static enum tetlod_status find_block(struct xdmf *x, const struct xml_node *grid,
+                                     const struct xml_node *const shape[2], struct block **out)
 {
     for (size_t b = 0; b < x->shape_count; b++)
         if (x->shapes[2 * b] == shape[0] && x->shapes[2 * b + 1] == shape[1]) {
@@ -311,7 +324,8 @@ static enum tetlod_status find_block(struct xdmf *x, const struct xml_node *grid
 static enum tetlod_status read_uniform(struct xdmf *x, const struct xml_node *grid)
 {
     const struct xml_tree *tree = x->source.tree;
-    const struct xml_node *shape[2] = {xdmf_part(&x->source, grid, "Topology"), xdmf_part(&x->source, grid, "Geometry")};
+    const struct xml_node *shape[2] = {xdmf_part(&x->source, grid, "Topology"),
+                                       xdmf_part(&x->source, grid, "Geometry")};
     struct block *block;
     if (!shape[0] || !shape[1])
         return fail_at(x, grid, "should have a Topology and a Geometry");
@@ -358,7 +372,8 @@ static enum tetlod_status read_grid(struct xdmf *x, const struct xml_node *grid,
     if (depth > DEEPEST)
         return fail_at(x, grid, "is nested too deep");
     chosen = chosen || !wanted || (name && strcmp(wanted, name) == 0);
-    if (strcasecmp(type, "Collection") == 0 && strcasecmp(attribute_of(grid, "CollectionType", "CollectionType"), "Temporal") == 0)
+    if (strcasecmp(type, "Collection") == 0 &&
+        strcasecmp(attribute_of(grid, "CollectionType", "CollectionType"), "Temporal") == 0)
         return read_temporal(x, grid, chosen, depth);
     if (strcasecmp(type, "Collection") != 0 && strcasecmp(type, "Tree") != 0)
         return chosen ? read_uniform(x, grid) : TETLOD_OK;
@@ -371,7 +386,8 @@ static enum tetlod_status read_document(struct blocks *out, const struct io_inpu
                                         struct tetlod_error *error)
 {
     struct xml_tree tree;
-    struct xdmf x = {.source = {.tree = &tree, .input = input}, .out = out, .input = input, .report = report, .error = error};
+    struct xdmf x = {.source = {.tree = &tree, .input = input}, .out = out, .input = input, .report = report,
+                     .error = error};
     enum tetlod_status status = xml_tree_parse(&tree, input->bytes, input->size, input->view, error);
     const struct xml_node *domain = NULL, *grid = NULL;
     report->names_blocks = true;
@@ -382,7 +398,8 @@ static enum tetlod_status read_document(struct blocks *out, const struct io_inpu
     while (status == TETLOD_OK && (grid = xml_child(&tree, domain, "Grid", grid)) != NULL)
         status = read_grid(&x, grid, false, 0);
     if (status == TETLOD_OK && out->count == 0)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no grid%s", input->options && input->options->block ? " of that name" : "");
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no grid%s", input->options &&
+                              input->options->block ? " of that name" : "");
     free(x.shapes);
     xml_tree_fini(&tree);
     return status;

@@ -58,7 +58,8 @@ static enum tetlod_status make_room(struct xdmf_item *item, uint64_t count, bool
         item->numbers = array_new((size_t)count, sizeof *item->numbers);
     else
         item->doubles = array_new((size_t)count, sizeof *item->doubles);
-    return item->numbers || item->doubles ? TETLOD_OK : tetlodi_fail_nomem(error, "the numbers of a DataItem", count * 8);
+    return item->numbers || item->doubles ? TETLOD_OK : tetlodi_fail_nomem(error, "the numbers of a DataItem",
+                                                                           count * 8);
 }
 
 static enum tetlod_status load_text(const struct xdmf_source *source, const struct xml_node *node, uint64_t count,
@@ -71,7 +72,8 @@ static enum tetlod_status load_text(const struct xdmf_source *source, const stru
     TETLOD_TRY(make_room(item, count, as_numbers, error));
     for (uint64_t i = 0; i < count; i++) {
         int64_t number;
-        if (as_numbers ? !text_int(&text, &number) : !text_double(&text, item->type == TETLOD_FLOAT32, &item->doubles[i]))
+        if (as_numbers ? !text_int(&text, &number) : !text_double(&text, item->type == TETLOD_FLOAT32,
+                                                                  &item->doubles[i]))
             return fail_at(node, error, "has fewer numbers than its Dimensions say, or something else among them");
         if (as_numbers)
             item->numbers[i] = cells_point(number);
@@ -110,7 +112,8 @@ static enum tetlod_status load_raw(const struct xml_node *node, const char *path
         contain_expect((uint64_t)about.st_size);
     TETLOD_TRY(file_view_path(&view, path, error));
     enum tetlod_status status = TETLOD_OK;
-    if ((seek && !text_int(&text, &from)) || from < 0 || (uint64_t)from > view.size || count > (view.size - (uint64_t)from) / value_size(type))
+    if ((seek && !text_int(&text, &from)) || from < 0 || (uint64_t)from > view.size ||
+        count > (view.size - (uint64_t)from) / value_size(type))
         status = fail_at(node, error, "has more numbers than its file");
     if (status == TETLOD_OK && as_numbers && value_is_float(type))
         status = fail_at(node, error, "should be of integers");
@@ -137,7 +140,8 @@ static enum tetlod_status load_set(const struct xml_node *node, const char *path
     struct h5_set set;
     struct stat about;
     if (stat(path, &about) != 0)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "line %llu: the file %.100s is not there", (unsigned long long)node->line, path);
+        return tetlodi_fail(error, TETLOD_ERR_IO, "line %llu: the file %.100s is not there",
+                            (unsigned long long)node->line, path);
     contain_expect((uint64_t)about.st_size);
     TETLOD_TRY(h5_open_file(path, &file, error));
     enum tetlod_status status = h5_open_set(file, set_name, (uint64_t)about.st_size, &set, error);
@@ -158,7 +162,8 @@ static enum tetlod_status load_set(const struct xml_node *node, const char *path
     return status;
 }
 
-static enum tetlod_status load_file(const struct xdmf_source *source, const struct xml_node *node, bool is_hdf, uint64_t count,
+static enum tetlod_status load_file(const struct xdmf_source *source, const struct xml_node *node, bool is_hdf,
+                                    uint64_t count,
                                     const struct rows *rows, bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
 {
     char *name = copy_text(source, node), *path = NULL, *colon = name ? strrchr(name, ':') : NULL;
@@ -184,7 +189,8 @@ static bool is_hdf(const struct xml_node *node)
 }
 
 /* An item of numbers. `rows` (NULL: all) is for those in HDF5 files. */
-static enum tetlod_status load_uniform(const struct xdmf_source *source, const struct xml_node *node, const struct rows *rows, bool as_numbers,
+static enum tetlod_status load_uniform(const struct xdmf_source *source, const struct xml_node *node,
+                                       const struct rows *rows, bool as_numbers,
                                        struct xdmf_item *out, struct tetlod_error *error)
 {
     const char *format = xml_attribute(node, "Format");
@@ -207,7 +213,8 @@ struct slab {
     uint64_t dims[MOST_RANK], start[MOST_RANK], stride[MOST_RANK], count[MOST_RANK];
 };
 
-static enum tetlod_status take_slab(const struct xml_node *node, const struct xml_node *from, const double *numbers, uint64_t number_count,
+static enum tetlod_status take_slab(const struct xml_node *node, const struct xml_node *from, const double *numbers,
+                                    uint64_t number_count,
                                     struct slab *out, struct tetlod_error *error)
 {
     const char *value = xml_attribute(from, "Dimensions");
@@ -216,7 +223,8 @@ static enum tetlod_status take_slab(const struct xml_node *node, const struct xm
     for (out->rank = 0; value && out->rank < MOST_RANK && text_int(&text, &n) && n > 0; out->rank++)
         out->dims[out->rank] = (uint64_t)n;
     if (out->rank == 0 || number_count != 3 * out->rank)
-        return fail_at(node, error, "should have start, stride and count along each of the Dimensions of the DataItem that it is of");
+        return fail_at(node, error,
+                       "should have start, stride and count along each of the Dimensions of the DataItem that it is of");
     for (size_t d = 0; d < out->rank; d++) {
         const double start = numbers[d], stride = numbers[out->rank + d], count = numbers[2 * out->rank + d];
         if (!(start >= 0 && stride >= 1 && count >= 1 && start + (count - 1) * stride < (double)out->dims[d]))
@@ -249,14 +257,17 @@ static void keep_slab(const struct slab *slab, struct xdmf_item *item)
     item->count = kept;
 }
 
-static enum tetlod_status load_slab(const struct xdmf_source *source, const struct xml_node *node, bool as_numbers, struct xdmf_item *out,
+static enum tetlod_status load_slab(const struct xdmf_source *source, const struct xml_node *node, bool as_numbers,
+                                    struct xdmf_item *out,
                                     struct tetlod_error *error)
 {
     const struct xml_node *chosen = xml_child(source->tree, node, "DataItem", NULL);
-    const struct xml_node *from = chosen ? xdmf_referred(source, xml_child(source->tree, node, "DataItem", chosen)) : NULL;
+    const struct xml_node *from = chosen ? xdmf_referred(source,
+                                                         xml_child(source->tree, node, "DataItem", chosen)) : NULL;
     struct xdmf_item numbers = {0};
     struct slab slab;
-    if (!from || xml_attribute(chosen, "ItemType") || (xml_attribute(from, "ItemType") && strcasecmp(xml_attribute(from, "ItemType"), "Uniform") != 0))
+    if (!from || xml_attribute(chosen, "ItemType") ||
+        (xml_attribute(from, "ItemType") && strcasecmp(xml_attribute(from, "ItemType"), "Uniform") != 0))
         return fail_at(node, error, "should have two DataItems of numbers: what to take, and what from");
     enum tetlod_status status = load_uniform(source, chosen, NULL, false, &numbers, error);
     if (status == TETLOD_OK)
@@ -279,7 +290,8 @@ static enum tetlod_status load_slab(const struct xdmf_source *source, const stru
 }
 
 /* JOIN($0, $1, ...): the components of a vector that are items of their own. */
-static enum tetlod_status load_join(const struct xdmf_source *source, const struct xml_node *node, struct xdmf_item *out,
+static enum tetlod_status load_join(const struct xdmf_source *source, const struct xml_node *node,
+                                    struct xdmf_item *out,
                                     struct tetlod_error *error)
 {
     const char *function = xml_attribute(node, "Function");
@@ -292,8 +304,10 @@ static enum tetlod_status load_join(const struct xdmf_source *source, const stru
     for (const struct xml_node *child = NULL; (child = xml_child(source->tree, node, "DataItem", child)) != NULL; c++) {
         struct xdmf_item part = {0};
         const struct xml_node *referred = xdmf_referred(source, child);
-        enum tetlod_status status = xml_attribute(referred, "ItemType") ? fail_at(child, error, "in a function should be of numbers")
-                                                                        : load_uniform(source, referred, NULL, false, &part, error);
+        enum tetlod_status status = xml_attribute(referred, "ItemType") ? fail_at(child, error,
+                                                                                  "in a function should be of numbers")
+                                                                        : load_uniform(source, referred, NULL, false,
+                                                                                       &part, error);
         if (status == TETLOD_OK && c == 0) {
             out->type = TETLOD_FLOAT32;
             out->is_integer = true;
@@ -350,8 +364,10 @@ static const char *take_predicate(const char *path, struct step *out)
 {
     size_t skip = strcspn(path, "]");
     if (path[1] == '@') {
-        const char *name = path + 2, *equals = strchr(name, '='), *quote = equals ? equals + 1 : "", *end = *quote ? strchr(quote + 1, *quote) : NULL;
-        if (!end || end > path + skip || (size_t)(end - quote) > sizeof out->value || (size_t)(equals - name) >= sizeof out->attribute)
+        const char *name = path + 2, *equals = strchr(name,
+                                                      '='), *quote = equals ? equals + 1 : "", *end = *quote ? strchr(quote + 1, *quote) : NULL;
+        if (!end || end > path + skip || (size_t)(end - quote) > sizeof out->value ||
+            (size_t)(equals - name) >= sizeof out->attribute)
             return NULL;
         memcpy(out->attribute, name, (size_t)(equals - name));
         memcpy(out->value, quote + 1, (size_t)(end - quote - 1));
@@ -374,21 +390,23 @@ static const char *take_step(const char *path, struct step *out)
 }
 
 /* The child, or any node, that a step names. */
-static const struct xml_node *find_step(const struct xml_tree *tree, const struct xml_node *in, bool anywhere, const struct step *step)
+static const struct xml_node *find_step(const struct xml_tree *tree, const struct xml_node *in, bool anywhere,
+                                        const struct step *step)
 {
     uint32_t parent = in ? (uint32_t)(in - tree->nodes) : TETLOD_NONE;
     long number = step->number;
     for (size_t n = 0; n < tree->count; n++) {
         const struct xml_node *node = &tree->nodes[n];
         const char *value = step->attribute[0] ? xml_attribute(node, step->attribute) : "";
-        if ((anywhere || node->parent == parent) && strcmp(node->name, step->name) == 0 && value && strcmp(value, step->value) == 0 && --number == 0)
+        if ((anywhere || node->parent == parent) && strcmp(node->name, step->name) == 0 && value &&
+            strcmp(value, step->value) == 0 && --number == 0)
             return node;
     }
     return NULL;
 }
 
-/* /Xdmf/Domain/Grid[2]/Geometry: children by name and number from 1, predicates [@Name="..."] by attribute; "//" for any depth at
- * the beginning. A last step "*" is not taken. */
+/* /Xdmf/Domain/Grid[2]/Geometry: children by name and number from 1, predicates [@Name="..."] by attribute; "//" for
+ * any depth at the beginning. A last step "*" is not taken. */
 static const struct xml_node *follow_path(const struct xml_tree *tree, const char *path)
 {
     const struct xml_node *at = NULL;
@@ -420,7 +438,8 @@ const struct xml_node *xdmf_referred(const struct xdmf_source *source, const str
 static const struct xml_node *included(const struct xdmf_source *source, const struct xml_node *node)
 {
     static const char begin[] = "xpointer(";
-    const char *colon = strchr(node->name, ':'), *pointer = xml_attribute(node, "xpointer"), *path = pointer ? strstr(pointer, begin) : NULL;
+    const char *colon = strchr(node->name, ':'), *pointer = xml_attribute(node,
+                                                                          "xpointer"), *path = pointer ? strstr(pointer, begin) : NULL;
     bool is_include = strcmp(colon ? colon + 1 : node->name, "include") == 0;
     return is_include && path ? follow_path(source->tree, path + sizeof begin - 1) : NULL;
 }

@@ -21,12 +21,13 @@ struct xdmf_item {
 };
 
 /* All numbers of an item, as numbers of points and the like, or as doubles. */
-TETLOD_CHECKED enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_numbers,
+TETLOD_CHECKED enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node,
+                                            bool as_numbers,
                                             struct xdmf_item *out, struct tetlod_error *error);
 void xdmf_item_fini(struct xdmf_item *item);
 
-/* The part of a grid of that name, wherever it stands: in the grid, where its Reference says, or in a grid that xi:include
- * points to; or NULL. */
+/* The part of a grid of that name, wherever it stands: in the grid, where its Reference says, or in a grid that
+ * xi:include points to; or NULL. */
 const struct xml_node *xdmf_part(const struct xdmf_source *source, const struct xml_node *grid, const char *name);
 
 /* The node itself, or the one that its Reference attribute or an xpointer names; NULL stays NULL. */

@@ -96,7 +96,8 @@ bool assemble_vector_name(const char *const names[3], char *out, size_t size)
 {
     size_t length = strlen(names[0]);
     for (int d = 0; d < 3; d++)
-        if (length < 2 || length >= size || strlen(names[d]) != length || strncmp(names[d], names[0], length - 1) != 0 ||
+        if (length < 2 || length >= size || strlen(names[d]) != length ||
+            strncmp(names[d], names[0], length - 1) != 0 ||
             (names[d][length - 1] | 32) != "xyz"[d])
             return false;
     length -= length > 2 && names[0][length - 2] == '_' ? 2 : 1;
@@ -157,7 +158,8 @@ static enum tetlod_status numbers_room(struct cell_numbers *numbers, uint64_t co
     return TETLOD_OK;
 }
 
-enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number, struct tetlod_error *error)
+enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number,
+                                    struct tetlod_error *error)
 {
     if (number == 0)
         return TETLOD_OK;
@@ -166,7 +168,8 @@ enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell,
     return TETLOD_OK;
 }
 
-enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name, uint64_t cells,
+enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name,
+                                         uint64_t cells,
                                          struct tetlod_error *error)
 {
     if (!numbers->values)
@@ -220,10 +223,12 @@ void cells_drop_types(struct cells *cells)
 }
 
 /* Room for one more cell and its corners. While all cells are tetrahedra, they have no types. */
-static enum tetlod_status cells_room(struct cells *cells, unsigned char type, size_t corner_count, struct tetlod_error *error)
+static enum tetlod_status cells_room(struct cells *cells, unsigned char type, size_t corner_count,
+                                     struct tetlod_error *error)
 {
     size_t filled = (size_t)cells->connectivity_count;
-    if (!array_reserve((void **)&cells->connectivity, &cells->connectivity_capacity, filled + corner_count, sizeof *cells->connectivity))
+    if (!array_reserve((void **)&cells->connectivity, &cells->connectivity_capacity, filled + corner_count,
+                       sizeof *cells->connectivity))
         return tetlodi_fail_nomem(error, "the cells", (uint64_t)filled * sizeof *cells->connectivity);
     if (!cells->types && type == VTK_TYPE_TET && corner_count == 4)
         return TETLOD_OK;
@@ -252,7 +257,8 @@ enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int6
     return TETLOD_OK;
 }
 
-enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners, size_t corner_count,
+enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners,
+                                     size_t corner_count,
                                      struct tetlod_error *error)
 {
     TETLOD_TRY(cells_room(cells, type, corner_count, error));
@@ -389,11 +395,13 @@ static enum tetlod_status hide_flagged_points(struct block *block, const double 
     return status;
 }
 
-enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report, struct tetlod_error *error)
+enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
+                                     struct tetlod_error *error)
 {
     struct tetmesh *mesh = &block->mesh;
     struct point_field *field = cell ? &mesh->cell_fields[--mesh->cell_field_count] : &mesh->fields[--mesh->field_count];
-    bool levels = strcmp(field->name, "vtkGhostLevels") == 0; // older versions gave levels of ghosts instead, all from 1 on
+    bool levels = strcmp(field->name,
+                         "vtkGhostLevels") == 0; // older versions gave levels of ghosts instead, all from 1 on
     enum tetlod_status status = TETLOD_OK;
     for (uint64_t c = 0; cell && levels && c < block_cell_count(block); c++)
         field->values[c] = field->values[c] > 0;

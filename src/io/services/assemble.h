@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What the readers share. A reader turns a file into blocks: points, cells of any kind, and values at both. From there the way
- * to a tetmesh is the same for all formats: blocks_merge.c joins blocks, split.c makes tetrahedra.
+ * What the readers share. A reader turns a file into blocks: points, cells of any kind, and values at both. From there
+ * the way to a tetmesh is the same for all formats: blocks_merge.c joins blocks, split.c makes tetrahedra.
  */
 #ifndef TETLOD_ASSEMBLE_H
 #define TETLOD_ASSEMBLE_H
@@ -48,7 +48,8 @@ TETLOD_CHECKED enum tetlod_status cells_give_types(struct cells *cells, struct t
 void cells_drop_types(struct cells *cells);
 void cells_fini(struct cells *cells);
 
-/* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before those of the top. */
+/* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before
+ * those of the top. */
 void cells_middles_to_vtk(unsigned char type, int64_t *points);
 
 /* Puts the points of Lagrange hexahedra into the order that VTK has since its version 9: before, those of the last two
@@ -91,8 +92,10 @@ uint64_t block_cell_count(const struct block *block);
 TETLOD_CHECKED enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum tetlod_type type,
                                                   struct tetlod_error *error);
 
-/* The same with positions that are there already, in an array that becomes the mesh's. Also after a failure *positions is NULL. */
-TETLOD_CHECKED enum tetlod_status assemble_points_of(struct tetmesh *mesh, uint64_t count, double **positions, enum tetlod_type type,
+/* The same with positions that are there already, in an array that becomes the mesh's. Also after a failure *positions
+ * is NULL. */
+TETLOD_CHECKED enum tetlod_status assemble_points_of(struct tetmesh *mesh, uint64_t count, double **positions,
+                                                     enum tetlod_type type,
                                                      struct tetlod_error *error);
 
 /* tetmesh_add_field with a name that any format can hold: what is not UTF-8 or is a control character becomes '_', an
@@ -115,19 +118,22 @@ struct cell_numbers {
     double *values; /* owned; NULL: all 0 so far */
     size_t capacity, count;
 };
-TETLOD_CHECKED enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number, struct tetlod_error *error);
-TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name, uint64_t cells,
+TETLOD_CHECKED enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number,
+                                                   struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh,
+                                                        const char *name, uint64_t cells,
                                                         struct tetlod_error *error);
 void cell_numbers_fini(struct cell_numbers *numbers);
 
-/* Whether what is at a path of names of blocks, "/OUTER/INNER/", is in the block `name`: one of these, or several with a slash between. */
+/* Whether what is at a path of names of blocks, "/OUTER/INNER/", is in the block `name`: one of these, or several with
+ * a slash between. */
 bool block_path_has(const char *path, const char *name);
 
 /* Whether all values are whole numbers: text may hold others where its type says integer. */
 bool values_are_whole(const double *values, size_t count);
 
-/* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives the name
- * without that. */
+/* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives
+ * the name without that. */
 bool assemble_vector_name(const char *const names[3], char *out, size_t size);
 
 /* Marks the cells of which `flags` (VTK's vtkGhostType: duplicate 1, refined 8, hidden 32) says that they are not to be
@@ -142,8 +148,8 @@ TETLOD_CHECKED enum tetlod_status block_hide_points(struct block *block, const u
 /* Whether an array of that name tells what VTK does not draw. */
 bool is_ghosts(const char *name, uint64_t components);
 
-/* Takes the last field, at points or of cells, away, and hides the cells that it marks: as above; of a structured grid also those with
- * a point that is hidden (2). */
+/* Takes the last field, at points or of cells, away, and hides the cells that it marks: as above; of a structured grid
+ * also those with a point that is hidden (2). */
 TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
                                                     struct tetlod_error *error);
 
@@ -153,17 +159,18 @@ struct point_field *block_find_like(struct block *block, bool cell, const struct
 /* Counts the fields that a block has and the first one lacks. */
 void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report);
 
-/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
- * blocks, and those of one block if the tolerance `weld` is not negative. */
-TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
+/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of
+ * several blocks, and those of one block if the tolerance `weld` is not negative. */
+TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out,
+                                               struct io_report *report,
                                                struct tetlod_error *error);
 
 /* Makes one of points that are no further apart than the tolerance and have the same values in all fields. */
 TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
                                              struct tetlod_error *error);
 
-/* The block's tetrahedra, first the cells that are tetrahedra, as they are, then those of cells that are split, turned as
- * most of the first are. The block is emptied. */
+/* The block's tetrahedra, first the cells that are tetrahedra, as they are, then those of cells that are split, turned
+ * as most of the first are. The block is emptied. */
 TETLOD_CHECKED enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out,
                                               struct io_report *report, struct tetlod_error *error);
 

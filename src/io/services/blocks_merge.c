@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Several blocks as one: pieces of a partition, blocks of a multi-block file, grids of PLOT3D. Points and cells follow one
- * another; a field is kept where all blocks have it with the same number of components. Structured grids become hexahedra,
- * because the cells of a neighbour must be split alike.
+ * Several blocks as one: pieces of a partition, blocks of a multi-block file, grids of PLOT3D. Points and cells follow
+ * one another; a field is kept where all blocks have it with the same number of components. Structured grids become
+ * hexahedra, because the cells of a neighbour must be split alike.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -41,7 +41,8 @@ static void drop_values(struct point_field *field)
 }
 
 /* One field over all blocks; not there if one of them lacks it. */
-static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, bool cell, const struct point_field *like,
+static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, bool cell,
+                                      const struct point_field *like,
                                       struct io_report *report, struct tetlod_error *error)
 {
     enum tetlod_type type = TETLOD_FLOAT32;
@@ -62,7 +63,8 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     else
         TETLOD_TRY(assemble_field(&out->mesh, like->name, like->components, type, error));
     uint32_t count;
-    struct point_field *merged = fields_of(out, cell, &count) + (cell ? out->mesh.cell_field_count : out->mesh.field_count) - 1;
+    struct point_field *merged = fields_of(out, cell,
+                                           &count) + (cell ? out->mesh.cell_field_count : out->mesh.field_count) - 1;
     double *at = merged->values;
     merged->is_integer = is_integer;
     memcpy(merged->unit, like->unit, sizeof merged->unit);
@@ -148,7 +150,8 @@ static uint64_t connectivity_of(const struct block *block)
 }
 
 /* Shifts the points of copied cells; the counts in the face streams of polyhedra stay. */
-static void shift_cell(unsigned char type, uint32_t *corners, uint64_t count, uint32_t first_point, uint32_t point_count)
+static void shift_cell(unsigned char type, uint32_t *corners, uint64_t count, uint32_t first_point,
+                       uint32_t point_count)
 {
     uint64_t next_count = type == VTK_TYPE_POLYHEDRON ? 0 : UINT64_MAX; // where the next count is
     for (uint64_t i = 0; i < count; i++) {
@@ -165,7 +168,8 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
     uint64_t count = block_cell_count(block), at = out->connectivity_count, size = connectivity_of(block);
     uint64_t each = block->dims[0] ? 8 : 4;
     for (uint64_t c = 0; c < count && out->types; c++) {
-        out->types[out->count + c] = block->dims[0] ? VTK_TYPE_HEXAHEDRON : cells->types ? cells->types[c] : VTK_TYPE_TET;
+        out->types[out->count +
+                   c] = block->dims[0] ? VTK_TYPE_HEXAHEDRON : cells->types ? cells->types[c] : VTK_TYPE_TET;
         out->offsets[out->count + c + 1] = at + (cells->offsets ? cells->offsets[c + 1] : each * (c + 1));
     }
     if (block->dims[0])
@@ -173,7 +177,8 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
     else if (size) {
         memcpy(out->connectivity + at, cells->connectivity, (size_t)size * sizeof *cells->connectivity);
         for (uint64_t c = out->count; c < out->count + count && out->types; c++)
-            shift_cell(out->types[c], out->connectivity + out->offsets[c], out->offsets[c + 1] - out->offsets[c], first_point,
+            shift_cell(out->types[c], out->connectivity + out->offsets[c], out->offsets[c + 1] - out->offsets[c],
+                       first_point,
                        block->mesh.vertex_count);
         if (!out->types)
             shift_cell(VTK_TYPE_TET, out->connectivity + at, size, first_point, block->mesh.vertex_count);
@@ -198,8 +203,10 @@ static enum tetlod_status check_offsets(const struct block *block, struct tetlod
         if (cells->offsets[c] > cells->offsets[c + 1] || cells->offsets[c + 1] > cells->connectivity_count)
             return tetlodi_fail(error, TETLOD_ERR_MESH, "cell %llu: its offsets %llu..%llu do not fit the %llu corners",
                                 (unsigned long long)c, (unsigned long long)cells->offsets[c],
-                                (unsigned long long)cells->offsets[c + 1], (unsigned long long)cells->connectivity_count);
-    return cells->offsets && cells->offsets[0] != 0 ? tetlodi_fail(error, TETLOD_ERR_MESH, "cell 0 does not begin at offset 0")
+                                (unsigned long long)cells->offsets[c +
+                                                                   1], (unsigned long long)cells->connectivity_count);
+    return cells->offsets && cells->offsets[0] != 0 ? tetlodi_fail(error, TETLOD_ERR_MESH,
+                                                                   "cell 0 does not begin at offset 0")
                                                     : TETLOD_OK;
 }
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The child sends what it has read through a pipe, array by array, and frees each, so that both together hold it about once. */
+/* The child sends what it has read through a pipe, array by array, and frees each, so that both together hold it about
+ * once. */
 #include "src/io/services/contain.h"
 
 #include <errno.h>
@@ -91,7 +92,8 @@ struct block_head {
 
 static bool send_field(int fd, struct point_field *field, uint64_t rows)
 {
-    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type, field->is_integer, ""};
+    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type,
+                              field->is_integer, ""};
     memcpy(head.unit, field->unit, sizeof head.unit);
     bool good = send_bytes(fd, &head, sizeof head) && send_bytes(fd, field->name, head.name_size) &&
                 send_array(fd, field->values, rows * field->components * sizeof(double));
@@ -108,7 +110,8 @@ static bool send_block(int fd, struct block *block)
                               mesh->field_count, mesh->cell_field_count, {0}, (uint8_t)mesh->position_type,
                               cells->types != NULL, cells->connectivity != NULL};
     memcpy(head.dims, block->dims, sizeof head.dims);
-    bool good = send_bytes(fd, &head, sizeof head) && send_array(fd, mesh->positions, mesh->vertex_count * (uint64_t)24);
+    bool good = send_bytes(fd, &head, sizeof head) && send_array(fd, mesh->positions,
+                                                                 mesh->vertex_count * (uint64_t)24);
     mesh->positions = NULL;
     for (uint32_t f = 0; good && f < mesh->field_count; f++)
         good = send_field(fd, &mesh->fields[f], mesh->vertex_count);
@@ -219,7 +222,8 @@ static void set_limit(int resource, rlim_t now)
     }
 }
 
-/* Libraries trust the counts in a file: they may take a minute and a gigabyte, and what a file of that size is worth. */
+/* Libraries trust the counts in a file: they may take a minute and a gigabyte, and what a file of that size is
+ * worth. */
 static void limit_child(size_t size)
 {
     unsigned long pages = 0;
@@ -262,7 +266,8 @@ static enum tetlod_status take_result(int fd, struct blocks *out, struct io_repo
     struct block *block;
     const char *format = report->format;
     if (!take_bytes(fd, &result, sizeof result))
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "the library that reads this format fails on it: the file is damaged");
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "the library that reads this format fails on it: the file is damaged");
     result.message[sizeof result.message - 1] = 0;
     if (result.status != TETLOD_OK)
         return tetlodi_fail(error, result.status, "%s", result.message);
@@ -271,7 +276,8 @@ static enum tetlod_status take_result(int fd, struct blocks *out, struct io_repo
     for (uint64_t b = 0; b < result.blocks; b++) {
         TETLOD_TRY(blocks_add(out, &block, error));
         if (!take_block(fd, block))
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "what was read of it does not arrive: out of memory, or it is damaged");
+            return tetlodi_fail(error, TETLOD_ERR_MESH,
+                                "what was read of it does not arrive: out of memory, or it is damaged");
     }
     return TETLOD_OK;
 }

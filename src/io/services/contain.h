@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Readers on top of libraries that were not made for hostile files run in a process of their own: what goes wrong there, a crash,
- * a loop, memory without end, is an error message here.
+ * Readers on top of libraries that were not made for hostile files run in a process of their own: what goes wrong
+ * there, a crash, a loop, memory without end, is an error message here.
  */
 #ifndef TETLOD_CONTAIN_H
 #define TETLOD_CONTAIN_H
 
 #include "src/io/services/assemble.h"
 
-typedef enum tetlod_status (*contained_reader)(struct blocks *out, const struct io_input *input, struct io_report *report,
+typedef enum tetlod_status (*contained_reader)(struct blocks *out, const struct io_input *input,
+                                               struct io_report *report,
                                                struct tetlod_error *error);
 
 /* Runs `read` in a child and takes its blocks over. A killed child is ERR_MESH. */

@@ -17,7 +17,8 @@ bool value_is_float(enum value_type type)
     return type == VALUE_FLOAT32 || type == VALUE_FLOAT64;
 }
 
-/* A loop for each type of a file and each type of a result, so that the compiler makes of it what the machine can do. */
+/* A loop for each type of a file and each type of a result, so that the compiler makes of it what the machine can
+ * do. */
 #define LOAD(bits)                                                                                                     \
     static inline uint##bits##_t load_##bits(const unsigned char *bytes, bool swap)                                    \
     {                                                                                                                  \

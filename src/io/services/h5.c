@@ -11,7 +11,8 @@ enum tetlod_status h5_open_file(const char *path, hid_t *out, struct tetlod_erro
 {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL); // it would print
     *out = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
-    return *out >= 0 ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_MESH, "is not an HDF5 file, or is damaged or truncated");
+    return *out >= 0 ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_MESH,
+                                                "is not an HDF5 file, or is damaged or truncated");
 }
 
 /* Whether values are in other files, which a hostile one could name. */
@@ -35,7 +36,8 @@ bool h5_has(hid_t where, const char *name)
             memcpy(path, name, i);
             path[i] = 0;
             H5L_info_t link;
-            if (strcmp(path, "/") != 0 && (H5Lget_info(where, path, &link, H5P_DEFAULT) < 0 || link.type >= H5L_TYPE_EXTERNAL))
+            if (strcmp(path, "/") != 0 &&
+                (H5Lget_info(where, path, &link, H5P_DEFAULT) < 0 || link.type >= H5L_TYPE_EXTERNAL))
                 return false;
         }
     return H5Oexists_by_name(where, name, H5P_DEFAULT) > 0;
@@ -65,13 +67,15 @@ static enum tetlod_status describe(struct h5_set *set, const char *name, uint64_
     set->is_integer = class == H5T_INTEGER;
     set->type = class == H5T_FLOAT && size == 4 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
     if (!numbers || !fits)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s: it should be of numbers, in at most %d dimensions", name,
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "data set %.80s: it should be of numbers, in at most %d dimensions", name,
                             H5_MOST_RANK);
     set->count = 1;
     for (int d = 0; d < set->rank; d++) {
         set->dims[d] = dims[d];
         if (dims[d] && set->count > file_size * MOST_RATIO / dims[d])
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s: it has more values than the file can hold", name);
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s: it has more values than the file can hold",
+                                name);
         set->count *= dims[d];
     }
     return TETLOD_OK;
@@ -85,7 +89,8 @@ enum tetlod_status h5_open_set(hid_t where, const char *name, uint64_t file_size
         return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s is missing or cannot be read", name);
     if (is_elsewhere(out->id)) {
         H5Dclose(out->id);
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s has its values in another file; copy them into this one", name);
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "data set %.80s has its values in another file; copy them into this one", name);
     }
     enum tetlod_status status = describe(out, name, file_size, error);
     if (status != TETLOD_OK)
@@ -113,7 +118,8 @@ void h5_read_text(hid_t where, const char *name, char *out, size_t size)
 }
 
 /* Numbers that do not fit become the largest, whose bytes are all 255. */
-static H5T_conv_ret_t on_misfit(H5T_conv_except_t what, hid_t from_type, hid_t to_type, void *from, void *to, void *opaque)
+static H5T_conv_ret_t on_misfit(H5T_conv_except_t what, hid_t from_type, hid_t to_type, void *from, void *to,
+                                void *opaque)
 {
     (void)from_type;
     (void)from;
@@ -135,7 +141,8 @@ static enum tetlod_status read_rows(const struct h5_set *set, uint64_t first, ui
                             (unsigned long long)set->dims[0], (unsigned long long)first, (unsigned long long)(first + rows));
     if (rows == 0)
         return TETLOD_OK;
-    hid_t space = H5Dget_space(set->id), memory = set->rank ? H5Screate_simple(set->rank, size, NULL) : H5Screate(H5S_SCALAR);
+    hid_t space = H5Dget_space(set->id), memory = set->rank ? H5Screate_simple(set->rank, size,
+                                                                               NULL) : H5Screate(H5S_SCALAR);
     bool good = space >= 0 && memory >= 0;
     if (good && set->rank)
         good = H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, size, NULL) >= 0;

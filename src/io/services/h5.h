@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What the readers of HDF5 files need of libhdf5: data sets of numbers, held against the size of the file before room is made. */
+/* What the readers of HDF5 files need of libhdf5: data sets of numbers, held against the size of the file before room
+ * is made. */
 #ifndef TETLOD_H5_H
 #define TETLOD_H5_H
 
@@ -23,8 +24,8 @@ TETLOD_CHECKED enum tetlod_status h5_open_file(const char *path, hid_t *out, str
 
 bool h5_has(hid_t where, const char *name);
 
-/* To be closed with H5Dclose. Refused: what is not numbers, has more dimensions, or more values than a file of `file_size`
- * bytes can hold. */
+/* To be closed with H5Dclose. Refused: what is not numbers, has more dimensions, or more values than a file of
+ * `file_size` bytes can hold. */
 TETLOD_CHECKED enum tetlod_status h5_open_set(hid_t where, const char *name, uint64_t file_size, struct h5_set *out,
                                               struct tetlod_error *error);
 
@@ -35,7 +36,8 @@ TETLOD_CHECKED enum tetlod_status h5_read_ints(const struct h5_set *set, uint64_
                                                struct tetlod_error *error);
 
 /* The same as numbers of points: what is none, also what is negative, becomes the largest number. */
-TETLOD_CHECKED enum tetlod_status h5_read_numbers(const struct h5_set *set, uint64_t first, uint64_t rows, uint32_t *out,
+TETLOD_CHECKED enum tetlod_status h5_read_numbers(const struct h5_set *set, uint64_t first, uint64_t rows,
+                                                  uint32_t *out,
                                                   struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status h5_read_bytes(const struct h5_set *set, uint64_t first, uint64_t rows, uint8_t *out,
                                                 struct tetlod_error *error);

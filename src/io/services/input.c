@@ -49,13 +49,15 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
     if (from->options && from->options->output && file_same(*out, from->options->output)) {
         free(*out);
         *out = NULL;
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "names the file %.80s, which is the output, too: give the output another name", name);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "names the file %.80s, which is the output, too: give the output another name", name);
     }
     if (!is_there || (from->options && from->options->follow) || is_beside(from->path, *out))
         return TETLOD_OK; // opening it says why it is not there
     free(*out);
     *out = NULL;
-    return tetlodi_fail(error, TETLOD_ERR_MESH, "names the file %.80s, which is not in its folder; --follow reads it anyway",
+    return tetlodi_fail(error, TETLOD_ERR_MESH,
+                        "names the file %.80s, which is not in its folder; --follow reads it anyway",
                         name);
 }
 
@@ -65,7 +67,8 @@ void io_input_close(struct opened_input *opened)
     file_view_close(&opened->view);
 }
 
-enum tetlod_status io_input_open(struct opened_input *opened, struct io_input *input, const char *path, struct tetlod_error *error)
+enum tetlod_status io_input_open(struct opened_input *opened, struct io_input *input, const char *path,
+                                 struct tetlod_error *error)
 {
     *opened = (struct opened_input){.file = {-1, 0}};
     TETLOD_TRY(file_input_open(&opened->file, path, error));

@@ -13,8 +13,8 @@ struct io_input;
 typedef enum tetlod_status io_reader(struct blocks *out, const struct io_input *input, struct io_report *report,
                                      struct tetlod_error *error);
 
-/* A file and, for formats of two files, the other one (else NULL). The views are those of bytes that are not in memory; NULL: they
- * are. */
+/* A file and, for formats of two files, the other one (else NULL). The views are those of bytes that are not in memory;
+ * NULL: they are. */
 struct io_input {
     const unsigned char *bytes;
     size_t size;
@@ -40,8 +40,8 @@ TETLOD_CHECKED enum tetlod_status io_input_open(struct opened_input *opened, str
                                                 struct tetlod_error *error);
 void io_input_close(struct opened_input *opened);
 
-/* For readers of files that name others: reads the file `name` beside `from`, whatever its format. Outside the folder only
- * with the option `follow`. */
+/* For readers of files that name others: reads the file `name` beside `from`, whatever its format. Outside the folder
+ * only with the option `follow`. */
 TETLOD_CHECKED enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from, const char *name,
                                                 struct io_report *report, struct tetlod_error *error);
 

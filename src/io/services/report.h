@@ -33,7 +33,8 @@ struct io_report {
     uint64_t skipped_cells; /* cells of lower dimension, which have no volume */
     uint64_t hidden_cells; /* ghosts and blanked cells, left out */
     uint64_t nan_filled;   /* values that were NaN and were filled */
-    uint64_t nan_cells;    /* numbers of cell fields that are NaN, and stay so: Exodus has variables that not all blocks have */
+    /* numbers of cell fields that are NaN, and stay so: Exodus has variables that not all blocks have */
+    uint64_t nan_cells;
     uint64_t welded_points;
     uint64_t dropped_tets; /* degenerate and duplicate tetrahedra that were dropped */
     uint64_t blocks;       /* merged, if there were several */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * From cells to tetrahedra: all cells are checked and counted first; polyhedra, and cells of higher order that are subdivided,
- * get a point in their centre; then tetrahedra are copied and the others split. `origin` remembers whose cell a tetrahedron
- * is part of, for the cells' values.
+ * From cells to tetrahedra: all cells are checked and counted first; polyhedra, and cells of higher order that are
+ * subdivided, get a point in their centre; then tetrahedra are copied and the others split. `origin` remembers whose
+ * cell a tetrahedron is part of, for the cells' values.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -68,7 +68,8 @@ struct splitter {
 
 static struct vtk_type find_type(unsigned char type)
 {
-    static const uint8_t flat[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77};
+    static const uint8_t flat[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76,
+                                   77};
     for (size_t i = 0; i < sizeof vtk_types / sizeof *vtk_types; i++)
         if (vtk_types[i].type == type)
             return vtk_types[i];
@@ -148,7 +149,8 @@ static enum tetlod_status check_cell(const struct splitter *s, uint64_t c, struc
     if (type.shape == POLYHEDRON)
         return check_faces(cells->connectivity + begin, end - begin, s->point_count, tets)
                    ? TETLOD_OK
-                   : tetlodi_fail(error, TETLOD_ERR_MESH, "cell %llu: the faces of the polyhedron do not fit its points",
+                   : tetlodi_fail(error, TETLOD_ERR_MESH,
+                                  "cell %llu: the faces of the polyhedron do not fit its points",
                                   (unsigned long long)c);
     for (uint64_t i = begin; i < end; i++)
         if (cells->connectivity[i] >= s->point_count)
@@ -271,7 +273,8 @@ static void put_tets(struct splitter *s, uint64_t cell, uint32_t (*tets)[4], uns
     out->tet_count += count;
 }
 
-static void load_corners(const struct cells *cells, uint64_t c, enum cell_shape shape, uint32_t corner[CELL_MOST_CORNERS])
+static void load_corners(const struct cells *cells, uint64_t c, enum cell_shape shape,
+                         uint32_t corner[CELL_MOST_CORNERS])
 {
     static const uint8_t voxel[8] = {0, 1, 3, 2, 4, 5, 7, 6};
     const uint32_t *from = cells->connectivity + cells->offsets[c];
@@ -308,9 +311,9 @@ static double area_squared(const double *positions, const uint32_t *face, uint32
     return cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2];
 }
 
-/* The point that a face is fanned from, alike by both its cells: the one of least number from which no triangle is without area
- * (points lie within straight edges where a neighbour is finer). Of a quadrilateral without such points it is the one of least
- * number, as of those of other cells. */
+/* The point that a face is fanned from, alike by both its cells: the one of least number from which no triangle is
+ * without area (points lie within straight edges where a neighbour is finer). Of a quadrilateral without such points it
+ * is the one of least number, as of those of other cells. */
 static uint32_t fan_start(const double *positions, const uint32_t *face, uint32_t sides)
 {
     uint32_t least = 0, best = TETLOD_NONE;
@@ -451,11 +454,13 @@ static void move_tets(const struct splitter *s, struct cells *cells)
         memmove(cells->connectivity + 4 * t, cells->connectivity + cells->offsets[c], 4 * sizeof *cells->connectivity);
         for (uint32_t f = 0; f < out->cell_field_count && t < c; f++) {
             size_t width = out->cell_fields[f].components;
-            memmove(out->cell_fields[f].values + t * width, out->cell_fields[f].values + c * width, width * sizeof(double));
+            memmove(out->cell_fields[f].values + t * width, out->cell_fields[f].values + c * width,
+                    width * sizeof(double));
         }
     }
     for (uint32_t f = 0; f < out->cell_field_count; f++)
-        out->cell_fields[f].values = array_shrink(out->cell_fields[f].values, out->tet_count, out->cell_fields[f].components * sizeof(double));
+        out->cell_fields[f].values = array_shrink(out->cell_fields[f].values, out->tet_count,
+                                                  out->cell_fields[f].components * sizeof(double));
     out->corners = array_shrink(cells->connectivity, out->tet_count, 4 * sizeof *out->corners);
     cells->connectivity = NULL;
 }
@@ -541,7 +546,8 @@ static enum tetlod_status take_tets(struct block *block, struct tetmesh *out, st
     cells->connectivity = NULL;
     size_t count = 4 * (size_t)out->tet_count, i = tetmesh_find_outside(out->corners, count, out->vertex_count);
     if (i < count)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "cell %zu refers to point %lld, but there are only %u points", i / 4,
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "cell %zu refers to point %lld, but there are only %u points",
+                            i / 4,
                             out->corners[i] == TETLOD_NONE ? -1 : (long long)out->corners[i], out->vertex_count);
     return TETLOD_OK;
 }

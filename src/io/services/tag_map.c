@@ -52,7 +52,8 @@ enum tetlod_status tag_map_sort(struct tag_map *map, struct tetlod_error *error)
 uint32_t tag_map_find(const struct tag_map *map, int64_t tag)
 {
     if (!map->entries)
-        return (uint64_t)tag - (uint64_t)map->first < map->count ? (uint32_t)((uint64_t)tag - (uint64_t)map->first) : TETLOD_NONE;
+        return (uint64_t)tag - (uint64_t)map->first < map->count ? (uint32_t)((uint64_t)tag -
+                                                                              (uint64_t)map->first) : TETLOD_NONE;
     if (tag < map->entries[0].tag)
         return TETLOD_NONE;
     uint64_t guess = (uint64_t)tag - (uint64_t)map->entries[0].tag;

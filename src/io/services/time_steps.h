@@ -19,7 +19,8 @@ TETLOD_CHECKED enum tetlod_status time_steps_choose(struct time_steps *steps, co
                                                     struct io_report *report, struct tetlod_error *error);
 
 /* The same for `count` steps whose times are not sorted; times may be NULL. */
-TETLOD_CHECKED enum tetlod_status time_steps_pick(uint64_t count, const double *times, const struct io_read_options *options,
+TETLOD_CHECKED enum tetlod_status time_steps_pick(uint64_t count, const double *times,
+                                                  const struct io_read_options *options,
                                                   struct io_report *report, struct tetlod_error *error);
 
 #endif

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Welding: points at the same place with the same values become the one of least number. Points are hashed by their values
- * and by the box of a grid that they are in; with a tolerance the boxes are that wide, and the 26 around are looked at, too.
- * Points of one box with the same values that are not welded are further apart than the tolerance: a bucket has a few of them.
+ * Welding: points at the same place with the same values become the one of least number. Points are hashed by their
+ * values and by the box of a grid that they are in; with a tolerance the boxes are that wide, and the 26 around are
+ * looked at, too. Points of one box with the same values that are not welded are further apart than the tolerance: a
+ * bucket has a few of them.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -98,7 +99,8 @@ static uint32_t find(const struct weld *w, const double box[3], uint64_t values,
     return found;
 }
 
-/* Chooses what `v` becomes: true where that is another point. A point without a place (NaN) is at the place of no other. */
+/* Chooses what `v` becomes: true where that is another point. A point without a place (NaN) is at the place of no
+ * other. */
 static bool weld_point(struct weld *w, uint32_t v)
 {
     const double *p = w->mesh->positions + 3 * (size_t)v;
@@ -135,7 +137,8 @@ static void redirect(struct block *block, const uint32_t *target)
     }
 }
 
-enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report, struct tetlod_error *error)
+enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
+                              struct tetlod_error *error)
 {
     struct weld w = {.mesh = &block->mesh, .tolerance = tolerance, .mask = 1};
     uint32_t count = block->mesh.vertex_count;

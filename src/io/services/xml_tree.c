@@ -74,7 +74,8 @@ static void XMLCALL on_end(void *opaque, const char *name)
     p->depth--;
 }
 
-enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *bytes, size_t size, struct file_view *view,
+enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *bytes, size_t size,
+                                  struct file_view *view,
                                   struct tetlod_error *error)
 {
     enum { CHUNK = 1 << 20 }; // which is copied

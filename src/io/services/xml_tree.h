@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* An XML document as a tree, for formats whose parts refer to one another. Entities beyond XML's own are not expanded, and
- * nothing is fetched. */
+/* An XML document as a tree, for formats whose parts refer to one another. Entities beyond XML's own are not expanded,
+ * and nothing is fetched. */
 #ifndef TETLOD_XML_TREE_H
 #define TETLOD_XML_TREE_H
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing Exodus II, classic netCDF with 64-bit offsets: one element block of tetrahedra, one step in time; components of fields are
- * variables NAMEX, NAMEY, NAMEZ (which VTK joins), or NAME_1, ... The file is made in memory. */
+/* Writing Exodus II, classic netCDF with 64-bit offsets: one element block of tetrahedra, one step in time; components
+ * of fields are variables NAMEX, NAMEY, NAMEZ (which VTK joins), or NAME_1, ... The file is made in memory. */
 #include <netcdf.h>
 #include <netcdf_mem.h>
 #include <stdio.h>
@@ -48,7 +48,8 @@ static int variable(struct writer *w, const char *name, nc_type type, int rank, 
 }
 
 /* The variables of one kind, and of their names. */
-static void define_fields(struct writer *w, const struct point_field *fields, uint32_t count, bool cell, const int dims[2],
+static void define_fields(struct writer *w, const struct point_field *fields, uint32_t count, bool cell,
+                          const int dims[2],
                           int name_length, int *out)
 {
     char name[64];
@@ -76,7 +77,8 @@ static void define(struct writer *w, const struct tetmesh *mesh)
     keep(w, nc_put_att_int(w->file, NC_GLOBAL, "floating_point_word_size", NC_INT, 1, &word));
     keep(w, nc_put_att_int(w->file, NC_GLOBAL, "file_size", NC_INT, 1, &large));
     keep(w, nc_put_att_text(w->file, NC_GLOBAL, "title", 6, "tetlod"));
-    int axes = dimension(w, "num_dim", 3), nodes = dimension(w, "num_nodes", mesh->vertex_count), blocks, in_block, four, length, step;
+    int axes = dimension(w, "num_dim", 3), nodes = dimension(w, "num_nodes",
+                                                             mesh->vertex_count), blocks, in_block, four, length, step;
     dimension(w, "num_elem", mesh->tet_count);
     blocks = dimension(w, "num_el_blk", 1);
     in_block = dimension(w, "num_el_in_blk1", mesh->tet_count);
@@ -95,12 +97,14 @@ static void define(struct writer *w, const struct tetmesh *mesh)
     w->connect = variable(w, "connect1", NC_INT, 2, (const int[]){in_block, four});
     keep(w, nc_put_att_text(w->file, w->connect, "elem_type", 6, "TETRA4"));
     define_fields(w, mesh->fields, mesh->field_count, false, (const int[]){step, nodes}, length, w->variables);
-    define_fields(w, mesh->cell_fields, mesh->cell_field_count, true, (const int[]){step, in_block}, length, w->variables + w->nodal);
+    define_fields(w, mesh->cell_fields, mesh->cell_field_count, true, (const int[]){step, in_block}, length,
+                  w->variables + w->nodal);
     keep(w, nc_enddef(w->file));
 }
 
 /* Column c of rows of `width` values, as the value of a variable at the first step. */
-static void put_column(struct writer *w, int id, const double *values, uint32_t width, uint32_t c, size_t rows, double *buffer, bool steps)
+static void put_column(struct writer *w, int id, const double *values, uint32_t width, uint32_t c, size_t rows,
+                       double *buffer, bool steps)
 {
     const size_t start[2] = {0, 0}, size[2] = {steps ? 1 : rows, rows};
     for (size_t r = 0; r < rows; r++)
@@ -108,7 +112,8 @@ static void put_column(struct writer *w, int id, const double *values, uint32_t 
     keep(w, nc_put_vara_double(w->file, id, start, size, buffer));
 }
 
-static void put_fields(struct writer *w, const struct point_field *fields, uint32_t count, size_t rows, bool cell, double *buffer)
+static void put_fields(struct writer *w, const struct point_field *fields, uint32_t count, size_t rows, bool cell,
+                       double *buffer)
 {
     size_t v = 0;
     for (uint32_t f = 0; f < count; f++)
@@ -121,7 +126,8 @@ static void put_fields(struct writer *w, const struct point_field *fields, uint3
                 snprintf(part, sizeof part, "_%u", c + 1);
             snprintf(name, sizeof name, "%.*s%s", NAME_SIZE - 20, fields[f].name, part);
             keep(w, nc_put_vara_text(w->file, w->names[cell], start, size, name));
-            put_column(w, w->variables[v + (cell ? w->nodal : 0)], fields[f].values, fields[f].components, c, rows, buffer, true);
+            put_column(w, w->variables[v + (cell ? w->nodal : 0)], fields[f].values, fields[f].components, c, rows,
+                       buffer, true);
         }
 }
 
@@ -155,7 +161,8 @@ enum tetlod_status exodus_write(const struct tetmesh *mesh, const struct tetlodi
                        .elemental = count_components(mesh->cell_fields, mesh->cell_field_count)};
     NC_memio image = {0};
     if (mesh->vertex_count > INT32_MAX / 2 || mesh->tet_count > INT32_MAX / 8)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "is more than one variable of Exodus holds; write .vtkhdf or .vtu");
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "is more than one variable of Exodus holds; write .vtkhdf or .vtu");
     w.variables = array_zero(w.nodal + w.elemental, sizeof *w.variables);
     if (!w.variables)
         return tetlodi_fail_nomem(error, "the variables", (w.nodal + w.elemental) * sizeof(int));

@@ -60,7 +60,8 @@ static void put_mesh(struct put *put, const struct tetmesh *mesh)
 }
 
 /* The components first .. first + count of a field, of points or of cells. */
-static void put_field(struct put *put, const char *section, const struct point_field *field, uint32_t rows, uint32_t first,
+static void put_field(struct put *put, const char *section, const struct point_field *field, uint32_t rows,
+                      uint32_t first,
                       uint32_t count)
 {
     put_format(put, "$%s\n1\n\"", section);
@@ -77,7 +78,8 @@ static void put_field(struct put *put, const char *section, const struct point_f
     put_format(put, "\n$End%s\n", section);
 }
 
-static void put_fields(struct put *put, const char *section, const struct point_field *fields, uint32_t count, uint32_t rows)
+static void put_fields(struct put *put, const char *section, const struct point_field *fields, uint32_t count,
+                       uint32_t rows)
 {
     for (uint32_t f = 0; f < count; f++) {
         uint32_t n = fields[f].components, width = n == 1 || n == 3 || n == 9 ? n : 1;

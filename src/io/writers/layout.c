@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Files of which any range can be written by itself: each array knows the bytes of its rows, and asks for those that it needs. */
+/* Files of which any range can be written by itself: each array knows the bytes of its rows, and asks for those that it
+ * needs. */
 #include "src/io/writers/layout.h"
 
 #include <math.h>
@@ -64,8 +65,10 @@ static size_t integer_width(const struct point_field *field, size_t count)
 
 struct layout_array layout_of_field(const struct point_field *field, uint32_t column, uint64_t rows)
 {
-    size_t integer = integer_width(field, (size_t)rows * field->components), real = field->type == TETLOD_FLOAT32 ? 4 : 8;
-    return (struct layout_array){.kind = ROW_VALUES, .column = column, .words = field->components, .width = integer ? integer : real,
+    size_t integer = integer_width(field,
+                                   (size_t)rows * field->components), real = field->type == TETLOD_FLOAT32 ? 4 : 8;
+    return (struct layout_array){.kind = ROW_VALUES, .column = column, .words = field->components,
+                                 .width = integer ? integer : real,
                                  .integer = integer > 0, .rows = rows, .values = field->values};
 }
 
@@ -194,7 +197,8 @@ static uint64_t integer_at(const struct layout_array *array, const uint32_t *cor
     }
 }
 
-static void store_integers(const struct layout_array *array, const uint32_t *corners, uint64_t first, size_t count, unsigned char *out)
+static void store_integers(const struct layout_array *array, const uint32_t *corners, uint64_t first, size_t count,
+                           unsigned char *out)
 {
     for (size_t i = 0; i < count; i++) {
         uint64_t word = integer_at(array, corners, first, i);
@@ -208,7 +212,8 @@ static void store_integers(const struct layout_array *array, const uint32_t *cor
 }
 
 /* `values` and `corners` are those from the word `first` on. */
-static void store_words(const struct layout_array *array, const double *values, const uint32_t *corners, uint64_t first, size_t count,
+static void store_words(const struct layout_array *array, const double *values, const uint32_t *corners,
+                        uint64_t first, size_t count,
                         unsigned char *out)
 {
     if (array->kind != ROW_VALUES)
@@ -222,11 +227,13 @@ static void store_words(const struct layout_array *array, const double *values, 
 void layout_store(const struct layout_array *array, uint64_t first, size_t count, unsigned char *out)
 {
     uint64_t corner = array->kind == ROW_COUNT_CORNERS ? first / 5 * 4 : first;
-    store_words(array, array->values ? array->values + first : NULL, array->corners ? array->corners + corner : NULL, first, count, out);
+    store_words(array, array->values ? array->values + first : NULL, array->corners ? array->corners + corner : NULL,
+                first, count, out);
 }
 
 /* The bytes of some rows, into layout->bytes. */
-static void make_block(struct io_layout *layout, const struct layout_array *array, const struct io_rows *rows, uint64_t first,
+static void make_block(struct io_layout *layout, const struct layout_array *array, const struct io_rows *rows,
+                       uint64_t first,
                        size_t count)
 {
     uint64_t word = first * array->words;
@@ -244,7 +251,8 @@ static void make_block(struct io_layout *layout, const struct layout_array *arra
 }
 
 /* Bytes begin .. begin + size of a part. */
-static void read_part(struct io_layout *layout, const struct part *part, const struct io_rows *rows, uint64_t begin, size_t size,
+static void read_part(struct io_layout *layout, const struct part *part, const struct io_rows *rows, uint64_t begin,
+                      size_t size,
                       unsigned char *out)
 {
     const struct layout_array *array = &part->array;
@@ -267,7 +275,8 @@ static void read_part(struct io_layout *layout, const struct part *part, const s
     }
 }
 
-void io_layout_read(struct io_layout *layout, const struct io_rows *rows, uint64_t begin, size_t size, unsigned char *out)
+void io_layout_read(struct io_layout *layout, const struct io_rows *rows, uint64_t begin, size_t size,
+                    unsigned char *out)
 {
     for (size_t p = 0; size && p < layout->count; p++) {
         const struct part *part = &layout->parts[p];
@@ -291,7 +300,8 @@ enum tetlod_status layout_end(struct io_layout **out, enum tetlod_status status)
     return status;
 }
 
-enum tetlod_status layout_write_whole(io_layout_maker *lay_out, const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+enum tetlod_status layout_write_whole(io_layout_maker *lay_out, const struct tetmesh *mesh,
+                                      const struct tetlodi_sink *sink,
                                       struct tetlod_error *error)
 {
     enum { PIECE = 1 << 16 };

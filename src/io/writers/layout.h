@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* How a writer describes a file that is written piece by piece: texts and arrays in their order. io.h has what its users call. */
+/* How a writer describes a file that is written piece by piece: texts and arrays in their order. io.h has what its
+ * users call. */
 #ifndef TETLOD_LAYOUT_H
 #define TETLOD_LAYOUT_H
 
@@ -25,7 +26,8 @@ struct layout_array {
     const uint32_t *corners; /* ROW_CORNERS, ROW_COUNT_CORNERS: the same */
 };
 
-/* The array of a field, or of positions: integers stay integers where their values, which then must be there, allow it. */
+/* The array of a field, or of positions: integers stay integers where their values, which then must be there, allow
+ * it. */
 struct layout_array layout_of_field(const struct point_field *field, uint32_t column, uint64_t rows);
 
 TETLOD_CHECKED enum tetlod_status layout_start(struct io_layout **out, struct tetlod_error *error);
@@ -33,17 +35,19 @@ TETLOD_CHECKED enum tetlod_status layout_start(struct io_layout **out, struct te
 /* What is written there becomes text behind what is there. */
 struct tetlodi_sink layout_sink(struct io_layout *layout);
 
-TETLOD_CHECKED enum tetlod_status layout_add(struct io_layout *layout, const struct layout_array *array, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status layout_add(struct io_layout *layout, const struct layout_array *array,
+                                             struct tetlod_error *error);
 
-/* The words first .. first + count of an array that borrows what it holds; `first` begins a row of ROW_COUNT_CORNERS. Any thread
- * may call it. */
+/* The words first .. first + count of an array that borrows what it holds; `first` begins a row of ROW_COUNT_CORNERS.
+ * Any thread may call it. */
 void layout_store(const struct layout_array *array, uint64_t first, size_t count, unsigned char *out);
 
 /* Ends the laying out: a layout that failed is freed, and *out becomes NULL. Returns `status`. */
 enum tetlod_status layout_end(struct io_layout **out, enum tetlod_status status);
 
 /* Writes the whole file of a mesh that is in memory. */
-typedef enum tetlod_status io_layout_maker(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
+typedef enum tetlod_status io_layout_maker(struct io_layout **out, const struct tetmesh *shape,
+                                           struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status layout_write_whole(io_layout_maker *lay_out, const struct tetmesh *mesh,
                                                      const struct tetlodi_sink *sink, struct tetlod_error *error);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing Medit: .mesh, text, and .meshb, binary, with the tetrahedra's region as their reference; and .sol, the fields at its
- * vertices, of one, three and six components, others as scalars. */
+/* Writing Medit: .mesh, text, and .meshb, binary, with the tetrahedra's region as their reference; and .sol, the fields
+ * at its vertices, of one, three and six components, others as scalars. */
 #include <inttypes.h>
 
 #include "format/fail.h"
@@ -23,7 +23,8 @@ enum tetlod_status medit_write(const struct tetmesh *mesh, const struct tetlodi_
     put_format(&put, "Tetrahedra\n%" PRIu32 "\n", mesh->tet_count);
     for (size_t t = 0; t < mesh->tet_count; t++) {
         const uint32_t *c = mesh->corners + 4 * t;
-        put_format(&put, "%" PRIu64 " %" PRIu64 " %" PRIu64 " %" PRIu64 " %.0f\n", (uint64_t)c[0] + 1, (uint64_t)c[1] + 1,
+        put_format(&put, "%" PRIu64 " %" PRIu64 " %" PRIu64 " %" PRIu64 " %.0f\n", (uint64_t)c[0] + 1,
+                   (uint64_t)c[1] + 1,
                    (uint64_t)c[2] + 1, (uint64_t)c[3] + 1, ids ? ids[t] : 0);
     }
     put_text(&put, "End\n");
@@ -37,7 +38,8 @@ static void put_keyword(struct put *put, uint64_t number, uint64_t next, size_t 
     put_word(put, next, place);
 }
 
-/* Version 1 has float32 and 32 bit places, version 3 float64 and 64 bit places: float32 become float64 in a file of 2 GB and more. */
+/* Version 1 has float32 and 32 bit places, version 3 float64 and 64 bit places: float32 become float64 in a file of 2
+ * GB and more. */
 enum tetlod_status meshb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     enum { DIMENSION = 3, VERTICES = 4, TETRAHEDRA = 8, END = 54, HEAD = 64 };
@@ -81,7 +83,8 @@ enum tetlod_status sol_write(const struct tetmesh *mesh, const struct tetlodi_si
         uint32_t n = mesh->fields[f].components;
         columns += n == 3 || n == 6 ? 1 : n;
     }
-    put_format(&put, "MeshVersionFormatted 2\nDimension 3\nSolAtVertices\n%" PRIu32 "\n%" PRIu32, mesh->vertex_count, columns);
+    put_format(&put, "MeshVersionFormatted 2\nDimension 3\nSolAtVertices\n%" PRIu32 "\n%" PRIu32, mesh->vertex_count,
+               columns);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         uint32_t n = mesh->fields[f].components;
         if (n == 3 || n == 6)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Writing surfaces as binary glTF 2.0: one mesh with positions, the colours of the first scalar field, and the fields as
- * attributes. The JSON names the length of every array and comes first; it is put twice, at first only to know its own length.
+ * Writing surfaces as binary glTF 2.0: one mesh with positions, the colours of the first scalar field, and the fields
+ * as attributes. The JSON names the length of every array and comes first; it is put twice, at first only to know its
+ * own length.
  */
 #include <ctype.h>
 #include <float.h>
@@ -24,7 +25,8 @@ enum { CORNERS = 34963, VERTICES = 34962 };
 
 static void put_view(struct put *put, uint64_t *offset, uint64_t size, int target)
 {
-    put_format(put, "%s{\"buffer\":0,\"byteOffset\":%" PRIu64 ",\"byteLength\":%" PRIu64 ",\"target\":%d}", *offset ? "," : "", *offset,
+    put_format(put, "%s{\"buffer\":0,\"byteOffset\":%" PRIu64 ",\"byteLength\":%" PRIu64 ",\"target\":%d}",
+               *offset ? "," : "", *offset,
                size, target);
     *offset += size;
 }
@@ -68,13 +70,14 @@ static void put_accessors(struct put *put, const struct tetmesh *mesh, const str
     put_text(put, "]");
 }
 
-/* The name of a field's attribute: application-specific ones start with '_', letters, digits and '_' are safe anywhere, and the
- * number keeps two of them apart. */
+/* The name of a field's attribute: application-specific ones start with '_', letters, digits and '_' are safe anywhere,
+ * and the number keeps two of them apart. */
 static void put_name(struct put *put, const struct tetmesh *mesh, uint32_t field)
 {
     put_text(put, "\"_");
     for (const char *c = mesh->fields[field].name; *c; c++)
-        put_word(put, (unsigned char)*c < 128 && isalnum((unsigned char)*c) ? (uint64_t)toupper((unsigned char)*c) : '_', 1);
+        put_word(put, (unsigned char)*c < 128 &&
+                 isalnum((unsigned char)*c) ? (uint64_t)toupper((unsigned char)*c) : '_', 1);
     put_format(put, "_%" PRIu32 "\":", field);
 }
 
@@ -136,7 +139,8 @@ static enum tetlod_status count_bytes(void *opaque, const void *bytes, size_t si
     return TETLOD_OK;
 }
 
-static enum tetlod_status measure_json(const struct tetmesh *mesh, const struct cut *surface, uint64_t *json, uint64_t *arrays,
+static enum tetlod_status measure_json(const struct tetmesh *mesh, const struct cut *surface, uint64_t *json,
+                                       uint64_t *arrays,
                                        struct tetlod_error *error)
 {
     struct tetlodi_sink counter = {count_bytes, json};
@@ -172,7 +176,8 @@ static void put_colours(struct put *put, const struct tetmesh *mesh, const struc
     if (field)
         point_field_range(field, mesh->vertex_count, range);
     for (uint32_t v = 0; v < surface->vertex_count; v++) {
-        double at = range[1] > range[0] ? (cut_value(surface, v, field->values, 1, 0) - range[0]) / (range[1] - range[0]) : 0.5;
+        double at = range[1] > range[0] ? (cut_value(surface, v, field->values, 1,
+                                                     0) - range[0]) / (range[1] - range[0]) : 0.5;
         at = fmin(fmax(at, 0), 1); // a difference of huge values may be infinite
         double low = at < 0.5 ? 2 * at : 1, high = at > 0.5 ? 2 - 2 * at : 1;
         put_word(put, (uint64_t)(230 * low), 1);
@@ -200,7 +205,8 @@ enum tetlod_status io_write_glb(const struct tetmesh *mesh, const struct cut *su
     struct put put;
     uint64_t json, arrays;
     if (!fits_float32(mesh, surface))
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a GLB file has float32 coordinates, which these do not fit into; write .vtp");
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "a GLB file has float32 coordinates, which these do not fit into; write .vtp");
     TETLOD_TRY(measure_json(mesh, surface, &json, &arrays, error));
     uint64_t padded = (json + 3) & ~(uint64_t)3, all = HEAD + CHUNK_HEAD + padded + (arrays ? CHUNK_HEAD + arrays : 0);
     if (all > UINT32_MAX)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing surfaces, binary little-endian: STL (triangles with normals), VTP (raw appended data) and PLY (both: points with all
- * fields). The size of every array is known before it is written. */
+/* Writing surfaces, binary little-endian: STL (triangles with normals), VTP (raw appended data) and PLY (both: points
+ * with all fields). The size of every array is known before it is written. */
 #include <inttypes.h>
 #include <math.h>
 
@@ -78,7 +78,8 @@ static void put_ply_header(struct put *put, const struct tetmesh *mesh, const st
             put_text(put, "\n");
         }
     }
-    put_format(put, "element face %" PRIu32 "\nproperty list uchar uint vertex_indices\nend_header\n", surface->triangle_count);
+    put_format(put, "element face %" PRIu32 "\nproperty list uchar uint vertex_indices\nend_header\n",
+               surface->triangle_count);
 }
 
 static void put_ply_point(struct put *put, const struct tetmesh *mesh, const struct cut *surface, uint32_t v)
@@ -92,7 +93,8 @@ static void put_ply_point(struct put *put, const struct tetmesh *mesh, const str
     }
 }
 
-static enum tetlod_status write_ply(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+static enum tetlod_status write_ply(const struct tetmesh *mesh, const struct cut *surface,
+                                    const struct tetlodi_sink *sink,
                                     struct tetlod_error *error)
 {
     struct put put;
@@ -115,7 +117,8 @@ static uint64_t array_size(const struct cut *surface, uint32_t components, enum 
     return (uint64_t)surface->vertex_count * components * (type == TETLOD_FLOAT32 ? 4 : 8);
 }
 
-static void put_element(struct put *put, const char *type, const char *name, uint32_t components, uint64_t size, const char *unit,
+static void put_element(struct put *put, const char *type, const char *name, uint32_t components, uint64_t size,
+                        const char *unit,
                         uint64_t *offset)
 {
     put_format(put, "<DataArray type=\"%s\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\" Name=\"",
@@ -140,7 +143,8 @@ static void put_vtp_head(struct put *put, const struct tetmesh *mesh, const stru
                     "NumberOfPolys=\"%" PRIu64 "\">\n<PointData>\n", surface->vertex_count, triangles);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
-        put_element(put, types[field->type], field->name, field->components, array_size(surface, field->components, field->type),
+        put_element(put, types[field->type], field->name, field->components,
+                    array_size(surface, field->components, field->type),
                     field->unit, &offset);
     }
     put_text(put, "</PointData>\n<Points>\n");
@@ -152,7 +156,8 @@ static void put_vtp_head(struct put *put, const struct tetmesh *mesh, const stru
 }
 
 /* An array of the mesh, at the surface's vertices. */
-static void put_vtp_array(struct put *put, const struct cut *surface, const double *values, uint32_t components, enum tetlod_type type)
+static void put_vtp_array(struct put *put, const struct cut *surface, const double *values, uint32_t components,
+                          enum tetlod_type type)
 {
     put_word(put, array_size(surface, components, type), 8);
     for (uint32_t v = 0; v < surface->vertex_count; v++)
@@ -165,7 +170,8 @@ enum tetlod_status io_write_vtp(const struct tetmesh *mesh, const struct cut *su
 {
     struct put put;
     if (surface->triangle_count > INT32_MAX / 3)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu32 " triangles are more than the %d that fit into a VTP file",
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "%" PRIu32 " triangles are more than the %d that fit into a VTP file",
                             surface->triangle_count, INT32_MAX / 3); // its offsets are Int32
     TETLOD_TRY(put_init(&put, sink, false, error));
     put_vtp_head(&put, mesh, surface);
@@ -183,10 +189,12 @@ enum tetlod_status io_write_vtp(const struct tetmesh *mesh, const struct cut *su
 
 /* ---- the boundary of a mesh as a file */
 
-typedef enum tetlod_status surface_writer(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+typedef enum tetlod_status surface_writer(const struct tetmesh *mesh, const struct cut *surface,
+                                          const struct tetlodi_sink *sink,
                                           struct tetlod_error *error);
 
-static enum tetlod_status write_boundary(const struct tetmesh *mesh, surface_writer *write, const struct tetlodi_sink *sink,
+static enum tetlod_status write_boundary(const struct tetmesh *mesh, surface_writer *write,
+                                         const struct tetlodi_sink *sink,
                                          struct tetlod_error *error)
 {
     struct cut surface = {0};

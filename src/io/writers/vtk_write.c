@@ -101,7 +101,8 @@ static struct layout_array array_at(const struct tetmesh *shape, uint32_t number
         array.kind = ROW_TYPE;
     } else {
         bool of_points = number < 3 + shape->field_count;
-        array = layout_of_field(field_at(shape, number), of_points ? number - 2 : 0, of_points ? shape->vertex_count : shape->tet_count);
+        array = layout_of_field(field_at(shape, number), of_points ? number - 2 : 0,
+                                of_points ? shape->vertex_count : shape->tet_count);
     }
     array.big_endian = true;
     return array;

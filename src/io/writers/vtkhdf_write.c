@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing VTKHDF 1.0: one part, chunks of deflate. The file is made in memory, as HDF5 wants to go back and forth in it. */
+/* Writing VTKHDF 1.0: one part, chunks of deflate. The file is made in memory, as HDF5 wants to go back and forth in
+ * it. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,11 +15,13 @@ struct writer {
 };
 
 /* Row by row chunks, compressed; data of `memory` type as `stored` type. */
-static void put_set(struct writer *w, const char *name, int rank, const hsize_t *dims, hid_t memory, hid_t stored, const void *data)
+static void put_set(struct writer *w, const char *name, int rank, const hsize_t *dims, hid_t memory, hid_t stored,
+                    const void *data)
 {
     enum { CHUNK_ROWS = 1 << 15 };
     hsize_t chunk[2] = {dims[0] < CHUNK_ROWS ? dims[0] : CHUNK_ROWS, rank > 1 ? dims[1] : 1};
-    hid_t space = H5Screate_simple(rank, dims, NULL), list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
+    hid_t space = H5Screate_simple(rank, dims,
+                                   NULL), list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
     w->good = w->good && H5Pset_create_intermediate_group(links, 1) >= 0 && H5Pset_char_encoding(links, H5T_CSET_UTF8) >= 0;
     if (dims[0] > 1)
         w->good = w->good && H5Pset_chunk(list, rank, chunk) >= 0 && H5Pset_deflate(list, 4) >= 0;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing VTU 1.0: raw appended data, in zlib blocks or plain, UInt64 headers, little-endian. Arrays are compressed first, because
- * the XML in front gives their offsets. */
+/* Writing VTU 1.0: raw appended data, in zlib blocks or plain, UInt64 headers, little-endian. Arrays are compressed
+ * first, because the XML in front gives their offsets. */
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -54,7 +54,8 @@ static void pack_range(void *context, unsigned worker, size_t begin, size_t end)
         size_t count = left < most ? (size_t)left : most;
         uLong size = group->bound;
         layout_store(array, first, count, plain);
-        bool good = compress2(group->packed + b * group->bound, &size, plain, (uLong)(count * array->width), DEFLATE_LEVEL) == Z_OK;
+        bool good = compress2(group->packed + b * group->bound, &size, plain, (uLong)(count * array->width),
+                              DEFLATE_LEVEL) == Z_OK;
         group->sizes[b] = good ? size : 0;
     }
 }
@@ -124,7 +125,8 @@ static void put_array(struct writer *w, const char *name, const char *unit)
     uint32_t components = array->kind == ROW_VALUES ? array->words : 1;
     put_format(&w->put, "        <DataArray type=\"%s\" Name=\"", type_of(array));
     put_escaped(&w->put, name);
-    put_format(&w->put, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"", components, w->offset);
+    put_format(&w->put, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"", components,
+               w->offset);
     if (*unit) {
         put_text(&w->put, ">" VTK_XML_UNIT);
         put_escaped(&w->put, unit);
@@ -161,7 +163,8 @@ static void put_head(struct writer *w, bool plain)
                   "header_type=\"UInt64\"");
     put_text(put, plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
     put_text(put, ">\n  <UnstructuredGrid>\n");
-    put_format(put, "    <Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfCells=\"%" PRIu32 "\">\n      <PointData", mesh->vertex_count,
+    put_format(put, "    <Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfCells=\"%" PRIu32 "\">\n      <PointData",
+               mesh->vertex_count,
                mesh->tet_count);
     put_active(w, " Scalars=\"", 1);
     put_active(w, " Vectors=\"", 3);
@@ -191,7 +194,8 @@ static void list_arrays(const struct tetmesh *mesh, struct layout_array *out)
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)
         *out++ = layout_of_field(&mesh->cell_fields[f], 0, mesh->tet_count);
     *out++ = layout_of_field(&positions, 0, mesh->vertex_count);
-    *out++ = (struct layout_array){.kind = ROW_CORNERS, .words = 4, .width = wide, .rows = mesh->tet_count, .corners = mesh->corners};
+    *out++ = (struct layout_array){.kind = ROW_CORNERS, .words = 4, .width = wide, .rows = mesh->tet_count,
+                                   .corners = mesh->corners};
     *out++ = (struct layout_array){.kind = ROW_END, .words = 1, .width = wide, .rows = mesh->tet_count};
     *out++ = (struct layout_array){.kind = ROW_TYPE, .words = 1, .width = 1, .rows = mesh->tet_count};
 }
@@ -264,7 +268,8 @@ enum tetlod_status io_layout_vtu(struct io_layout **out, const struct tetmesh *s
     return layout_end(out, status == TETLOD_OK ? written : status);
 }
 
-enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
+enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                      struct tetlod_error *error)
 {
     return layout_write_whole(io_layout_vtu, mesh, sink, error);
 }

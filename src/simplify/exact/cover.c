@@ -14,8 +14,8 @@
 /* A star with more pairs of a vertex and a wall is refused: so many originals hardly ever fit a contraction. */
 static const size_t MOST_SIDES = (size_t)1 << 19;
 
-/* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
- * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
+/* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product
+ * of the three lengths that they are made of wrong at most (PROOF.md, section 8). */
 static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
 
 /* Points this far beyond a wall count, at least. */
@@ -32,7 +32,8 @@ static size_t set_words(size_t count)
     return (count + 63) / 64;
 }
 
-enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
+enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS,
+           CONE_SIGNS, SPOKE_WALLS,
             SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES, PLACES, HELD };
 
 /* Room for that many elements in an array of the cover; `array` points to its pointer. */
@@ -100,7 +101,8 @@ static inline void set_add(uint64_t *set, uint32_t number)
     set[number / 64] |= (uint64_t)1 << number % 64;
 }
 
-/* The originals under the star's tetrahedra, each once; those under the ones that are removed first, for v' is likely there. */
+/* The originals under the star's tetrahedra, each once; those under the ones that are removed first, for v' is likely
+ * there. */
 static bool gather_tets(struct cover *cover, const struct overlaps *overlaps, const struct star *star)
 {
     size_t most = 0;
@@ -166,7 +168,8 @@ static bool gather_vertices(struct cover *cover, const struct overlaps *overlaps
         return false;
     for (uint32_t v = 0; v < cover->vertex_count; v++) {
         cover->numbers[cover->vertices[v]] = TETLOD_NONE;
-        memcpy(cover->positions[v], overlaps->mesh->positions + 3 * (size_t)cover->vertices[v], sizeof *cover->positions);
+        memcpy(cover->positions[v], overlaps->mesh->positions + 3 * (size_t)cover->vertices[v],
+               sizeof *cover->positions);
     }
     return true;
 }
@@ -316,8 +319,8 @@ static void set_walls(struct cover *cover, const struct working *working)
     }
 }
 
-/* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone has no
- * volume. */
+/* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone
+ * has no volume. */
 static bool set_cone(struct cover *cover, const struct working *working, uint32_t f)
 {
     struct cone *cone = &cover->cones[f];
@@ -386,10 +389,12 @@ static bool set_spokes(struct cover *cover, const struct working *working)
     return true;
 }
 
-enum tetlod_status cover_set_apex(struct cover *cover, const struct working *working, const double p[3], bool *out_sound,
+enum tetlod_status cover_set_apex(struct cover *cover, const struct working *working, const double p[3],
+                                  bool *out_sound,
                               struct tetlod_error *error)
 {
-    size_t cones = cover->cone_count, stride = cover->stride = (cover->wall_count + COVER_LANES - 1) / COVER_LANES * COVER_LANES;
+    size_t cones = cover->cone_count, stride = cover->stride = (cover->wall_count + COVER_LANES -
+                                                                1) / COVER_LANES * COVER_LANES;
     size_t words = cover->words = (cover->wall_count + 63) / 64;
     double reach2 = 0;
     memcpy(cover->apex, p, sizeof cover->apex);
@@ -431,7 +436,8 @@ enum tetlod_status cover_gather(struct cover *cover, const struct overlaps *over
         reach2 = larger(reach2, distance_squared(cover->apex, cover->positions[v]));
     reach_out(cover, sqrt(reach2));
     cover->beyond = BEYOND + PLANE_ROUNDING * cover->condition;
-    cover->condition = larger(cover->condition, cover->steepest * cover->reach); // the originals' own planes and weights are rounded, too
+    // the originals' own planes and weights are rounded, too
+    cover->condition = larger(cover->condition, cover->steepest * cover->reach);
     return TETLOD_OK;
 }
 
@@ -555,7 +561,8 @@ uint32_t cover_cone_of(const struct cover *cover, uint32_t vertex)
 
 /* ---- passing on */
 
-/* On which sides of the walls an original may be with all its corners: two sets, the walls on whose negative side, and on whose positive. */
+/* On which sides of the walls an original may be with all its corners: two sets, the walls on whose negative side, and
+ * on whose positive. */
 static void find_sides(struct cover *cover, const uint32_t corners[4])
 {
     size_t words = cover->words;
@@ -588,7 +595,8 @@ static bool on_boundary(const struct cover *cover, const struct cone *cone)
 static bool behind(const struct cover *cover, const struct working *working, size_t tet, const struct cone *cone)
 {
     for (int c = 0; c < 4; c++)
-        if (cone->outer || cone_height(cone, cover, working, cover->positions[cover->corners[tet][c]]) > cone->tolerance)
+        if (cone->outer || cone_height(cone, cover, working,
+                                       cover->positions[cover->corners[tet][c]]) > cone->tolerance)
             return false;
     return true;
 }
@@ -600,7 +608,8 @@ static bool find_held(struct cover *cover, const struct working *working)
         return false;
     for (uint32_t v = 0; v < cover->vertex_count; v++) {
         uint32_t f = cover->homes[v];
-        bool inside = f != TETLOD_NONE && cone_height(&cover->cones[f], cover, working, cover->positions[v]) > cover->cones[f].tolerance;
+        bool inside = f != TETLOD_NONE && cone_height(&cover->cones[f], cover, working,
+                                                      cover->positions[v]) > cover->cones[f].tolerance;
         cover->held[v] = inside ? f : TETLOD_NONE;
     }
     return true;
@@ -653,7 +662,8 @@ static void find_planes(const struct cover *cover, const uint32_t corners[4], st
 }
 
 /* Is the cone on the other side of one of the planes? */
-static bool apart(const struct cover *cover, const struct working *working, const struct planes *planes, const struct cone *cone)
+static bool apart(const struct cover *cover, const struct working *working, const struct planes *planes,
+                  const struct cone *cone)
 {
     for (uint32_t i = 0; i < planes->count; i++) {
         bool beyond = true;
@@ -695,8 +705,9 @@ static bool pair_original(struct cover *cover, const struct working *working, ui
     return true;
 }
 
-/* Of each cone the walls that it is on the positive side of, and those that it is on the negative side of. Walls on the boundary do not
- * count, nor does a link face there: a cone is taken to reach beyond them, so that nothing is lost where the boundary has moved. */
+/* Of each cone the walls that it is on the positive side of, and those that it is on the negative side of. Walls on the
+ * boundary do not count, nor does a link face there: a cone is taken to reach beyond them, so that nothing is lost
+ * where the boundary has moved. */
 static bool make_masks(struct cover *cover)
 {
     size_t words = cover->words;
@@ -752,7 +763,8 @@ static bool pass_on_lists(struct cover *cover, const struct working *working, st
     return true;
 }
 
-enum tetlod_status cover_pass_on(struct cover *cover, const struct working *working, struct passed *out, struct tetlod_error *error)
+enum tetlod_status cover_pass_on(struct cover *cover, const struct working *working, struct passed *out,
+                                 struct tetlod_error *error)
 {
     out->count = 0;
     if (!pass_on_lists(cover, working, out))

@@ -2,10 +2,11 @@
 /*
  * The part of the original mesh that a star covers, seen from where the star is to be contracted to.
  *
- * Every tetrahedron of the level has a list of the original ones that overlap it. A star's cover is the union of its lists. A
- * contraction to v' makes a cone from v' over every link face; between two cones stands a wall, the triangle of v' and an edge
- * of the link; where walls meet is a spoke, the edge from v' to a vertex of the link. All there is to know of an original
- * vertex is on which side of every wall's plane it is, as bits that cull, and how far, which is computed where it is asked.
+ * Every tetrahedron of the level has a list of the original ones that overlap it. A star's cover is the union of its
+ * lists. A contraction to v' makes a cone from v' over every link face; between two cones stands a wall, the triangle
+ * of v' and an edge of the link; where walls meet is a spoke, the edge from v' to a vertex of the link. All there is to
+ * know of an original vertex is on which side of every wall's plane it is, as bits that cull, and how far, which is
+ * computed where it is asked.
  */
 #ifndef TETLOD_COVER_H
 #define TETLOD_COVER_H
@@ -58,9 +59,12 @@ struct cover {
     struct wall *walls;
     struct cone *cones;
     /* seen from `apex` */
-    double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
-    double condition;            /* the largest of the cones', and of the originals' once these are gathered: (longest edge)^2 * reach / 6V */
-    double beyond;               /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
+    /* no vertex of the link is farther from it, nor of the originals once these are gathered */
+    double apex[3], reach;
+    /* the largest of the cones', and of the originals' once these are gathered: (longest edge)^2 * reach / 6V */
+    double condition;
+    /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
+    double beyond;
     uint32_t words;              /* of a set of walls */
     uint32_t stride;             /* the walls, and idle ones up to a multiple of COVER_LANES */
     double *normals;             /* [3][stride] of the walls */
@@ -78,7 +82,9 @@ struct cover {
     uint32_t *slot_numbers;   /* [slot] its number in the link, or TETLOD_NONE */
     uint32_t *table;          /* of edges: their numbers, plus 1 */
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
-    uint64_t *sides;          /* [2][words] of cover_pass_on: the walls that all corners of an original may be on the negative side of, on the positive */
+    /* [2][words] of cover_pass_on: the walls that all corners of an original may be on the negative side of, on the
+     * positive */
+    uint64_t *sides;
     uint32_t *held;           /* [vertex] of the same: the cone that it is inside of, or TETLOD_NONE */
     uint64_t *masks;          /* [cone][2][words] behind them: what a cone is on the other side of */
     struct place {
@@ -108,15 +114,16 @@ TETLOD_CHECKED enum tetlod_status cover_set_apex(struct cover *cover, const stru
 uint32_t cover_cone_at(struct cover *cover, const struct working *working, const double p[3], double weights[3],
                        double *apex_weight);
 
-/* Gathers the originals under the star, if they are not there yet, and makes room for their vertices' sides. *out_few: they are not too
- * many. ERR_NOMEM. */
+/* Gathers the originals under the star, if they are not there yet, and makes room for their vertices' sides. *out_few:
+ * they are not too many. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status cover_gather(struct cover *cover, const struct overlaps *overlaps,
                                                const struct star *star, bool *out_few, struct tetlod_error *error);
 
 /* Finds where a vertex is: its offset, its sides and its home. */
 void cover_place(struct cover *cover, uint32_t vertex);
 
-/* The cone whose directions from v' hold the vertex, or TETLOD_NONE where the star has none. It may be beyond the link. */
+/* The cone whose directions from v' hold the vertex, or TETLOD_NONE where the star has none. It may be beyond the
+ * link. */
 uint32_t cover_cone_of(const struct cover *cover, uint32_t vertex);
 
 /* Lists the edges of the cover. ERR_NOMEM. */
@@ -126,7 +133,8 @@ TETLOD_CHECKED enum tetlod_status cover_edges(struct cover *cover, struct tetlod
 TETLOD_CHECKED enum tetlod_status cover_pass_on(struct cover *cover, const struct working *working, struct passed *out,
                                                 struct tetlod_error *error);
 
-/* Of a place at `r` from the apex: its distance from a wall's plane, scaled. The same bits as its signs are taken from. */
+/* Of a place at `r` from the apex: its distance from a wall's plane, scaled. The same bits as its signs are taken
+ * from. */
 static inline double cover_distance(const struct cover *cover, uint32_t wall, const double r[3])
 {
     const double *n = cover->normals + wall;

@@ -13,8 +13,8 @@
 /* Iterations of the weights. */
 enum { ROUNDS = 12 };
 
-/* A step as long as the star is wide costs as much as this fraction of the largest difference: it tames directions in which nothing
- * changes. */
+/* A step as long as the star is wide costs as much as this fraction of the largest difference: it tames directions in
+ * which nothing changes. */
 static const double STIFFNESS = 0.05;
 
 /* A step is no longer than this fraction of the star: the differences are not linear for long. */
@@ -45,7 +45,8 @@ static bool room(void *array, size_t *capacity, size_t needed, size_t size)
     return done;
 }
 
-static double weight_of(const struct examiner *examiner, const struct working *working, const struct descent_driver *driver,
+static double weight_of(const struct examiner *examiner, const struct working *working,
+                        const struct descent_driver *driver,
                         size_t corner)
 {
     return driver->factor * examiner->points[(1 + (size_t)working->component_count) * corner];
@@ -95,9 +96,10 @@ static double open_driver(struct descent_driver *driver, const struct examiner *
     return most;
 }
 
-/* Adds a driver to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by row, and to the
- * right side. Returns the sum of its weights. */
-static double add_equations(struct descent_driver *driver, const struct examiner *examiner, const struct working *working,
+/* Adds a driver to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by row,
+ * and to the right side. Returns the sum of its weights. */
+static double add_equations(struct descent_driver *driver, const struct examiner *examiner,
+                            const struct working *working,
                             double matrix[6], double right[3])
 {
     double total = 0;
@@ -127,7 +129,8 @@ static double add_equations(struct descent_driver *driver, const struct examiner
 /* Solves (matrix + stiffness) x = right. */
 static void solve(const double m[6], double stiffness, const double right[3], double x[3])
 {
-    const double rows[3][3] = {{m[0] + stiffness, m[1], m[2]}, {m[1], m[3] + stiffness, m[4]}, {m[2], m[4], m[5] + stiffness}};
+    const double rows[3][3] = {{m[0] + stiffness, m[1], m[2]}, {m[1], m[3] + stiffness, m[4]},
+                               {m[2], m[4], m[5] + stiffness}};
     double minors[3];
     cross(rows[1], rows[2], minors);
     double determinant = dot(rows[0], minors);
@@ -137,8 +140,8 @@ static void solve(const double m[6], double stiffness, const double right[3], do
     }
 }
 
-/* What the step, with the change of the value that is best there, leaves of a driver's differences: weights grow with it. Returns the
- * largest. */
+/* What the step, with the change of the value that is best there, leaves of a driver's differences: weights grow with
+ * it. Returns the largest. */
 static double reweigh(struct descent_driver *driver, const struct examiner *examiner, const struct working *working,
                       const double step[3], double most)
 {
@@ -156,7 +159,8 @@ static bool make_room(struct descent *descent, const struct examiner *examiner, 
 {
     size_t gradients = 3 * ((size_t)examiner->cover.cone_count + 1), points = examiner->point_count;
     if (!room(&descent->drivers, &descent->driver_capacity, drivers, sizeof *descent->drivers) ||
-        !room(&descent->numbers, &descent->number_capacity, drivers * (gradients + 2 * points), sizeof *descent->numbers))
+        !room(&descent->numbers, &descent->number_capacity, drivers * (gradients + 2 * points),
+              sizeof *descent->numbers))
         return false;
     double *next = descent->numbers;
     for (uint32_t d = 0; d < drivers; d++, next += gradients + 2 * points)

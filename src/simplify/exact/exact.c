@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A star is asked about at one position after the other (examiner.h). If each misses the limit by little, positions between them are
- * searched for (descent.h). What refused is remembered near where it did; what was allowed passes its originals on to its cones.
+ * A star is asked about at one position after the other (examiner.h). If each misses the limit by little, positions
+ * between them are searched for (descent.h). What refused is remembered near where it did; what was allowed passes its
+ * originals on to its cones.
  */
 #include "src/simplify/exact/exact.h"
 
@@ -14,13 +15,13 @@
 #include "src/simplify/exact/examiner.h"
 #include "src/util/array.h"
 
-/* Examining a position stops where the error is above this multiple of the limit, on rungs that levels are named after; on the others it
- * stops at the limit. Positions between the candidates are searched for from those below it. */
+/* Examining a position stops where the error is above this multiple of the limit, on rungs that levels are named after;
+ * on the others it stops at the limit. Positions between the candidates are searched for from those below it. */
 static const double CUTOFF = 1.2;
 
-/* If every candidate misses the limit by little, positions between them are searched: at most MAX_STEPS steps, each halved at most
- * HALVINGS times. A step is made while the error that is expected of it is below STEP_EXPECTED times the limit, and the last step's error
- * was below STEP_NEEDED times the limit. */
+/* If every candidate misses the limit by little, positions between them are searched: at most MAX_STEPS steps, each
+ * halved at most HALVINGS times. A step is made while the error that is expected of it is below STEP_EXPECTED times the
+ * limit, and the last step's error was below STEP_NEEDED times the limit. */
 enum { MAX_STEPS = 12, HALVINGS = 2 };
 static const double STEP_EXPECTED = 1.12, STEP_NEEDED = 1.1;
 
@@ -52,11 +53,13 @@ static void exact_free(void *state)
 /* ---- asking */
 
 /* Asks about one position. */
-static enum tetlod_status examine(struct exact *exact, struct thread *thread, const struct question *question, const double p[3],
+static enum tetlod_status examine(struct exact *exact, struct thread *thread, const struct question *question,
+                                  const double p[3],
                                   double cutoff, bool whole, struct answer *answer, struct finding *finding, struct tetlod_error *error)
 {
     size_t size = question->working->component_count * sizeof(double);
-    TETLOD_TRY(exact_examine(&thread->examiner, &exact->overlaps, question->working, question->star, p, question->limit, cutoff,
+    TETLOD_TRY(exact_examine(&thread->examiner, &exact->overlaps, question->working, question->star, p,
+                             question->limit, cutoff,
                              whole, finding, error));
     answer->too_large += finding->large;
     if (!finding->allowed)
@@ -75,13 +78,15 @@ static bool may_go(struct thread *thread, const struct question *question, const
     static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
     const struct star *star = question->star;
     return border_allows(question->border, question->working, star->simplex, star->simplex_count, anywhere, p) &&
-           border_moves(question->border, question->working, star->simplex, star->simplex_count, p, &thread->map) <= question->border->limit &&
+           border_moves(question->border, question->working, star->simplex, star->simplex_count, p,
+                        &thread->map) <= question->border->limit &&
            star_fits(star, question->working, p);
 }
 
-/* All positions are refused, this one by the least: goes on from there, each step to where less is needed, until that is allowed or no
- * step is worth making. */
-static enum tetlod_status search(struct exact *exact, struct thread *thread, const struct question *question, const double start[3],
+/* All positions are refused, this one by the least: goes on from there, each step to where less is needed, until that
+ * is allowed or no step is worth making. */
+static enum tetlod_status search(struct exact *exact, struct thread *thread, const struct question *question,
+                                 const double start[3],
                                  struct answer *answer, struct tetlod_error *error)
 {
     struct finding finding;
@@ -91,9 +96,11 @@ static enum tetlod_status search(struct exact *exact, struct thread *thread, con
     for (int steps = 0; steps < MAX_STEPS && !finding.allowed && finding.error < most; steps++) {
         double best = finding.error;
         memcpy(from, p, sizeof from);
-        TETLOD_TRY(descent_step(&thread->descent, &thread->examiner, question->border, question->working, question->star, step,
+        TETLOD_TRY(descent_step(&thread->descent, &thread->examiner, question->border, question->working,
+                                question->star, step,
                                 &expected, error));
-        for (int halving = 0; halving <= HALVINGS && expected < STEP_EXPECTED * question->limit && !(finding.error < best); halving++) {
+        for (int halving = 0; halving <= HALVINGS && expected < STEP_EXPECTED * question->limit &&
+             !(finding.error < best); halving++) {
             for (int i = 0; i < 3; i++)
                 p[i] = from[i] + step[i] / (1 << halving);
             working_round(question->working, p);
@@ -111,7 +118,8 @@ static enum tetlod_status search(struct exact *exact, struct thread *thread, con
 static bool keep_witnesses(struct answer *answer, const struct finding *finding)
 {
     void *grown = answer->refused.numbers;
-    bool room = array_reserve(&grown, &answer->refused.capacity, answer->refused.count + 8, sizeof *answer->refused.numbers);
+    bool room = array_reserve(&grown, &answer->refused.capacity, answer->refused.count + 8,
+                              sizeof *answer->refused.numbers);
     answer->refused.numbers = grown;
     for (int i = 0; i < 2 && room; i++) {
         const struct sentinel *witness = &finding->witness[i];
@@ -125,7 +133,8 @@ static bool keep_witnesses(struct answer *answer, const struct finding *finding)
     return room;
 }
 
-static enum tetlod_status exact_ask(void *state, unsigned worker, const struct question *question, struct answer *answer,
+static enum tetlod_status exact_ask(void *state, unsigned worker, const struct question *question,
+                                    struct answer *answer,
                                     struct tetlod_error *error)
 {
     struct exact *exact = state;
@@ -152,7 +161,8 @@ static enum tetlod_status exact_ask(void *state, unsigned worker, const struct q
     return TETLOD_OK;
 }
 
-static enum tetlod_status exact_take(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error)
+static enum tetlod_status exact_take(void *state, const struct star *star, const struct answer *answer,
+                                     struct tetlod_error *error)
 {
     struct exact *exact = state;
     for (size_t i = 0; i < answer->refused.count; i += 4) {
@@ -170,7 +180,8 @@ static void exact_renumber(void *state, const struct renumbering *numbers)
     overlaps_renumber(&exact->overlaps, numbers);
 }
 
-enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working, unsigned threads,
+enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working,
+                             unsigned threads,
                              struct tetlod_error *error)
 {
     struct exact *exact = array_zero(1, sizeof *exact);

@@ -5,8 +5,10 @@
 
 #include "src/simplify/limit.h"
 
-/* Of the mesh's working mesh before its first contraction, for so many threads. `mesh` and `working` are borrowed. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh, const struct working *working,
+/* Of the mesh's working mesh before its first contraction, for so many threads. `mesh` and `working` are borrowed.
+ * ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh,
+                                            const struct working *working,
                                             unsigned threads, struct tetlod_error *error);
 
 /* Bytes that it takes, about. */

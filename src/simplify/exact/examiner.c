@@ -18,7 +18,8 @@ static const double LEAST_WEIGHT = 1e-9;
 /* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
 static const double BEYOND = 1e-9;
 
-/* A crossing of a spoke and a face is off a wall by this fraction of the cover's reach at most, or the spoke lies in the face. */
+/* A crossing of a spoke and a face is off a wall by this fraction of the cover's reach at most, or the spoke lies in
+ * the face. */
 static const double IN_FACE = 1e-6;
 enum { REFINEMENTS = 3 };
 
@@ -90,7 +91,8 @@ enum tetlod_status exact_begin(struct examiner *examiner, const struct working *
         return tetlodi_fail_nomem(error, "the exact limit", links * working->component_count * 8);
     for (uint32_t d = 0; d < working->component_count; d++) {
         const struct component *component = &working->components[d];
-        examiner->bases[d] = links ? working_values(working, cover->link[0], component->field)[component->component] : 0;
+        examiner->bases[d] = links ? working_values(working, cover->link[0],
+                                                    component->field)[component->component] : 0;
         for (size_t l = 0; l < links; l++)
             examiner->level[d * links + l] =
                 working_values(working, cover->link[l], component->field)[component->component] - examiner->bases[d];
@@ -99,7 +101,8 @@ enum tetlod_status exact_begin(struct examiner *examiner, const struct working *
 }
 
 /* Less the driver's base. */
-static double original_value(const struct examiner *examiner, const struct overlaps *overlaps, const struct working *working,
+static double original_value(const struct examiner *examiner, const struct overlaps *overlaps,
+                             const struct working *working,
                              uint32_t d, uint32_t vertex)
 {
     const struct component *component = &working->components[d];
@@ -108,7 +111,8 @@ static double original_value(const struct examiner *examiner, const struct overl
     return value - working->fields[component->field].middles[component->component] - examiner->bases[d];
 }
 
-static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct working *working,
+static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps,
+                                 const struct working *working,
                                  const struct star *star, bool *out_few, struct tetlod_error *error)
 {
     struct cover *cover = &examiner->cover;
@@ -141,8 +145,8 @@ static double meet(const struct critical *low, const struct critical *high, doub
     return limit;
 }
 
-/* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
- * lower bound. True: it has risen. */
+/* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then
+ * is, is a lower bound. True: it has risen. */
 static bool narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
 {
     double limit = interval->limit;
@@ -185,8 +189,8 @@ static bool below_cutoff(const struct examiner *examiner, const struct working *
     return true;
 }
 
-/* One corner of the overlay, whose constants are in examiner->constants. False: it is above the cutoff, or there is no memory (then
- * point_count is SIZE_MAX). */
+/* One corner of the overlay, whose constants are in examiner->constants. False: it is above the cutoff, or there is no
+ * memory (then point_count is SIZE_MAX). */
 static bool add_point(struct examiner *examiner, const struct working *working, double weight, uint32_t cone,
                       const struct sentinel *where, double cutoff)
 {
@@ -273,7 +277,8 @@ static bool at_vertex(const struct examination *e, uint32_t v)
     for (uint32_t d = 0; d < e->working->component_count; d++) {
         double constant = -examiner->original[d * vertices + v];
         for (int k = 0; k < 3; k++)
-            constant += cone->scale[k] * cover_distance(cover, cone->walls[k], cover->offsets[v]) * examiner->level[d * links + cone->link[k]];
+            constant += cone->scale[k] * cover_distance(cover, cone->walls[k],
+                                                        cover->offsets[v]) * examiner->level[d * links + cone->link[k]];
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {{cover->vertices[v], cover->vertices[v]}, 0}};
@@ -287,12 +292,14 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     const struct cover *cover = &examiner->cover;
     const struct cone *cone = &cover->cones[cover->walls[w].cones[0]];
     const double *from = cover->offsets[a], *to = cover->offsets[b], near = cover_distance(cover, w, from);
-    double between = near - cover_distance(cover, w, to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
+    double between = near - cover_distance(cover, w,
+                                           to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
     t = smaller(larger(t, 0), 1);
     s = 1 - t;
     for (int k = 0; k < 3; k++) {
         uint32_t other = cone->walls[k];
-        weights[k] = other == w ? 0 : cone->scale[k] * (s * cover_distance(cover, other, from) + t * cover_distance(cover, other, to));
+        weights[k] = other == w ? 0 : cone->scale[k] * (s * cover_distance(cover, other,
+                                                                           from) + t * cover_distance(cover, other, to));
         if (weights[k] < -cover->beyond)
             return true;
         sum += weights[k];
@@ -317,8 +324,8 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     return add_point(examiner, e->working, weight, cover->walls[w].cones[0], &here, e->cutoff);
 }
 
-/* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
- * far they are off: refined until that is within `tolerance`. */
+/* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be
+ * had, and how far they are off: refined until that is within `tolerance`. */
 static bool triangle_holds(const double p[3][2], const double tolerance[2], double weights[3], double off[2])
 {
     double sum = 0;
@@ -344,8 +351,8 @@ static bool triangle_holds(const double p[3][2], const double tolerance[2], doub
     }
 }
 
-/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
- * that meet in the spoke, the spoke is the origin. */
+/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two
+ * walls that meet in the spoke, the spoke is the origin. */
 static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
 {
     struct examiner *examiner = e->examiner;
@@ -445,7 +452,8 @@ static bool try_walls(const struct examination *e, const uint32_t edge[2])
         for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
             uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
             const struct wall *wall = &cover->walls[w];
-            if (!beside(cover, cover->words, a, b, wall->cones[0]) && !beside(cover, cover->words, a, b, wall->cones[1]) &&
+            if (!beside(cover, cover->words, a, b, wall->cones[0]) &&
+                !beside(cover, cover->words, a, b, wall->cones[1]) &&
                 !at_wall(e, edge[0], edge[1], w))
                 return false;
         }
@@ -454,8 +462,9 @@ static bool try_walls(const struct examination *e, const uint32_t edge[2])
 
 enum { ARRIVED = -1, LOST = -2 };
 
-/* The wall by which an edge leaves cone f: of those that its far end is outside of the one that it crosses first. ARRIVED: of none.
- * LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the star. */
+/* The wall by which an edge leaves cone f: of those that its far end is outside of the one that it crosses first.
+ * ARRIVED: of none. LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the
+ * star. */
 static int64_t way_out(const struct cover *cover, const uint32_t edge[2], uint32_t f)
 {
     const double *from = cover->offsets[edge[0]], *to = cover->offsets[edge[1]];
@@ -547,8 +556,8 @@ static inline bool face_around(const struct cover *cover, uint32_t words, const 
     return !missing;
 }
 
-/* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the other way,
- * so that each counts once. `sets` are the originals' walls of both sides. */
+/* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the
+ * other way, so that each counts once. `sets` are the originals' walls of both sides. */
 static inline bool at_spoke(const struct examination *e, uint32_t words, uint32_t link, const uint64_t *sets)
 {
     const struct cover *cover = &e->examiner->cover;
@@ -614,7 +623,8 @@ static bool ask_sentinel(const struct examination *e, const struct watched *poin
     return examiner->point_count != SIZE_MAX;
 }
 
-/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: above the cutoff, or no memory. */
+/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: above the cutoff, or no
+ * memory. */
 static bool ask_sentinels(const struct examination *e)
 {
     const struct examiner *examiner = e->examiner;
@@ -636,8 +646,8 @@ static bool goes_on(const struct examination *e)
     return e->whole || below_cutoff(e->examiner, e->working, 0);
 }
 
-/* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
- * above the cutoff, or out of memory. */
+/* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked.
+ * False: above the cutoff, or out of memory. */
 static bool examine_corners(const struct examination *e)
 {
     struct cover *cover = &e->examiner->cover;
@@ -700,8 +710,8 @@ static bool refused(const struct examiner *examiner, const struct working *worki
     return out->error > 0;
 }
 
-/* The value whose differences at the corners of the overlay have the least sum of squares: it leaves contractions beside it
- * more room than the quadric's best does. */
+/* The value whose differences at the corners of the overlay have the least sum of squares: it leaves contractions
+ * beside it more room than the quadric's best does. */
 static double fitting(const struct examiner *examiner, const struct working *working, uint32_t d)
 {
     size_t width = 1 + (size_t)working->component_count;

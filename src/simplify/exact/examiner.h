@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The exact limit. After a contraction to v' with the value s' the level is linear on every cone of the new star, the original
- * on every tetrahedron: their difference is largest at a corner of an intersection of the two. Those are the original vertices,
- * where original edges cross walls, where spokes cross original faces, v' itself, and points on the link, where nothing
- * changes. Each is |w s' + c| for a weight w of v' and a constant c, so a limit of it is an interval for s' (PROOF.md, 8).
+ * The exact limit. After a contraction to v' with the value s' the level is linear on every cone of the new star, the
+ * original on every tetrahedron: their difference is largest at a corner of an intersection of the two. Those are the
+ * original vertices, where original edges cross walls, where spokes cross original faces, v' itself, and points on the
+ * link, where nothing changes. Each is |w s' + c| for a weight w of v' and a constant c, so a limit of it is an
+ * interval for s' (PROOF.md, 8).
  */
 #ifndef TETLOD_EXAMINER_H
 #define TETLOD_EXAMINER_H
@@ -35,7 +36,8 @@ struct examiner {
     struct sentinel recent[RECENT]; /* points that refused the star's candidates so far */
     uint32_t recent_count;
     struct interval *intervals; /* [driver] */
-    double *bases;              /* [driver] a value of the star: all values here are less it, so that none is larger than they vary */
+    /* [driver] a value of the star: all values here are less it, so that none is larger than they vary */
+    double *bases;
     double *level, *original;   /* [driver][link], [driver][vertex] values */
     double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
     double *constants;          /* [driver] of the one at hand */
@@ -50,19 +52,23 @@ struct finding {
     bool allowed;
     bool large;          /* it was not asked: the star has too many originals in it */
     double error;        /* fraction of the range of the worst weighted driver; if not allowed, a lower bound of it */
-    struct sentinel witness[2]; /* if not allowed: while their tetrahedra stay as they are, so does the bound; without one it always does */
+    /* if not allowed: while their tetrahedra stay as they are, so does the bound; without one it always does */
+    struct sentinel witness[2];
 };
 
-TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const struct working *working, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const struct working *working,
+                                                struct tetlod_error *error);
 void examiner_fini(struct examiner *examiner);
 
 /* Takes up a gathered star. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_begin(struct examiner *examiner, const struct working *working, const struct star *star,
+TETLOD_CHECKED enum tetlod_status exact_begin(struct examiner *examiner, const struct working *working,
+                                              const struct star *star,
                                                 struct tetlod_error *error);
 
 /* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? Then
- * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A bound is
- * followed to `cutoff` at most, and only if `whole` beyond the kind of corners that refused first. ERR_NOMEM. */
+ * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A
+ * bound is followed to `cutoff` at most, and only if `whole` beyond the kind of corners that refused first.
+ * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                                 const struct working *working,
                                                 const struct star *star, const double p[3], double limit,
@@ -70,7 +76,8 @@ TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const
                                                 struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_pass_on(struct examiner *examiner, const struct working *working, struct passed *out,
+TETLOD_CHECKED enum tetlod_status exact_pass_on(struct examiner *examiner, const struct working *working,
+                                                struct passed *out,
                                                 struct tetlod_error *error);
 
 #endif

@@ -9,7 +9,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* How much an interpolant's value changes at most over a unit of length, in units of what it varies in the tetrahedron. */
+/* How much an interpolant's value changes at most over a unit of length, in units of what it varies in the
+ * tetrahedron. */
 static float slope_of(const struct tetmesh *mesh, uint32_t tet)
 {
     const double *p[4];
@@ -46,7 +47,8 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
     return status;
 }
 
-/* The pool grows while tetrahedra go; both together take the most where it has about so many numbers for each that there was. */
+/* The pool grows while tetrahedra go; both together take the most where it has about so many numbers for each that
+ * there was. */
 enum { POOLED = 4 };
 
 uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets)

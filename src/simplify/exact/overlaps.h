@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which tetrahedra of the original overlap which of the level, under the exact limit; and where contractions were refused. */
+/* Which tetrahedra of the original overlap which of the level, under the exact limit; and where contractions were
+ * refused. */
 #ifndef TETLOD_OVERLAPS_H
 #define TETLOD_OVERLAPS_H
 
@@ -30,18 +31,22 @@ static const uint32_t OVERLAPS_POOLED = UINT32_C(1) << 31;
 /* Which original tetrahedra overlap which of the level. */
 struct overlaps {
     const struct tetmesh *mesh; /* the original, borrowed */
-    uint32_t *lists;            /* [tet of the level] the original that it is, or OVERLAPS_POOLED and where its list begins; TETLOD_NONE: none */
-    uint32_t *pool;             /* list after list: its tetrahedron of the level, how many originals it has, and these */
+    /* [tet of the level] the original that it is, or OVERLAPS_POOLED and where its list begins; TETLOD_NONE: none */
+    uint32_t *lists;
+    /* list after list: its tetrahedron of the level, how many originals it has, and these */
+    uint32_t *pool;
     size_t pool_size, pool_capacity;
     float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
     uint32_t *sentinels;        /* [tet of the level] its last watch, or TETLOD_NONE: most have none */
     struct watch *watches;
     size_t watch_count, watch_capacity;
-    uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
+    /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
+    uint32_t *host;
 };
 
 /* For the working of the mesh before its first contraction. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, const struct working *working,
+TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
+                                                const struct working *working,
                                                 struct tetlod_error *error);
 void overlaps_fini(struct overlaps *overlaps);
 

@@ -42,18 +42,19 @@ static void set_boundary(struct working *working, uint32_t tet, uint32_t opposit
             __atomic_fetch_or(&working->flags[corners[c]], VERTEX_BOUNDARY, __ATOMIC_RELAXED);
 }
 
-/* What is known of a face with the slot: how many of its tetrahedra were seen, up to three, whether the first lists it upwards, and
- * which that is. */
+/* What is known of a face with the slot: how many of its tetrahedra were seen, up to three, whether the first lists it
+ * upwards, and which that is. */
 enum { FACE_ONE = 1, FACE_MANY = 3, FACE_UPWARDS = 4, FACE_FIRST = 8 };
 
-/* The link of a slot: its pieces, if triangles hang together where just two are at an edge, and how many such edges there are; `many`:
- * more than two are at some edge. */
+/* The link of a slot: its pieces, if triangles hang together where just two are at an edge, and how many such edges
+ * there are; `many`: more than two are at some edge. */
 struct link {
     uint32_t pieces, pairs;
     bool many;
 };
 
-/* Looks at the faces of the slot. Two tetrahedra of a face that list it in the same turn lie on one side of it: they are folds. */
+/* Looks at the faces of the slot. Two tetrahedra of a face that list it in the same turn lie on one side of it: they
+ * are folds. */
 static struct link join_faces(struct finder *finder, const struct hood *hood, struct table *pairs, uint32_t *parent)
 {
     struct link link = {.pieces = hood->tet_count};
@@ -78,8 +79,8 @@ static struct link join_faces(struct finder *finder, const struct hood *hood, st
     return link;
 }
 
-/* Faces of the slot that are not exactly two tetrahedra's are on the boundary. The slot is singular unless its link is a sphere, or
- * a disc at the boundary: in one piece, and of the right Euler characteristic. */
+/* Faces of the slot that are not exactly two tetrahedra's are on the boundary. The slot is singular unless its link is
+ * a sphere, or a disc at the boundary: in one piece, and of the right Euler characteristic. */
 static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
 {
     struct hood *hood = &finder->hoods[worker];
@@ -109,7 +110,8 @@ static void find_range(void *context, unsigned worker, size_t begin, size_t end)
             atomic_store(&finder->failed, true);
 }
 
-/* A tetrahedron that is folded over a neighbour is frozen with it, unless one of them is inverted, which is another matter. */
+/* A tetrahedron that is folded over a neighbour is frozen with it, unless one of them is inverted, which is another
+ * matter. */
 static void freeze_folded(const struct finder *finder)
 {
     struct working *working = finder->working;
@@ -244,7 +246,8 @@ static enum boundary_kind normals_kind(const struct normals *normals, float dire
     return normals->count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
 }
 
-static bool step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit, const double step[3])
+static bool step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit,
+                         const double step[3])
 {
     double length2 = dot(step, step), along = direction[0] * step[0] + direction[1] * step[1] + direction[2] * step[2];
     double slope2 = sine * sine * length2 + limit * limit * 1e-6;
@@ -292,16 +295,19 @@ static uint32_t *list_faces(const struct working *working, uint32_t *out_count)
 }
 
 /* border->most, from the mesh as it was given. */
-static enum tetlod_status find_most(struct border *border, const struct working *working, const struct tetmesh *mesh, double least,
+static enum tetlod_status find_most(struct border *border, const struct working *working, const struct tetmesh *mesh,
+                                    double least,
                                     unsigned threads, struct tetlod_error *error)
 {
-    struct clearance_mesh of = {.positions = mesh->positions, .corners = mesh->corners, .vertex_count = mesh->vertex_count,
+    struct clearance_mesh of = {.positions = mesh->positions, .corners = mesh->corners,
+                                .vertex_count = mesh->vertex_count,
                                 .tet_count = mesh->tet_count};
     uint32_t *triangles = list_faces(working, &of.triangle_count);
     double *most = array_new(mesh->vertex_count, sizeof *most);
     of.triangles = triangles;
     enum tetlod_status status = triangles && most ? clearance_find(&of, border->limit, least, threads, most, error)
-                                                  : tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)mesh->vertex_count);
+                                                  : tetlodi_fail_nomem(error, "the boundary",
+                                                                       8 * (uint64_t)mesh->vertex_count);
     for (uint32_t v = 0; v < mesh->vertex_count && status == TETLOD_OK; v++)
         border->most[v] = most[working->node[v]];
     free(triangles);
@@ -419,7 +425,8 @@ static void add_faces(struct boundary_map *map, const struct working *working, u
     }
 }
 
-/* All faces are in planes across an axis, the result in each of them, and nothing has moved yet: the boundary's points stay. */
+/* All faces are in planes across an axis, the result in each of them, and nothing has moved yet: the boundary's points
+ * stay. */
 static bool stays(const struct boundary_map *map, const struct working *working)
 {
     uint32_t moved = row_moved(working);

@@ -49,7 +49,8 @@ static void face_normal(const struct boundary_map *map, const struct map_face *f
                    position(map, face->corners[2]), out);
 }
 
-void boundary_map_begin(struct boundary_map *map, const double *positions, size_t stride, const uint32_t *simplex, uint32_t count,
+void boundary_map_begin(struct boundary_map *map, const double *positions, size_t stride, const uint32_t *simplex,
+                        uint32_t count,
                         const double p[3])
 {
     map->positions = positions;
@@ -92,8 +93,8 @@ void boundary_map_add_face(struct boundary_map *map, const uint32_t corners[4], 
     }
 }
 
-/* The direction of the map: about the axis of the narrowest cone around the faces' normals, whose steps get shorter. False: a
- * face has no area. */
+/* The direction of the map: about the axis of the narrowest cone around the faces' normals, whose steps get shorter.
+ * False: a face has no area. */
 static bool choose_direction(struct boundary_map *map)
 {
     double *d = map->direction;
@@ -284,7 +285,8 @@ static bool map_result(struct boundary_map *map)
     return best > -1e-12 && add_point(map, point);
 }
 
-/* Vertices that are contracted and move, each from the first face that has it; and the result, if it is none of them. */
+/* Vertices that are contracted and move, each from the first face that has it; and the result, if it is none of
+ * them. */
 static bool map_vertices(struct boundary_map *map)
 {
     bool result = true;
@@ -320,7 +322,8 @@ static bool map_crossing(struct boundary_map *map, const struct map_face *old, i
                                              .to_weights = {s, 0}});
 }
 
-/* All crossings. An edge inside the old patch is in two faces: it is taken where it runs up, one at the rim is taken or not. */
+/* All crossings. An edge inside the old patch is in two faces: it is taken where it runs up, one at the rim is taken or
+ * not. */
 static bool map_crossings(struct boundary_map *map)
 {
     for (uint32_t f = 0; f < map->face_count; f++)
@@ -393,7 +396,8 @@ double boundary_map_most(const struct boundary_map *map, const double *most)
     return least;
 }
 
-double boundary_map_moved(const struct boundary_map *map, const double *moved, size_t stride, const double *most, double limit)
+double boundary_map_moved(const struct boundary_map *map, const double *moved, size_t stride, const double *most,
+                          double limit)
 {
     double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;
     for (uint32_t s = 0; s < map->simplex_count; s++)

@@ -18,8 +18,8 @@
 /* Faces of one body whose normals have a cosine below this are other parts of the boundary to each other. */
 static const double TURNED = -0.2;
 
-/* A boundary may move by this fraction of the distance of the next part: two that move, and points that they have passed, then stay
- * apart. */
+/* A boundary may move by this fraction of the distance of the next part: two that move, and points that they have
+ * passed, then stay apart. */
 static const double SHARE = 0.2;
 
 /* A vertex is inside a tetrahedron if all its weights are above this. */
@@ -114,7 +114,8 @@ static void longest_edge(const double *const p[3], double out[3])
 }
 
 /* Far from each other for a reason that is cheap to see? Needles around one point have boxes that all meet. */
-static bool surely_farther(const double normal_p[3], const double normal_q[3], const double *const p[3], const double *const q[3],
+static bool surely_farther(const double normal_p[3], const double normal_q[3], const double *const p[3],
+                           const double *const q[3],
                            double most)
 {
     double a[3], b[3], across[3];
@@ -167,7 +168,8 @@ static bool in_box(const double box[6], const double p[3])
     return p[0] >= box[0] && p[1] >= box[1] && p[2] >= box[2] && p[0] <= box[3] && p[1] <= box[4] && p[2] <= box[5];
 }
 
-/* Which boundary vertices are inside one of `count` tetrahedra of others? `boxes` are the tetrahedra's, `box` holds them all. */
+/* Which boundary vertices are inside one of `count` tetrahedra of others? `boxes` are the tetrahedra's, `box` holds
+ * them all. */
 static void mark_overlapped(struct clearance *c, uint32_t tet, uint32_t count, double (*boxes)[6], const double box[6])
 {
     struct bvh_walk walk = bvh_walk_begin(&c->vertex_boxes);
@@ -219,7 +221,8 @@ static void overlap_range(void *context, unsigned worker, size_t begin, size_t e
 static enum tetlod_status fill_boxes(struct clearance *c, struct tetlod_error *error)
 {
     uint32_t count = 0;
-    TETLOD_TRY(bvh_build(&c->triangle_boxes, c->mesh->positions, c->mesh->triangles, c->mesh->triangle_count, 3, BVH_LEAF, error));
+    TETLOD_TRY(bvh_build(&c->triangle_boxes, c->mesh->positions, c->mesh->triangles, c->mesh->triangle_count, 3,
+                         BVH_LEAF, error));
     for (size_t i = 0; i < 3 * (size_t)c->mesh->triangle_count; i++) {
         uint32_t v = c->mesh->triangles[i];
         if (!c->overlapped[v])
@@ -230,7 +233,8 @@ static enum tetlod_status fill_boxes(struct clearance *c, struct tetlod_error *e
     return bvh_build(&c->vertex_boxes, c->mesh->positions, c->vertices, count, 1, BVH_LEAF, error);
 }
 
-enum tetlod_status clearance_find(const struct clearance_mesh *mesh, double most, double least, unsigned threads, double *out,
+enum tetlod_status clearance_find(const struct clearance_mesh *mesh, double most, double least, unsigned threads,
+                                  double *out,
                                   struct tetlod_error *error)
 {
     size_t n = mesh->vertex_count, triangles = mesh->triangle_count;

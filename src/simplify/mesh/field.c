@@ -20,7 +20,8 @@ double field_round(const struct working_field *field, uint32_t component, double
     return fmin(fmax(value, range[0]), range[1]);
 }
 
-double field_cheap(const struct working_field *field, uint32_t component, const double *free_values, uint32_t count, double middle,
+double field_cheap(const struct working_field *field, uint32_t component, const double *free_values, uint32_t count,
+                   double middle,
                    double least, double greatest, double slack)
 {
     const double *range = field->component_range[component];

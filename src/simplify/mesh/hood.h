@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The neighbourhood of a vertex: its star in numbers of its own, as arrays that four tetrahedra at a time are computed from.
+ * The neighbourhood of a vertex: its star in numbers of its own, as arrays that four tetrahedra at a time are computed
+ * from.
  *
- * Every tetrahedron of the star has the vertex's own values at the vertex. So its interpolant at a point p = v + t (b - v) of the
- * edge to a neighbour b is (1 - t) times the vertex's value plus t times what it says at b: one look at the star (the planes)
- * evaluates all of the vertex's edges, and any point of them (PROOF.md, 9).
+ * Every tetrahedron of the star has the vertex's own values at the vertex. So its interpolant at a point p = v + t (b -
+ * v) of the edge to a neighbour b is (1 - t) times the vertex's value plus t times what it says at b: one look at the
+ * star (the planes) evaluates all of the vertex's edges, and any point of them (PROOF.md, 9).
  */
 #ifndef TETLOD_HOOD_H
 #define TETLOD_HOOD_H
@@ -14,14 +15,16 @@
 struct hood {
     uint32_t vertex, tet_count, count; /* count: of the neighbours */
     uint32_t *tets;       /* [tet] */
-    uint32_t *corners[3]; /* [tet] the others, in numbers of neighbours, so that the tetrahedron (vertex, 0, 1, 2) is positive */
+    /* [tet] the others, in numbers of neighbours, so that the tetrahedron (vertex, 0, 1, 2) is positive */
+    uint32_t *corners[3];
     uint32_t *slots;      /* [neighbour] */
     uint32_t *shared;     /* [neighbour] tetrahedra that have it */
     uint8_t *along;       /* [neighbour] the edge to it is on the boundary */
     double *rows;         /* [neighbour * stride] less the vertex's own */
     double *planes;       /* see kernels.h */
     uint32_t *doubtful;   /* [tet] scratch: some of their numbers */
-    double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
+    /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
+    double *reach;
     size_t room; /* tetrahedra that fit, a multiple of BLOCK (kernels.h) */
     uint32_t *numbers; /* [slot] which neighbour it is, if `slots` says so too: nothing has to be cleared */
 };

@@ -8,8 +8,8 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/wide.h"
 
-/* A flip is seen where the volume falls below this multiple of the cube of a sum of coordinates: about TET_DEGENERATE of the
- * longest edge's. Only those that are chosen are tested to the letter. */
+/* A flip is seen where the volume falls below this multiple of the cube of a sum of coordinates: about TET_DEGENERATE
+ * of the longest edge's. Only those that are chosen are tested to the letter. */
 #define LEAST_VOLUME (8 * TET_DEGENERATE)
 
 static inline wide length1(const wide a[4])
@@ -118,7 +118,8 @@ static inline void count_turned(const double *planes, wide x, wide y, wide z, st
     answer->half_turned |= wide_at_most(wide_mul(wide_all(0.5), wide_add(after, before)), small);
 }
 
-static inline struct edge_answer query_edge_with(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride,
+static inline struct edge_answer query_edge_with(const struct hood *hood, uint32_t neighbour,
+                                                 const struct edge_query *query, uint32_t stride,
                                                  uint32_t components)
 {
     struct edge_answer answer = {.followed = true};
@@ -139,7 +140,8 @@ static inline struct edge_answer query_edge_with(const struct hood *hood, uint32
             wide lower = wide_min(plane_at(first + 3 * WIDE, x, y, z), plane_at(second + 3 * WIDE, x, y, z));
             reach[2 * c] = larger(reach[2 * c], wide_greatest(upper));
             reach[2 * c + 1] = smaller(reach[2 * c + 1], wide_least(lower));
-            error = larger(error, (query->gaps[c] + query->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * query->factors[c]);
+            error = larger(error,
+                           (query->gaps[c] + query->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * query->factors[c]);
         }
         count_turned(planes, x, y, z, &answer);
         count_turned(planes + four, x, y, z, &answer);
@@ -154,7 +156,8 @@ static inline struct edge_answer query_edge_with(const struct hood *hood, uint32
     return answer;
 }
 
-static struct edge_answer query_edge(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride)
+static struct edge_answer query_edge(const struct hood *hood, uint32_t neighbour, const struct edge_query *query,
+                                     uint32_t stride)
 {
     return query->components == 1 ? query_edge_with(hood, neighbour, query, stride, 1)
                                   : query_edge_with(hood, neighbour, query, stride, query->components);
@@ -178,8 +181,10 @@ static uint32_t doubt(struct hood *hood, uint32_t components, const double r[3])
     return count;
 }
 
-/* Rows of the other corners of up to four tetrahedra of a star, from the *at-th on; the rest repeat the first. Returns how many. */
-static inline uint32_t four_of_star(const struct working *working, uint32_t slot, uint32_t *at, const double *rows[3][WIDE])
+/* Rows of the other corners of up to four tetrahedra of a star, from the *at-th on; the rest repeat the first. Returns
+ * how many. */
+static inline uint32_t four_of_star(const struct working *working, uint32_t slot, uint32_t *at,
+                                    const double *rows[3][WIDE])
 {
     static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
     const struct span *star = &working->stars[slot];
@@ -200,7 +205,8 @@ static inline uint32_t four_of_star(const struct working *working, uint32_t slot
     return count;
 }
 
-static inline bool halfway_with(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query,
+static inline bool halfway_with(const struct working *working, uint32_t from, uint32_t to,
+                                const struct edge_query *query,
                                 struct half *half, uint32_t components)
 {
     const double *rows[3][WIDE], *own = working_row(working, from), *target = working_row(working, to);
@@ -246,7 +252,8 @@ static inline bool halfway_with(const struct working *working, uint32_t from, ui
                 half->upper[c] = larger(half->upper[c], half->rise[f] + 0.5 * wide_greatest(rise));
             else {
                 half->lower[c] = smaller(half->lower[c], half->rise[f] + 0.5 * wide_least(rise));
-                half->error = larger(half->error, (query->gaps[c] + half->upper[c] - half->lower[c]) / 2 * query->factors[c]);
+                half->error = larger(half->error,
+                                     (query->gaps[c] + half->upper[c] - half->lower[c]) / 2 * query->factors[c]);
             }
         }
         if (half->error > query->most)
@@ -255,7 +262,8 @@ static inline bool halfway_with(const struct working *working, uint32_t from, ui
     return true;
 }
 
-static bool halfway(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query, struct half *half)
+static bool halfway(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query,
+                    struct half *half)
 {
     return query->components == 1 ? halfway_with(working, from, to, query, half, 1)
                                  : halfway_with(working, from, to, query, half, query->components);
@@ -347,7 +355,8 @@ static void bound(const struct weighing *weighing, uint32_t column, struct bound
             value = wide_add(value, wide_mul(weights[k], difference));
             spread = wide_max(spread, wide_abs(difference));
         }
-        wide size = wide_add(wide_add(wide_mul(wide_all(weighing->spread[i]), spread), wide_abs(first)), wide_abs(value));
+        wide size = wide_add(wide_add(wide_mul(wide_all(weighing->spread[i]), spread), wide_abs(first)),
+                             wide_abs(value));
         wide slack = wide_mul(rounding, size);
         upper = wide_max(upper, wide_add(value, slack));
         lower = wide_min(lower, wide_sub(value, slack));
@@ -358,7 +367,8 @@ static void bound(const struct weighing *weighing, uint32_t column, struct bound
     wide_store(out->mean, mean);
 }
 
-static inline void say_some(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out)
+static inline void say_some(const struct weighing *weighing, const double *values, size_t stride, uint32_t count,
+                            struct said *out)
 {
     wide least = wide_all(INFINITY), greatest = wide_all(-INFINITY), low = least, high = greatest, mean = wide_all(0);
     for (uint32_t i = 0; i < weighing->count; i++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The arithmetic over a star, four tetrahedra at a time. Built twice, for any processor and for those with AVX2: both give the
- * same bits (src/util/wide.h).
+ * The arithmetic over a star, four tetrahedra at a time. Built twice, for any processor and for those with AVX2: both
+ * give the same bits (src/util/wide.h).
  */
 #ifndef TETLOD_KERNELS_H
 #define TETLOD_KERNELS_H
@@ -9,8 +9,9 @@
 #include "src/simplify/mesh/hood.h"
 #include "src/util/wide.h"
 
-/* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it counts as
- * turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four tetrahedra stand together. */
+/* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it
+ * counts as turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four
+ * tetrahedra stand together. */
 enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
 
 static inline size_t plane_count(uint32_t components)
@@ -21,7 +22,8 @@ static inline size_t plane_count(uint32_t components)
 /* So many tetrahedra are looked at between tests of whether to go on; the last of a hood's repeat the first. */
 enum { BLOCK = 2 * WIDE };
 
-/* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each other. */
+/* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each
+ * other. */
 static inline double *planes_at(const struct hood *hood, uint32_t components, uint32_t i)
 {
     return hood->planes + plane_count(components) * i;
@@ -45,7 +47,8 @@ struct edge_answer {
 
 /* The other half of a middle: the star of the neighbour. */
 struct half {
-    double *upper, *lower; /* [component] in: what the vertex's star says at the middle, less the vertex's own; out: both stars */
+    /* [component] in: what the vertex's star says at the middle, less the vertex's own; out: both stars */
+    double *upper, *lower;
     const double *rise;    /* [2 * component] U and L of the neighbour less the vertex's */
     double error;          /* out */
 };
@@ -62,8 +65,8 @@ struct weighing {
     double *spread;         /* [tet] out: rounding of a value per difference of values (PROOF.md, 4) */
 };
 
-/* What the interpolants of a weighed star say at the result of columns of its rows, each widened by its rounding (PROOF.md, 4): at most
- * of an upper bound, at least of a lower one; and the mean, by shares. */
+/* What the interpolants of a weighed star say at the result of columns of its rows, each widened by its rounding
+ * (PROOF.md, 4): at most of an upper bound, at least of a lower one; and the mean, by shares. */
 struct bounds {
     double upper[WIDE], lower[WIDE], mean[WIDE];
 };
@@ -77,11 +80,14 @@ struct kernels {
     /* Rows and planes of a gathered hood none of whose tetrahedra is degenerate. */
     void (*prepare)(struct hood *hood, const struct working *working);
     /* What the hood says at a neighbour. hood->reach of it is set. */
-    struct edge_answer (*query_edge)(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride);
-    /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not. Returns how many. */
+    struct edge_answer (*query_edge)(const struct hood *hood, uint32_t neighbour, const struct edge_query *query,
+                                     uint32_t stride);
+    /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not.
+     * Returns how many. */
     uint32_t (*doubt)(struct hood *hood, uint32_t components, const double r[3]);
     /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
-    bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query, struct half *half);
+    bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query,
+                    struct half *half);
     /* Weights of p. False: a kept tetrahedron would not be well oriented. */
     bool (*weigh)(struct weighing *weighing, const double p[3]);
     /* Of WIDE columns of the rows. */

@@ -80,8 +80,8 @@ static bool mark_ring(struct links *links, const struct hood *hood, const struct
     return true;
 }
 
-/* Lists what Lk(a) has between vertices of the ring that is not of Lk(ab): edges, and the triangle inside a ring of three. False: no
- * memory. */
+/* Lists what Lk(a) has between vertices of the ring that is not of Lk(ab): edges, and the triangle inside a ring of
+ * three. False: no memory. */
 static bool list_own(struct links *links, const struct hood *hood, uint32_t b)
 {
     links->pair_count = 0;
@@ -128,7 +128,8 @@ static bool meets_well(const struct links *links, const uint32_t v[3])
     return !(of_ring == 3 && links->closed); // then the ring is that triangle, and both have it
 }
 
-bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour, bool *out_room)
+bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour,
+                bool *out_room)
 {
     uint32_t slot_a = hood->vertex, slot_b = hood->slots[neighbour];
     const struct span *star = &working->stars[slot_b];
@@ -178,7 +179,8 @@ enum { IN_A = 1, IN_B = 2, IN_AB = 4 };
 /* Numbers of a copy's vertices are below 2^21; a triangle's key has the highest bit set. */
 static const uint32_t MAX_OF_COPY = UINT32_C(1) << 21;
 
-/* The simplex's vertices are 0 .. simplex_count-1, the cone's apex is simplex_count, the others follow. False: no memory. */
+/* The simplex's vertices are 0 .. simplex_count-1, the cone's apex is simplex_count, the others follow. False: no
+ * memory. */
 static bool copy_star(struct links *links, const struct star *star, const struct working *working)
 {
     void *copy = links->copy, *marks = links->marks;
@@ -234,7 +236,8 @@ static uint64_t triangle_key(const uint32_t v[3])
     return (uint64_t)1 << 63 | least << 42 | (sum - least - greatest) << 21 | greatest;
 }
 
-/* Marks the vertices of both links, and files the edges of Lk(ab) with the value 1. False: a common vertex is outside Lk(ab). */
+/* Marks the vertices of both links, and files the edges of Lk(ab) with the value 1. False: a common vertex is outside
+ * Lk(ab). */
 static bool file_ring(struct links *links, uint32_t a, uint32_t b)
 {
     uint8_t *marks = links->marks;
@@ -258,7 +261,8 @@ static bool file_ring(struct links *links, uint32_t a, uint32_t b)
     return true;
 }
 
-/* What a tetrahedron of a or of b has between vertices of the ring: of a it is filed; of b, false if a has it and Lk(ab) does not. */
+/* What a tetrahedron of a or of b has between vertices of the ring: of a it is filed; of b, false if a has it and
+ * Lk(ab) does not. */
 static bool compare_links(struct links *links, const uint32_t tet[4], unsigned mask)
 {
     uint32_t v[4], count = 0;

@@ -9,7 +9,8 @@
 
 enum { SEEN = 1, SEVERAL = 2 };
 
-enum tetlod_status regions_fix(const struct tetmesh *mesh, const double *regions, const uint32_t *vertex, uint8_t *flags,
+enum tetlod_status regions_fix(const struct tetmesh *mesh, const double *regions, const uint32_t *vertex,
+                               uint8_t *flags,
                                struct tetlod_error *error)
 {
     if (!regions)

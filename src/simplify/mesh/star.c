@@ -46,7 +46,8 @@ bool star_gather(struct star *star, const struct working *working, const uint32_
         for (uint32_t i = 0; i < span->count; i++) {
             uint32_t tet = working->pool[span->begin + i];
             const uint32_t *corners = working->corners[tet];
-            if (tet_gone(working, tet) || (s && tet_has_other(corners, simplex, s, s))) // it came with an earlier vertex
+            // it came with an earlier vertex
+            if (tet_gone(working, tet) || (s && tet_has_other(corners, simplex, s, s)))
                 continue;
             bool removed = tet_has_other(corners, simplex, count, s);
             star->tets[star->tet_count] = tet;

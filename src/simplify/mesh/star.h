@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The star of a simplex of two to four vertices: all tetrahedra that touch one of them. A tetrahedron that has two of them or more is
- * removed by the contraction; one that has a single one is re-attached, with that corner moved.
+ * The star of a simplex of two to four vertices: all tetrahedra that touch one of them. A tetrahedron that has two of
+ * them or more is removed by the contraction; one that has a single one is re-attached, with that corner moved.
  */
 #ifndef TETLOD_STAR_H
 #define TETLOD_STAR_H

@@ -376,7 +376,8 @@ static void renumber_corners(struct working *working, const struct renumbering *
 enum tetlod_status working_renumber(struct working *working, struct renumbering *out, struct tetlod_error *error)
 {
     enum tetlod_status status = number_living(working, out) ? list_anew(working, 0, error)
-                                                            : tetlodi_fail_nomem(error, "new numbers", 4 * (uint64_t)working->tet_count);
+                                                            : tetlodi_fail_nomem(error, "new numbers",
+                                                                                 4 * (uint64_t)working->tet_count);
     if (status != TETLOD_OK) {
         renumbering_fini(out);
         return status;
@@ -408,8 +409,8 @@ void working_prune(struct working *working, uint32_t slot)
 
 /* ---- contraction */
 
-/* The tetrahedron of slot a's star, other than `but`, whose face with a, x and y is not closed by b: that face is open now. False: it
- * was so before, or there is none. */
+/* The tetrahedron of slot a's star, other than `but`, whose face with a, x and y is not closed by b: that face is open
+ * now. False: it was so before, or there is none. */
 static bool open_face(struct working *working, uint32_t a, uint32_t b, uint32_t x, uint32_t y, uint32_t but)
 {
     const struct span *star = &working->stars[a];
@@ -438,12 +439,13 @@ static bool is_of(const uint32_t *simplex, uint32_t count, uint32_t slot)
     return false;
 }
 
-/* The two faces of a removed tetrahedron that have one of its two vertices of the simplex fall together: if one was on the boundary,
- * what is behind the other is open. Of those with three or four such vertices no face is left. */
+/* The two faces of a removed tetrahedron that have one of its two vertices of the simplex fall together: if one was on
+ * the boundary, what is behind the other is open. Of those with three or four such vertices no face is left. */
 static bool pass_boundary_on(struct working *working, uint32_t tet, const uint32_t *simplex, uint32_t count)
 {
     const uint32_t *corners = working->corners[tet];
-    unsigned inside[2] = {0, 0}, outside[2] = {0, 0}, inside_count = 0, outside_count = 0, faces = working->boundary_faces[tet];
+    unsigned inside[2] = {0, 0}, outside[2] = {0,
+                                               0}, inside_count = 0, outside_count = 0, faces = working->boundary_faces[tet];
     for (unsigned c = 0; c < 4; c++) {
         if (is_of(simplex, count, corners[c]))
             inside[inside_count++ & 1] = c;
@@ -453,12 +455,14 @@ static bool pass_boundary_on(struct working *working, uint32_t tet, const uint32
     bool opened = false;
     for (int i = 0; i < 2 && inside_count == 2; i++)
         if (faces >> inside[i] & 1)
-            opened |= open_face(working, corners[inside[i]], corners[inside[!i]], corners[outside[0]], corners[outside[1]], tet);
+            opened |= open_face(working, corners[inside[i]], corners[inside[!i]], corners[outside[0]],
+                                corners[outside[1]], tet);
     return opened;
 }
 
 /* Takes the tetrahedra of the star of one of the simplex's vertices that have no other into the list. */
-static uint32_t keep(const struct working *working, const uint32_t *simplex, uint32_t count, uint32_t of, uint32_t *list)
+static uint32_t keep(const struct working *working, const uint32_t *simplex, uint32_t count, uint32_t of,
+                     uint32_t *list)
 {
     const struct span *star = &working->stars[simplex[of]];
     uint32_t kept = 0;
@@ -525,7 +529,8 @@ uint32_t working_contract(struct working *working, const uint32_t *simplex, uint
     }
     if (to->capacity < listed) {
         uint32_t capacity = listed + listed / SPARE;
-        *to = (struct span){atomic_fetch_add_explicit(&working->pool_size, capacity, memory_order_relaxed), listed, capacity};
+        *to = (struct span){atomic_fetch_add_explicit(&working->pool_size, capacity, memory_order_relaxed), listed,
+                            capacity};
     }
     to->count = listed;
     memcpy(working->pool + to->begin, list, listed * sizeof *list);

@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The mesh while its edges, faces and tetrahedra are contracted in parallel rounds (rounds.h), in as little memory as will do.
+ * The mesh while its edges, faces and tetrahedra are contracted in parallel rounds (rounds.h), in as little memory as
+ * will do.
  *
- * Vertices live in slots along a Hilbert curve, tetrahedra in the order of their least slot. Contracting a simplex leaves its
- * result in the slot of its last vertex and kills the others. A slot's node names its vertex in the contraction log. Every
- * tetrahedron is positive as listed (the mesh's own orientation is turned round if it is the other one), or has frozen corners.
+ * Vertices live in slots along a Hilbert curve, tetrahedra in the order of their least slot. Contracting a simplex
+ * leaves its result in the slot of its last vertex and kills the others. A slot's node names its vertex in the
+ * contraction log. Every tetrahedron is positive as listed (the mesh's own orientation is turned round if it is the
+ * other one), or has frozen corners.
  *
  * A slot's row holds what evaluating reads, together: the position; U and L of each controlled component, less what
  * its values are kept less (field.h); and how far the boundary has moved there (PROOF.md, 2 and 5).
  *
- * The star of a slot is a list in a pool. A removed tetrahedron stays listed by the vertices around it until their lists are
- * pruned, because in a round other threads read those lists.
+ * The star of a slot is a list in a pool. A removed tetrahedron stays listed by the vertices around it until their
+ * lists are pruned, because in a round other threads read those lists.
  */
 #ifndef TETLOD_WORKING_H
 #define TETLOD_WORKING_H
@@ -23,7 +25,8 @@
 enum {
     VERTEX_ALIVE = 1,
     VERTEX_BOUNDARY = 2,
-    VERTEX_FROZEN = 4,    /* corner of a degenerate, inverted or folded tetrahedron: contracted only with a vertex at the same point */
+    /* corner of a degenerate, inverted or folded tetrahedron: contracted only with a vertex at the same point */
+    VERTEX_FROZEN = 4,
     VERTEX_SINGULAR = 8,  /* not a manifold point, or frozen by the caller: never contracted */
     VERTEX_FIXED = 16,    /* where regions meet: stays where it is, others may be contracted into it */
 };
@@ -110,20 +113,22 @@ static inline bool tet_has_other(const uint32_t corners[4], const uint32_t *simp
 {
     bool has = false;
     for (uint32_t s = 0; s < count; s++)
-        has |= s != than && (corners[0] == simplex[s] || corners[1] == simplex[s] || corners[2] == simplex[s] || corners[3] == simplex[s]);
+        has |= s != than && (corners[0] == simplex[s] || corners[1] == simplex[s] || corners[2] == simplex[s] ||
+                             corners[3] == simplex[s]);
     return has;
 }
 
-/* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted tetrahedra are
- * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. Without `whole`
- * the mesh is the whole. ERR_NOMEM. */
+/* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted
+ * tetrahedra are filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common
+ * limit. Without `whole` the mesh is the whole. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh,
                                                const struct working_whole *whole, const uint32_t *controlled,
                                                uint32_t controlled_count, const double *limits,
                                                struct contraction_log *log, struct tetlod_error *error);
 
 /* Which tetrahedron of the mesh each of a new working mesh is: out[tet]. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh, uint32_t *out,
+TETLOD_CHECKED enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh,
+                                                  uint32_t *out,
                                                   struct tetlod_error *error);
 
 /* Are most of the mesh's tetrahedra, by volume, listed the other way round? */
@@ -136,7 +141,8 @@ uint64_t working_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
 /* Room in the pool for so many more entries, so that working_place cannot fail; not while threads work. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status working_reserve(struct working *working, size_t entries, struct tetlod_error *error);
 
-/* Numbers without the gaps that contractions have left: [old] the new one, or TETLOD_NONE of what is gone. The order stays. */
+/* Numbers without the gaps that contractions have left: [old] the new one, or TETLOD_NONE of what is gone. The order
+ * stays. */
 struct renumbering {
     uint32_t *tets, *slots;
     uint32_t tet_count, slot_count; /* old ones */
@@ -156,8 +162,9 @@ void *renumber_tets(const struct renumbering *renumbering, void *array, size_t e
 /* Takes removed tetrahedra out of a slot's star. */
 void working_prune(struct working *working, uint32_t slot);
 
-/* A contraction of a simplex of two to four vertices, in the slot of the last: tetrahedra, stars, boundary faces and flags. The
- * stars' other data are the caller's. Returns how many tetrahedra are gone. `list` has room for all of their stars. */
+/* A contraction of a simplex of two to four vertices, in the slot of the last: tetrahedra, stars, boundary faces and
+ * flags. The stars' other data are the caller's. Returns how many tetrahedra are gone. `list` has room for all of their
+ * stars. */
 uint32_t working_contract(struct working *working, const uint32_t *simplex, uint32_t count, uint32_t *list);
 
 /* p as the mesh's type and grid can hold it. */

@@ -11,8 +11,8 @@
 
 #include "src/util/array.h"
 
-/* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL; fewer than FEW
- * are not parted. */
+/* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL;
+ * fewer than FEW are not parted. */
 enum { PART = 4, REFILL = 8, FEW = 512 };
 
 enum listed { NOT_LISTED, LISTED_NOW, LISTED_LATER };
@@ -124,7 +124,8 @@ static bool advance(struct contest *contest)
 
 bool contest_refill(struct contest *contest)
 {
-    while (contest->later.count && (!contest->proposing.count || contest->proposing.count < contest->later.count / REFILL)) {
+    while (contest->later.count &&
+           (!contest->proposing.count || contest->proposing.count < contest->later.count / REFILL)) {
         contest->bound = find_bound(contest);
         if (!advance(contest))
             return false;
@@ -137,7 +138,8 @@ bool contest_refill(struct contest *contest)
 static void claim(uint64_t *claim, uint64_t priority)
 {
     uint64_t now = __atomic_load_n(claim, __ATOMIC_RELAXED);
-    while (priority < now && !__atomic_compare_exchange_n(claim, &now, priority, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
+    while (priority < now && !__atomic_compare_exchange_n(claim, &now, priority, true, __ATOMIC_RELAXED,
+                                                          __ATOMIC_RELAXED))
         ;
 }
 
@@ -224,7 +226,8 @@ static bool stale(const struct contest *contest, uint32_t slot)
         bool stale = false;
         vertices = proposed_simplex(contest->run, slot, simplex);
         for (uint32_t s = 0; s < vertices; s++)
-            stale |= !working_alive(contest->run->working, simplex[s]) || proposals[simplex[s]].changed > proposals[slot].evaluated;
+            stale |= !working_alive(contest->run->working,
+                                    simplex[s]) || proposals[simplex[s]].changed > proposals[slot].evaluated;
         return stale;
     }
     return proposals[slot].dirty != CLEAN || !working_alive(contest->run->working, target / 2) ||

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Which proposals of a round win: those around whose vertices none is claimed by a lesser priority. So winners' stars do not
- * overlap. Nothing depends on how many threads there are: claims are minima, and lists are made in order.
+ * Which proposals of a round win: those around whose vertices none is claimed by a lesser priority. So winners' stars
+ * do not overlap. Nothing depends on how many threads there are: claims are minima, and lists are made in order.
  */
 #ifndef TETLOD_CONTEST_H
 #define TETLOD_CONTEST_H
@@ -49,7 +49,8 @@ bool contest_join(struct contest *contest, const struct slot_list *evaluated);
 /* Those that have nothing to propose any more leave. */
 void contest_leave(struct contest *contest);
 
-/* When few proposals are left the next best join them. So what is far from being the least is not compared in each round. */
+/* When few proposals are left the next best join them. So what is far from being the least is not compared in each
+ * round. */
 bool contest_refill(struct contest *contest);
 
 /* Lists at most so many winners whose proposals hold; those that do not are to be evaluated again. */

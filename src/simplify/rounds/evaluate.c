@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * 1. Gather the star, compute its planes (hood.h, kernels.h).
- * 2. Look at every edge that the boundary's kinds allow: the error at the other end, and for the middle what this star says.
+ * 2. Look at every edge that the boundary's kinds allow: the error at the other end, and for the middle what this star
+ * says.
  * 3. Best key first: ask of each candidate what is expensive, the other star at a middle, flips to the letter, the link
  *    condition, the boundary map; the first that passes is proposed.
  */
@@ -17,13 +18,15 @@
 #include "src/simplify/rounds/simplices.h"
 #include "src/util/array.h"
 
-/* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
+/* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the
+ * next rungs. */
 static const double CUTOFF = 2, LEAST_CUTOFF = 0.01;
 
 /* The other half of a middle is followed to this multiple only: it is asked for one edge at a time. */
 static const double HALF_CUTOFF = 1.5;
 
-/* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
+/* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next
+ * rung. */
 enum { MOST_MIDDLES = 3 };
 
 /* Bits of the key that do not count in a priority: keys in steps of half an octave. */
@@ -42,8 +45,10 @@ uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12, numbers = 2 * sizeof(uint32_t); // of two threads' hoods
-    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + numbers + sizeof(struct proposal));
+    // of two threads' hoods
+    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12, numbers = 2 * sizeof(uint32_t);
+    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + numbers +
+                                                                         sizeof(struct proposal));
 }
 
 struct proposal *proposals_new(size_t count)
@@ -172,7 +177,8 @@ static uint32_t query_edges(const struct run *run, struct worker *worker, struct
 
 /* ---- step 3 */
 
-/* U and L of the result as far as the stars say; for a middle the other half is asked for. False: something turns over there. */
+/* U and L of the result as far as the stars say; for a middle the other half is asked for. False: something turns over
+ * there. */
 static bool set_bounds(const struct run *run, struct worker *worker, const struct candidate *candidate)
 {
     const struct working *working = run->working;
@@ -189,7 +195,8 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
         double *rise = numbers_of(run, worker, NUMBERS_RISE);
         for (uint32_t f = 0; f < 2 * components; f++)
             rise[f] = working_row(working, other)[ROW_FIELDS + f] - own[ROW_FIELDS + f];
-        struct edge_query query = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, HALF_CUTOFF * run->limit};
+        struct edge_query query = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5,
+                                   HALF_CUTOFF * run->limit};
         struct half half = {upper, lower, rise, 0};
         if (!run->kernels->halfway(working, other, hood->vertex, &query, &half))
             return false;
@@ -258,7 +265,8 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
 {
-    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot, COARSE_KEYS);
+    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]),
+                                                slot, COARSE_KEYS);
     run->proposals[slot].target = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
 }
 
@@ -283,7 +291,8 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
         else
             refusal = examine(run, worker, &candidate);
         middles += candidate.middle;
-        if (refusal == LOG_REFUSALS && candidate.error <= limit) { // it needs more than it seemed to: others may be better now
+        // it needs more than it seemed to: others may be better now
+        if (refusal == LOG_REFUSALS && candidate.error <= limit) {
             candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
             candidate.passed = true;
             candidates[best] = candidate;
@@ -295,7 +304,8 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
     return false;
 }
 
-/* ---- vertices of degenerate or inverted tetrahedra: contracted only with one at the same point, which moves nothing */
+/* ---- vertices of degenerate or inverted tetrahedra: contracted only with one at the same point, which moves
+ * nothing */
 
 static bool evaluate_frozen(const struct run *run, struct worker *worker, struct waiting *waiting)
 {
@@ -340,7 +350,8 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
     if (!hood_gather(&worker->hood, working, slot) ||
-        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->hood.count, sizeof *worker->candidates)) {
+        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->hood.count,
+                       sizeof *worker->candidates)) {
         worker->failed = true;
         return;
     }

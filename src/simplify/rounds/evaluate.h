@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Evaluating a vertex: of all contractions of its edges that the limit allows, the one with the best key is its proposal. The
- * result is at the other end, or at the middle (which the end of the lesser slot proposes). What is not ordered by the envelope, or
- * not of edges alone, is evaluated simplex by simplex (simplices.h), with the same kind of proposals.
+ * Evaluating a vertex: of all contractions of its edges that the limit allows, the one with the best key is its
+ * proposal. The result is at the other end, or at the middle (which the end of the lesser slot proposes). What is not
+ * ordered by the envelope, or not of edges alone, is evaluated simplex by simplex (simplices.h), with the same kind of
+ * proposals.
  *
- * A vertex without a proposal waits: `waits` is the least error that one of its possible contractions would need, so it is looked at
- * again when the limit reaches that; `waits_changed` counts those as well that only a change of its star can make possible.
+ * A vertex without a proposal waits: `waits` is the least error that one of its possible contractions would need, so it
+ * is looked at again when the limit reaches that; `waits_changed` counts those as well that only a change of its star
+ * can make possible.
  *
  * Evaluating changes the worker's scratch and what is stored of that vertex; nothing that others read.
  */

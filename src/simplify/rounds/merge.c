@@ -31,7 +31,8 @@ static uint32_t free_values(const struct working *working, const struct join *jo
     return count;
 }
 
-/* The mean of what the star's interpolants say, as near to it as is allowed. It is nearer to the original on average (DEFAULTS.md). */
+/* The mean of what the star's interpolants say, as near to it as is allowed. It is nearer to the original on average
+ * (DEFAULTS.md). */
 static double near_mean(const struct working_field *field, uint32_t component, double mean, double middle, double least,
                         double greatest)
 {
@@ -40,9 +41,10 @@ static double near_mean(const struct working_field *field, uint32_t component, d
     return value >= least && value <= greatest ? value : middle;
 }
 
-/* A value that is better or costs few bits in place of the middle of U and L, where the error is no larger then than what the
- * rounds before have come to. */
-static double better_value(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c, double value)
+/* A value that is better or costs few bits in place of the middle of U and L, where the error is no larger then than
+ * what the rounds before have come to. */
+static double better_value(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c,
+                           double value)
 {
     const struct working *working = run->working;
     const struct component *component = &working->components[c];
@@ -56,7 +58,8 @@ static double better_value(const struct run *run, const struct worker *worker, c
     return field_cheap(field, component->component, there, count, value, least, greatest, error / CHEAP_PART);
 }
 
-/* Where the envelope orders, better values; and the predictions of the values, from those that the fields still have. */
+/* Where the envelope orders, better values; and the predictions of the values, from those that the fields still
+ * have. */
 static void choose_values(const struct run *run, const struct worker *worker, const struct join *join, double *values,
                           double *predicted)
 {
@@ -84,7 +87,8 @@ static uint32_t staying_vertex(const struct working *working, const struct join 
 }
 
 /* A value among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
-static double carried_value(const struct worker *worker, const struct working *working, const struct join *join, uint32_t f,
+static double carried_value(const struct worker *worker, const struct working *working, const struct join *join,
+                            uint32_t f,
                             uint32_t component)
 {
     const struct working_field *field = &working->fields[f];
@@ -123,11 +127,13 @@ static void log_values(const struct working *working, const struct join *join, u
         const struct working_field *field = &working->fields[f];
         size_t k = field->components;
         for (size_t c = 0; c < k; c++)
-            working->log->fields[f].values[record * k + c] = working_values(working, join_kept(join), f)[c] + field->middles[c];
+            working->log->fields[f].values[record * k + c] = working_values(working, join_kept(join),
+                                                                            f)[c] + field->middles[c];
     }
 }
 
-static void set_components(const struct working *working, const struct join *join, const double *values, double *predicted)
+static void set_components(const struct working *working, const struct join *join, const double *values,
+                           double *predicted)
 {
     for (uint32_t c = 0; c < working->component_count; c++) {
         struct component *component = &working->components[c];
@@ -175,11 +181,12 @@ static void refuse(const struct run *run, struct worker *worker, uint32_t slot, 
     run->proposals[slot].waits = run->proposals[slot].waits_changed = (float)larger(error, run->limit * (1 + 1e-6));
 }
 
-/* What a result waits for before it is looked at, as a multiple of its own error: hardly any can be contracted within less. */
+/* What a result waits for before it is looked at, as a multiple of its own error: hardly any can be contracted within
+ * less. */
 static const double RESULT_WAITS = 2;
 
-/* All vertices of the star have changed. Lists what has to be looked at when the round is over: kinds of boundary vertices, and
- * whether vertices are still frozen. */
+/* All vertices of the star have changed. Lists what has to be looked at when the round is over: kinds of boundary
+ * vertices, and whether vertices are still frozen. */
 static void touch_star(const struct run *run, struct worker *worker, const struct join *join)
 {
     const struct working *working = run->working;
@@ -194,7 +201,8 @@ static void touch_star(const struct run *run, struct worker *worker, const struc
                 dead |= slot == join->simplex[s];
             if (dead)
                 continue;
-            if (slot != join_kept(join) && __atomic_load_n(&run->proposals[slot].changed, __ATOMIC_RELAXED) != run->round)
+            if (slot != join_kept(join) &&
+                __atomic_load_n(&run->proposals[slot].changed, __ATOMIC_RELAXED) != run->round)
                 touch(run, slot);
             if (run->plans && slot < join_kept(join)) { // simplices with the result are its own, and new
                 float none = 0;
@@ -252,7 +260,8 @@ static bool limits_certified(const struct run *run)
 }
 
 /* The errors of the result as fractions of the range: what a limit has answered, or what U and L say. */
-static void find_errors(const struct run *run, const struct worker *worker, const struct answer *answer, const double *values,
+static void find_errors(const struct run *run, const struct worker *worker, const struct answer *answer,
+                        const double *values,
                         uint32_t record, double *certified)
 {
     const struct working *working = run->working;
@@ -261,7 +270,8 @@ static void find_errors(const struct run *run, const struct worker *worker, cons
         const struct component *component = &working->components[c];
         double worst = answer && run->asked->certifies ? answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);
         double named = component->factor > 0 && limits_certified(run) ? run->limit / component->factor * component->scale : INFINITY;
-        certified[c] = smaller(smaller(worst * component->scale, named), 1); // within rounding of the limit is the limit
+        // within rounding of the limit is the limit
+        certified[c] = smaller(smaller(worst * component->scale, named), 1);
         if (working->log->components[c].bounds)
             working->log->components[c].bounds[record] = worst;
     }

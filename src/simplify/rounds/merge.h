@@ -12,9 +12,9 @@ struct merged {
     double moved;     /* how far the boundary has moved there in all */
 };
 
-/* Contracts the slot's proposal and writes the log's record. Safe beside others none of whose vertices is a neighbour of these.
- * `answer`: of the limit that allowed it, or NULL. `certified` and `predicted` (per component): the errors of the result as fractions
- * of the range. */
+/* Contracts the slot's proposal and writes the log's record. Safe beside others none of whose vertices is a neighbour
+ * of these. `answer`: of the limit that allowed it, or NULL. `certified` and `predicted` (per component): the errors of
+ * the result as fractions of the range. */
 void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t record, const struct answer *answer,
            struct merged *out, double *certified, double *predicted);
 

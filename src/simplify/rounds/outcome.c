@@ -37,7 +37,8 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
 }
 
 /* Lists the star of one of the simplex's vertices, without what came with an earlier one. */
-static void list_star(const struct run *run, struct weighing *weighing, uint32_t *list, const struct join *join, uint32_t of)
+static void list_star(const struct run *run, struct weighing *weighing, uint32_t *list, const struct join *join,
+                      uint32_t of)
 {
     static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
     const struct working *working = run->working;
@@ -67,7 +68,8 @@ bool outcome_list(const struct run *run, struct worker *worker, const struct joi
     for (uint32_t s = 0; s < join->count; s++)
         tets += run->working->stars[join->simplex[s]].count;
     void *list = worker->list;
-    bool room = array_reserve(&list, &worker->list_room, tets, sizeof *worker->list) && reserve_weighing(&worker->weighing, tets);
+    bool room = array_reserve(&list, &worker->list_room, tets,
+                              sizeof *worker->list) && reserve_weighing(&worker->weighing, tets);
     worker->list = list;
     worker->failed |= !room;
     worker->weighing.count = 0;
@@ -80,7 +82,8 @@ static void set_shares(struct weighing *weighing)
 {
     double sum = 0;
     for (uint32_t i = 0; i < weighing->count; i++) {
-        weighing->shares[i] = 1 / (1 + fabs(weighing->weights[0][i]) + fabs(weighing->weights[1][i]) + fabs(weighing->weights[2][i]));
+        weighing->shares[i] = 1 / (1 + fabs(weighing->weights[0][i]) + fabs(weighing->weights[1][i]) +
+                                   fabs(weighing->weights[2][i]));
         sum += weighing->shares[i];
     }
     for (uint32_t i = 0; i < weighing->count; i++)
@@ -99,7 +102,8 @@ bool outcome_weigh(const struct run *run, struct worker *worker, const struct jo
 /* ---- U and L */
 
 /* Where all vertices are at one point, only they say something. */
-static void bound_ends(const struct working *working, const struct join *join, double *upper, double *lower, double *means)
+static void bound_ends(const struct working *working, const struct join *join, double *upper, double *lower,
+                       double *means)
 {
     for (uint32_t c = 0; c < working->component_count; c++) {
         uint32_t column = ROW_FIELDS + 2 * c;
@@ -114,7 +118,8 @@ static void bound_ends(const struct working *working, const struct join *join, d
     }
 }
 
-static void bound_star(const struct run *run, const struct weighing *weighing, double *upper, double *lower, double *means)
+static void bound_star(const struct run *run, const struct weighing *weighing, double *upper, double *lower,
+                       double *means)
 {
     struct bounds bounds;
     for (uint32_t c = 0; c < run->working->component_count; c++) {
@@ -205,8 +210,10 @@ double outcome_middles(const struct run *run, const struct worker *worker, doubl
     return worst;
 }
 
-/* Scalar value assignment (thesis 4.1): the middle of what the star's interpolants say; what the vertices had adds up. */
-static double assign_middle(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c, double *value)
+/* Scalar value assignment (thesis 4.1): the middle of what the star's interpolants say; what the vertices had adds
+ * up. */
+static double assign_middle(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c,
+                            double *value)
 {
     const struct component *component = &run->working->components[c];
     const struct working_field *field = &run->working->fields[component->field];
@@ -220,7 +227,8 @@ static double assign_middle(const struct run *run, const struct worker *worker, 
 }
 
 /* The value that makes the quadric least, as near to it as the limit allows. */
-static double assign_quadric(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c, double *value,
+static double assign_quadric(const struct run *run, const struct worker *worker, const struct join *join, uint32_t c,
+                             double *value,
                              double *cost)
 {
     const struct component *component = &run->working->components[c];
@@ -237,7 +245,8 @@ static double assign_quadric(const struct run *run, const struct worker *worker,
     return larger(upper - *value, *value - lower);
 }
 
-double outcome_values(const struct run *run, const struct worker *worker, const struct join *join, double *values, double *cost)
+double outcome_values(const struct run *run, const struct worker *worker, const struct join *join, double *values,
+                      double *cost)
 {
     double worst = 0, sum = 0, value;
     if (run->metric == METRIC_ENVELOPE)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a contraction comes to: U and L of its result with the proof's slack (PROOF.md, 2 and 4), the values that the order chooses, and the
- * error with them.
+ * What a contraction comes to: U and L of its result with the proof's slack (PROOF.md, 2 and 4), the values that the
+ * order chooses, and the error with them.
  */
 #ifndef TETLOD_OUTCOME_H
 #define TETLOD_OUTCOME_H
@@ -44,10 +44,13 @@ void outcome_demands(const struct run *run, struct worker *worker);
 /* The error of the result with the middles of U and L, as the fields' types can hold them; and these, if wanted. */
 double outcome_middles(const struct run *run, const struct worker *worker, double *values);
 
-/* The values that the order chooses, and the error of its limit with them. `cost` (may be NULL): the quadrics' least there. */
-double outcome_values(const struct run *run, const struct worker *worker, const struct join *join, double *values, double *cost);
+/* The values that the order chooses, and the error of its limit with them. `cost` (may be NULL): the quadrics' least
+ * there. */
+double outcome_values(const struct run *run, const struct worker *worker, const struct join *join, double *values,
+                      double *cost);
 
-/* The quadrics' least at p over all values, and of the root of the mean the worst component's as an error: an estimate. */
+/* The quadrics' least at p over all values, and of the root of the mean the worst component's as an error: an
+ * estimate. */
 double outcome_estimate(const struct run *run, const struct join *join, double *cost);
 
 #endif

@@ -22,12 +22,14 @@ void quadrics_place(const struct quadrics *quadrics, const double p[3], double o
         out[i] = (p[i] - quadrics->origin[i]) / quadrics->unit;
 }
 
-static double (*sum_of(const struct quadrics *quadrics, const struct working *working, uint32_t slot, uint32_t component))[QUADRIC_SIZE]
+static double (*sum_of(const struct quadrics *quadrics, const struct working *working, uint32_t slot,
+                       uint32_t component))[QUADRIC_SIZE]
 {
     return quadrics->sums + (size_t)slot * working->component_count + component;
 }
 
-void quadrics_of(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex, uint32_t count,
+void quadrics_of(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex,
+                 uint32_t count,
                  uint32_t component, double out[QUADRIC_SIZE])
 {
     memset(out, 0, QUADRIC_SIZE * sizeof *out);
@@ -54,7 +56,8 @@ static double find_gradient(const double points[4][4], double gradient[3])
 }
 
 /* Adds a tetrahedron's share to the quadrics of its corners. */
-static void add_tet(struct quadrics *quadrics, const struct working *working, uint32_t tet, uint32_t component, bool distance)
+static void add_tet(struct quadrics *quadrics, const struct working *working, uint32_t tet, uint32_t component,
+                    bool distance)
 {
     const struct component *of = &working->components[component];
     const uint32_t *corners = working->corners[tet];
@@ -73,7 +76,8 @@ static void add_tet(struct quadrics *quadrics, const struct working *working, ui
             (*sum_of(quadrics, working, corners[c], component))[i] += quadric[i];
 }
 
-enum tetlod_status quadrics_init(struct quadrics *quadrics, const struct working *working, bool distance, struct tetlod_error *error)
+enum tetlod_status quadrics_init(struct quadrics *quadrics, const struct working *working, bool distance,
+                                 struct tetlod_error *error)
 {
     size_t n = working->slot_count, k = working->component_count;
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -83,7 +87,8 @@ enum tetlod_status quadrics_init(struct quadrics *quadrics, const struct working
             high[i] = larger(high[i], working_row(working, v)[i]);
         }
     double diagonal = sqrt(distance_squared(low, high));
-    *quadrics = (struct quadrics){.unit = diagonal > 0 ? diagonal : 1, .sums = array_zero(n * k, sizeof *quadrics->sums)};
+    *quadrics = (struct quadrics){.unit = diagonal > 0 ? diagonal : 1,
+                                  .sums = array_zero(n * k, sizeof *quadrics->sums)};
     memcpy(quadrics->origin, low, sizeof low);
     if (!quadrics->sums)
         return tetlodi_fail_nomem(error, "the quadrics", n * k * sizeof *quadrics->sums);
@@ -93,7 +98,8 @@ enum tetlod_status quadrics_init(struct quadrics *quadrics, const struct working
     return TETLOD_OK;
 }
 
-bool quadrics_optimum(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex, uint32_t count,
+bool quadrics_optimum(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex,
+                      uint32_t count,
                       double p[3])
 {
     double sum[QUADRIC_SIZE] = {0}, quadric[QUADRIC_SIZE];
@@ -109,7 +115,8 @@ bool quadrics_optimum(const struct quadrics *quadrics, const struct working *wor
     return true;
 }
 
-void quadrics_contract(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex, uint32_t count)
+void quadrics_contract(const struct quadrics *quadrics, const struct working *working, const uint32_t *simplex,
+                       uint32_t count)
 {
     double sum[QUADRIC_SIZE];
     for (uint32_t c = 0; c < working->component_count && quadrics->sums; c++) {

@@ -17,17 +17,19 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
- * eases it by more. */
+/* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a
+ * change rarely eases it by more. */
 static const double EASED = 0.8;
 
 /* The first rung. */
 static const double FIRST_LIMIT = 1e-6;
 
-/* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
+/* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most
+ * vertices again. */
 static const double STEPS_FROM = 1e-3;
 
-/* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung does. */
+/* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung
+ * does. */
 enum { MOST_PASSES = 3 };
 
 /* Slots that are evaluated between two reports of progress. */
@@ -111,7 +113,8 @@ struct slice {
     size_t begin;
 };
 
-/* Memory is slow: what evaluating slots in turn will read is asked for some turns before, one step of the way in each turn. */
+/* Memory is slow: what evaluating slots in turn will read is asked for some turns before, one step of the way in each
+ * turn. */
 static void fetch_ahead(const struct working *working, const uint32_t *slots, size_t left)
 {
     const struct span *star;
@@ -183,7 +186,8 @@ static void merge_range(void *context, unsigned worker, size_t begin, size_t end
         const struct answer *answer = rounds->run.asked ? &rounds->answers[i - rounds->asked_from] : NULL;
         rounds->merged[i].done = false;
         if (!answer || answer->allowed)
-            merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->first_record + (uint32_t)i, answer,
+            merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i],
+                  rounds->first_record + (uint32_t)i, answer,
                   &rounds->merged[i], certified, certified + rounds->working.component_count);
     }
 }
@@ -193,7 +197,8 @@ static enum tetlod_status reserve(struct rounds *rounds)
     size_t count = rounds->winners.count, entries = 0;
     void *merged = rounds->merged, *errors = rounds->errors;
     bool room = array_reserve(&merged, &rounds->merged_room, count, sizeof *rounds->merged) &&
-                array_reserve(&errors, &rounds->error_room, 2 * count * rounds->working.component_count, sizeof(double));
+                array_reserve(&errors, &rounds->error_room, 2 * count * rounds->working.component_count,
+                              sizeof(double));
     rounds->merged = merged;
     rounds->errors = errors;
     if (!room)
@@ -316,7 +321,8 @@ static void ask_range(void *context, unsigned worker, size_t begin, size_t end)
     struct rounds *rounds = context;
     struct asker *asker = &rounds->askers[worker];
     for (size_t i = begin; i < end && asker->status == TETLOD_OK; i++)
-        asker->status = simplex_ask(&rounds->run, &rounds->run.workers[worker], worker, rounds->winners.slots[rounds->asked_from + i],
+        asker->status = simplex_ask(&rounds->run, &rounds->run.workers[worker], worker,
+                                    rounds->winners.slots[rounds->asked_from + i],
                                     &rounds->answers[i], &asker->error);
 }
 
@@ -327,7 +333,8 @@ static enum tetlod_status take_answers(struct rounds *rounds, size_t count)
     struct star *star = &rounds->run.workers[0].star;
     for (size_t i = 0; i < count; i++) {
         struct answer *answer = &rounds->answers[i];
-        uint32_t simplex[4], slot = rounds->winners.slots[rounds->asked_from + i], vertices = proposed_simplex(&rounds->run, slot, simplex);
+        uint32_t simplex[4], slot = rounds->winners.slots[rounds->asked_from +
+                                                          i], vertices = proposed_simplex(&rounds->run, slot, simplex);
         if (!star_gather(star, &rounds->working, simplex, vertices))
             return no_memory(rounds);
         TETLOD_TRY(limit->take(limit->state, star, answer, rounds->error));
@@ -424,7 +431,8 @@ static enum tetlod_status list_reached(struct rounds *rounds)
             continue;
         rounds->alive.slots[kept++] = slot;
         double waits = proposals[slot].dirty == CLEAN ? proposals[slot].waits : EASED * proposals[slot].waits_changed;
-        if (waits > limit && rounds->run.plans && proposals[slot].waits_changed * EASED <= limit && simplices_changed(&rounds->run, slot))
+        if (waits > limit && rounds->run.plans && proposals[slot].waits_changed * EASED <= limit &&
+            simplices_changed(&rounds->run, slot))
             waits = limit;
         if (waits <= limit && proposals[slot].priority == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
             return no_memory(rounds);
@@ -449,7 +457,8 @@ static enum tetlod_status list_changed(struct rounds *rounds)
     rounds->again.count = 0;
     for (size_t i = 0; i < rounds->alive.count; i++) {
         uint32_t slot = rounds->alive.slots[i];
-        if (!working_alive(&rounds->working, slot) || proposals[slot].priority != PROPOSES_NOTHING || !has_changed(rounds, slot))
+        if (!working_alive(&rounds->working, slot) || proposals[slot].priority != PROPOSES_NOTHING ||
+            !has_changed(rounds, slot))
             continue;
         if (!rounds->run.plans)
             proposals[slot].dirty = LEFT;
@@ -567,7 +576,8 @@ uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, con
     unsigned threads = options->threads ? options->threads : parallel_cores();
     if (in_edges_alone(options))
         return bytes;
-    bytes += mesh->vertex_count * (uint64_t)(sizeof(struct plan) + sizeof(struct notes) + 16) + edges * sizeof(struct known);
+    bytes += mesh->vertex_count * (uint64_t)(sizeof(struct plan) + sizeof(struct notes) +
+                                             16) + edges * sizeof(struct known);
     if (has_quadrics(order_of(options)))
         bytes += mesh->vertex_count * (uint64_t)controlled_count * QUADRIC_SIZE * sizeof(double);
     if (options->certify == CERTIFY_EXACT)
@@ -586,7 +596,8 @@ static enum tetlod_status allocate_plans(struct rounds *rounds)
     if (!rounds->run.plans || !rounds->run.notes)
         return no_memory(rounds);
     if (has_quadrics(rounds->run.metric))
-        TETLOD_TRY(quadrics_init(&rounds->run.quadrics, &rounds->working, rounds->run.metric == METRIC_QUADRIC, rounds->error));
+        TETLOD_TRY(quadrics_init(&rounds->run.quadrics, &rounds->working, rounds->run.metric == METRIC_QUADRIC,
+                                 rounds->error));
     if (!rounds->run.asked)
         return TETLOD_OK;
     rounds->askers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->askers);
@@ -609,7 +620,8 @@ static enum tetlod_status allocate(struct rounds *rounds)
     rounds->predicted = array_zero(k, sizeof(double));
     rounds->run.factors = array_zero(k, sizeof(double));
     rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
-    if (!rounds->run.proposals || !rounds->certified || !rounds->predicted || !rounds->run.factors || !rounds->run.workers ||
+    if (!rounds->run.proposals || !rounds->certified || !rounds->predicted || !rounds->run.factors ||
+        !rounds->run.workers ||
         !contest_init(&rounds->contest, &rounds->run))
         return no_memory(rounds);
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
@@ -689,7 +701,8 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
     TETLOD_TRY_DONE(report(&rounds));
-    TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
+    TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle,
+                                options->boundary_limit,
                                 options->boundary_least, crew_size(rounds.run.crew), error));
     if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What the rounds share: proposals of the slots, scratch of the threads, and how the run orders and limits contractions. */
+/* What the rounds share: proposals of the slots, scratch of the threads, and how the run orders and limits
+ * contractions. */
 #ifndef TETLOD_RUN_H
 #define TETLOD_RUN_H
 
@@ -42,7 +43,8 @@ static inline uint32_t scramble(uint32_t x)
     return x ^ x >> 16;
 }
 
-/* The key without so many of its lowest bits, then at random, so that what is proposed at once is not all in one place. */
+/* The key without so many of its lowest bits, then at random, so that what is proposed at once is not all in one
+ * place. */
 static inline uint64_t priority_of(double key, uint32_t slot, int bits)
 {
     uint64_t number;
@@ -99,8 +101,9 @@ struct run {
     uint32_t round;
 };
 
-/* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
- * the vertex's (two for each component), `mean` of what the star's interpolants of U and L say at the result. */
+/* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the
+ * other end less the vertex's (two for each component), `mean` of what the star's interpolants of U and L say at the
+ * result. */
 enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS_MEAN = 5, NUMBERS };
 
 /* The simplex that a slot proposes to contract, itself first. Returns how many vertices it has. */

@@ -14,14 +14,16 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A simplex that a limit was asked about is asked about again after a change where this multiple of what it needed is within the limit. */
+/* A simplex that a limit was asked about is asked about again after a change where this multiple of what it needed is
+ * within the limit. */
 static const double EASED = 0.9;
 
 /* Bits of the key that do not count in a priority: quadrics leave fewer tetrahedra where their order is kept. */
 enum { FINE_KEYS = 36 };
 
-/* A limit is not asked about a candidate if the quadric expects a root mean square above this multiple of it: of candidates
- * above 1.4 it would refuse about 99 in a hundred. Between the rungs that levels are named after fewer candidates are asked about. */
+/* A limit is not asked about a candidate if the quadric expects a root mean square above this multiple of it: of
+ * candidates above 1.4 it would refuse about 99 in a hundred. Between the rungs that levels are named after fewer
+ * candidates are asked about. */
 static const double MAX_EXPECTED = 1, MAX_EXPECTED_NAMED = 1.4;
 
 enum { MAX_CANDIDATES = 6 };
@@ -161,7 +163,8 @@ static bool list_tets(const struct run *run, struct worker *worker)
 {
     const struct hood *hood = &worker->hood;
     for (uint32_t i = 0; i < hood->tet_count; i++) {
-        uint32_t v[3] = {hood->slots[hood->corners[0][i]], hood->slots[hood->corners[1][i]], hood->slots[hood->corners[2][i]]};
+        uint32_t v[3] = {hood->slots[hood->corners[0][i]], hood->slots[hood->corners[1][i]],
+                         hood->slots[hood->corners[2][i]]};
         for (int k = 0; k < 3; k++) { // ascending
             int a = k == 1 ? 1 : 0;
             uint32_t low = v[a] < v[a + 1] ? v[a] : v[a + 1], high = v[a] < v[a + 1] ? v[a + 1] : v[a];
@@ -176,7 +179,8 @@ static bool list_tets(const struct run *run, struct worker *worker)
 
 /* ---- 2 */
 
-/* Frozen vertices only with vertices at the same point, and not where a limit is asked: that needs interpolants (PROOF.md, 6). */
+/* Frozen vertices only with vertices at the same point, and not where a limit is asked: that needs interpolants
+ * (PROOF.md, 6). */
 static bool may_be_contracted(const struct run *run, const struct join *join)
 {
     uint8_t flags = 0;
@@ -252,7 +256,8 @@ static double key_of(const struct run *run, double error, double cost, double re
 enum tried { FORBIDDEN, FLIPPED, FITS };
 
 /* What a limit is expected to need at join->p. The star is looked at only where that may be within the limit. */
-static enum tried try_estimate(const struct run *run, struct worker *worker, const struct join *join, double *error, double *key)
+static enum tried try_estimate(const struct run *run, struct worker *worker, const struct join *join, double *error,
+                               double *key)
 {
     struct star *star = &worker->star;
     double cost;
@@ -269,14 +274,17 @@ static enum tried try_estimate(const struct run *run, struct worker *worker, con
     return fits ? FITS : FLIPPED;
 }
 
-/* Tries a candidate of a listed simplex, whose star the worker has: its error, or what a limit is expected to need, and its key. */
-static enum tried try_candidate(const struct run *run, struct worker *worker, struct join *join, uint32_t candidate, double *error,
+/* Tries a candidate of a listed simplex, whose star the worker has: its error, or what a limit is expected to need, and
+ * its key. */
+static enum tried try_candidate(const struct run *run, struct worker *worker, struct join *join, uint32_t candidate,
+                                double *error,
                                 double *key)
 {
     double cost = 0, weights[4];
     weights_of(join, candidate, weights);
     if (!simplex_position(run, join, candidate, join->p) ||
-        (!join->at_one_point && !border_allows(&run->border, run->working, join->simplex, join->count, weights, join->p)))
+        (!join->at_one_point &&
+         !border_allows(&run->border, run->working, join->simplex, join->count, weights, join->p)))
         return FORBIDDEN;
     if (run->asked)
         return try_estimate(run, worker, join, error, key);
@@ -337,7 +345,8 @@ static bool try_simplex(const struct run *run, struct worker *worker, uint32_t n
     listed->known.possible = listed->known.asked = 0;
     listed->known.bound = INFINITY;
     void *grown = trials->trials;
-    bool room = array_reserve(&grown, &trials->trial_room, trials->trial_count + MAX_CANDIDATES, sizeof *trials->trials);
+    bool room = array_reserve(&grown, &trials->trial_room, trials->trial_count + MAX_CANDIDATES,
+                              sizeof *trials->trials);
     trials->trials = grown;
     worker->star.simplex_count = 0; // it is gathered when it is needed
     if (!room || (!run->asked && !outcome_list(run, worker, &join)))
@@ -360,7 +369,8 @@ static bool link_holds(const struct run *run, struct worker *worker, const struc
 {
     bool room = true, holds;
     if (join->count == 2)
-        holds = links_hold(&worker->links, &worker->hood, run->working, hood_number(&worker->hood, join->simplex[1]), &room);
+        holds = links_hold(&worker->links, &worker->hood, run->working, hood_number(&worker->hood, join->simplex[1]),
+                           &room);
     else {
         room = star_gather(&worker->star, run->working, join->simplex, join->count);
         holds = room && links_hold_star(&worker->links, &worker->star, run->working, &room);
@@ -468,7 +478,8 @@ void evaluate_simplices(const struct run *run, struct worker *worker, uint32_t s
         worker->failed |= !room;
         return;
     }
-    room = (!(run->contract & CONTRACT_EDGES) || list_edges(run, worker)) && (!(run->contract & CONTRACT_FACES) || list_faces(run, worker)) &&
+    room = (!(run->contract & CONTRACT_EDGES) || list_edges(run, worker)) && (!(run->contract & CONTRACT_FACES) ||
+                                                                              list_faces(run, worker)) &&
            (!(run->contract & CONTRACT_TETS) || list_tets(run, worker));
     for (uint32_t i = 0; i < trials->count && room; i++)
         room = try_simplex(run, worker, i);
@@ -485,7 +496,8 @@ void evaluate_simplices(const struct run *run, struct worker *worker, uint32_t s
         possible = smaller(possible, trials->listed[i].possible);
         any = smaller(any, trials->listed[i].any);
     }
-    proposal->waits = (float)larger(possible, run->limit * (1 + 1e-6)); // what is refused within the limit is asked again on the next rung
+    // what is refused within the limit is asked again on the next rung
+    proposal->waits = (float)larger(possible, run->limit * (1 + 1e-6));
     proposal->waits_changed = (float)any;
 }
 
@@ -509,7 +521,8 @@ enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, uns
                                struct answer *answer, struct tetlod_error *error)
 {
     struct join join = join_proposed(run, slot);
-    double positions[MAX_CANDIDATES][3], keys[MAX_CANDIDATES], limit = run->limit * (1 + LIMIT_TIE), least = INFINITY, expected, key = 0;
+    double positions[MAX_CANDIDATES][3], keys[MAX_CANDIDATES], limit = run->limit * (1 +
+                                                                                     LIMIT_TIE), least = INFINITY, expected, key = 0;
     uint32_t count = 0;
     if (!star_gather(&worker->star, run->working, join.simplex, join.count)) {
         worker->failed = true;
@@ -522,7 +535,8 @@ enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, uns
             least = smaller(least, expected);
             continue;
         }
-        if (is_open(run, &join) && isinf(border_moves(&run->border, run->working, join.simplex, join.count, join.p, &worker->map)))
+        if (is_open(run, &join) &&
+            isinf(border_moves(&run->border, run->working, join.simplex, join.count, join.p, &worker->map)))
             continue;
         uint32_t at = count++;
         for (; at > 0 && keys[at - 1] > key; at--) {
@@ -532,7 +546,8 @@ enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, uns
         keys[at] = key;
         memcpy(positions[at], join.p, sizeof *positions);
     }
-    const struct question question = {run->working, &run->border, &worker->star, (const double(*)[3])positions, count, run->limit, run->named};
+    const struct question question = {run->working, &run->border, &worker->star, (const double(*)[3])positions, count,
+                                      run->limit, run->named};
     TETLOD_TRY(run->asked->ask(run->asked->state, number, &question, answer, error));
     worker->refused[LOG_REFUSED_SIZE] += answer->too_large;
     if (!answer->allowed)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Evaluating a vertex simplex by simplex: each edge, face or tetrahedron belongs to its vertex of the least slot, whose proposal is the
- * best of them. What is known of a simplex that is not contracted is kept: most of them need not be looked at again on the next rungs.
+ * Evaluating a vertex simplex by simplex: each edge, face or tetrahedron belongs to its vertex of the least slot, whose
+ * proposal is the best of them. What is known of a simplex that is not contracted is kept: most of them need not be
+ * looked at again on the next rungs.
  */
 #ifndef TETLOD_SIMPLICES_H
 #define TETLOD_SIMPLICES_H
@@ -13,7 +14,8 @@
 struct known {
     uint32_t name; /* of its other vertices' nodes: those of a result are new. Of an edge it is the node */
     float bound;   /* the least error that it needs */
-    uint32_t round : 30, possible : 1, asked : 1; /* when; false: only a change of its star can make it possible; a limit has said so */
+    /* when; false: only a change of its star can make it possible; a limit has said so */
+    uint32_t round : 30, possible : 1, asked : 1;
 };
 
 struct notes {
@@ -36,7 +38,8 @@ static inline uint32_t simplex_candidates(const struct run *run, uint32_t count)
 }
 
 /* Asks about the slot's proposal: its candidates at which nothing turns over, best first. */
-TETLOD_CHECKED enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, unsigned number, uint32_t slot,
+TETLOD_CHECKED enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, unsigned number,
+                                              uint32_t slot,
                                               struct answer *answer, struct tetlod_error *error);
 
 /* The slot's proposal was refused: it is not to be asked again below that error. */
