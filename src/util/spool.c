@@ -63,7 +63,7 @@ static enum tetlod_status fail_write(struct tetlod_error *error)
 
 enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size, struct tetlod_error *error)
 {
-    if (fwrite(bytes, 1, size, spool->file) != size)
+    if (size && fwrite(bytes, 1, size, spool->file) != size) // `bytes` of nothing may be NULL
         return fail_write(error);
     spool->size += size;
     return TETLOD_OK;
