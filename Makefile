@@ -89,7 +89,7 @@ PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES) 2>/dev/null) $(if $(fil
 FORMAT_SRC := $(sort $(wildcard format/*.c))
 LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
-BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/%,$(LIBRARY_SRC))
+BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/%,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c server/store/*.c))
 ALONE := $(if $(filter 0,$(SERVER)),-alone)
@@ -116,10 +116,11 @@ WEB ?= 1
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 # as fast as -O3, measured, and a fifth smaller
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
-    -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
+    -DTETLOD_WITHOUT_PAGES -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -lc-printscan-no-floating-point -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/lineage.c format/container.c format/prefix.c format/summary.c,$(FORMAT_SRC)) $(CUT_SRC)
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/lineage.c format/container.c format/prefix.c format/summary.c \
+    format/page_write.c format/page_check.c format/page_decode.c format/write_check.c,$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
 WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_steps) src/cut/line.c src/cut/normals.c \
     $(patsubst %,format/%.c,base cell_steps cells feed header index parts section series series_cells spans status tail time_table topologies views cursor reader checksum)

@@ -4,6 +4,7 @@
 #define TETLOD_INDEX_H
 
 #include "format/header.h"
+#include "format/page_table.h"
 #include "format/section.h"
 #include "format/values.h"
 
@@ -37,6 +38,7 @@ struct tetlodi_index {
     char *cell_names;
     struct tetlod_topology *topologies; /* from its section */
     double *times;                      /* of all their steps */
+    struct tetlodi_page_table pages;    /* from its section */
 };
 
 void tetlodi_index_fini(struct tetlodi_index *index);

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 
 #include "format/coder.h"
+#include "format/page_table.h"
 #include "format/replay.h"
 
 enum { LABEL_CONTEXTS = 2 * 2 * 4 * 8 * 10 };
@@ -111,6 +112,10 @@ struct tetlodi_recorder {
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
+    int paged;                          /* the walk is of a page: listed vertices first, then those that it adds */
+    const uint32_t *listed;             /* the page's vertices, ascending; borrowed */
+    const uint8_t *seams;               /* [vertex before the group] it does not split; borrowed */
+    uint32_t listed_count, place;       /* place: of the walk */
     /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
      * 1 to 3. NULL in a decoder. 0 if out of memory. */
     int (*plan)(void *opaque, struct tetlodi_star_view *star, unsigned child);
@@ -134,6 +139,14 @@ int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t
 /* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. A
  * decoder's columns have the bytes of their frames. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
+
+/* The walk of a page of the level (SPEC 7.6), to which the page adds so many vertices and tetrahedra. Models are as at
+ * the beginning. The coders are started by the caller. */
+void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_page_lists *lists, uint32_t page,
+                        uint32_t vertices, uint32_t tets);
+
+/* Is the walk at its end? */
+int tetlodi_walk_ended(const struct tetlodi_recorder *recorder);
 
 /* May a column's frames have so many labels, times a field's components, in so many bytes (SPEC 2.3)? */
 bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes);

@@ -5,6 +5,7 @@
 
 #include "format/cells.h"
 #include "format/fail.h"
+#include "format/page_table.h"
 #include "format/time_table.h"
 #include "format/topologies.h"
 
@@ -16,7 +17,8 @@ static const struct known {
                   {TAG_CELL_VALUES, false, false},
                 {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false},
                 {TAG_CELL_TIME, false, true}, {TAG_CELL_STEPS, false, false},
-                {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true}};
+                {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true},
+                {TAG_PAGES, true, true}};
 
 static const struct known *find_known(const char *tag)
 {
@@ -28,7 +30,7 @@ static const struct known *find_known(const char *tag)
 
 enum tetlodi_packing tetlodi_section_packing(const char *tag)
 {
-    static const char *const tables[] = {TAG_TIME, TAG_CELL_TIME, TAG_TOPOLOGIES};
+    static const char *const tables[] = {TAG_TIME, TAG_CELL_TIME, TAG_TOPOLOGIES, TAG_PAGES};
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
         if (strcmp(tag, tables[i]) == 0)
             return PACKED_TABLE;

@@ -212,6 +212,8 @@ struct tetlod_info {
     const struct tetlod_cell_field *cell_fields;
     uint32_t topology_count; /* 0: all steps have this mesh */
     const struct tetlod_topology *topologies;
+    uint32_t page_count;        /* of all levels in pages (SPEC 7.6); 0: there are none */
+    uint32_t first_paged_level; /* from there on, but for the tail, levels are in pages */
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */

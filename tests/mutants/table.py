@@ -66,8 +66,7 @@ mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLO
 
 # ---- the transition of a region (2)
 
-mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (lack[v] > 0)\n',
-       'if (lack[v] > INFINITY)\n',
+mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (lack[v] > 0)\n', 'if (lack[v] > INFINITY)\n',
        'where vertices of several levels meet, a local bound is raised', REGIONS)
 mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;', 'out[count + i] = s->values[i] + by;',
        'it is raised for what is below and above the original', 'cli/test_region.py')
@@ -117,8 +116,7 @@ mutant('simplices: link triangles', 'src/simplify/mesh/links.c', 'return !(count
        'return true;', 'C4: a common triangle', 'unit/test_links')
 mutant("simplices: link condition's boundary", 'src/simplify/mesh/links.c', 'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {',
        'C4: the boundary is coned', 'unit/test_links')
-mutant('simplices: faces behind those that vanish', 'src/simplify/mesh/working.c', 'opened &= count > 2;',
-       'opened = false;',
+mutant('simplices: faces behind those that vanish', 'src/simplify/mesh/working.c', 'opened &= count > 2;', 'opened = false;',
        'a face behind several tetrahedra that vanish is on the boundary', 'unit/test_working')
 mutant('simplices: a vertex is forgotten', 'src/simplify/rounds/outcome.c', 'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
        'for (uint32_t s = 0; s < 2 && room; s++)\n        list_star(', 'the star is of all vertices of the simplex', 'unit/test_outcome', PROOF)
@@ -141,8 +139,7 @@ mutant('exact: no original vertices', 'src/simplify/exact/examiner.c', 'if (!at_
        'critical points of kind 1', 'unit/test_exact')
 mutant('exact: no walls', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
        'critical points of kind 2', 'unit/test_exact')
-mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/examiner.c',
-       'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
+mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/examiner.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
        'an edge is followed to its end', 'unit/test_exact')
 mutant('exact: an edge ends where it begins', 'src/simplify/exact/examiner.c', 'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
        'the same', 'unit/test_exact')
@@ -223,8 +220,7 @@ mutant('domain error without rounding', 'src/pipeline/build.c', 'double domain =
        'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
 mutant('no exact maximum', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));', '(void)exact;',
        'where max is proved for a partner it is no less than the exact maximum', 'attack 1210 1', 'attack 1424 1')
-mutant('rounding is outside the limit', 'src/pipeline/limits.c', '*limit -= lost;', '',
-       'a limit holds with what rounding takes', 'cli/test_promise.py')
+mutant('rounding is outside the limit', 'src/pipeline/limits.c', '*limit -= lost;', '', 'a limit holds with what rounding takes', 'cli/test_promise.py')
 mutant('a vector without its share', 'src/pipeline/control.c', 'return (own > 0 && whole > 0 ? smaller(own / whole, 1) : 1) / sqrt(mesh->fields[vector].components);',
        '(void)own;\n    (void)whole;\n    return 1;', "a magnitude's promise holds for the vector", 'cli/test_promise.py')
 mutant('one range for all fields', 'format/reader.c', 'info->fields[f].range[1] - info->fields[f].range[0] : 1;', 'info->fields[0].range[1] - info->fields[0].range[0] : 1;',
@@ -243,3 +239,13 @@ mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = me
        'the finest level is the input, rounded', 'cli/test_cells')
 mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c', 'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference', 'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference',
        'tetrahedra that are as they were are compared at their corners', 'cli/test_forged')
+
+# ---- pages (PROOF.md, 11 and 13)
+
+mutant('a tetrahedron leaves its cell', 'src/simplify/merge.c', 'if (weighing->moves[i] && !tetlodi_in_box(run->box, middle))',
+       'if (weighing->moves[i] > 1 && !tetlodi_in_box(run->box, middle))',
+       'a decoder finds the cells of a mesh that was cut before it was contracted', 'cli/test_pages')
+mutant('seams are contracted', 'src/simplify/piece.c', 'out->frozen[v] |= shared[vertices[v]];', 'out->frozen[v] |= shared[vertices[v]] > 1;',
+       'a cell has not the whole star of a vertex at its seam', 'cli/test_pages')
+mutant('errors of one cell', 'src/cells/cell_phases.c', 'state->certified[c] = fmax(state->certified[c], log->certified[last * k + c]);',
+       'state->certified[c] = fmin(1e-6, log->certified[last * k + c]);', 'a level has the errors of all cells', 'cli/test_pages')
