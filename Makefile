@@ -538,7 +538,8 @@ install-doc:
 
 ## amalgamation: the reader as two files, build/amalgamation/tetlod.c and tetlod.h, to be copied into another program
 .PHONY: amalgamation
-WRITING := $(addprefix format/,cells_write.c container.c grids.c lineage.c parts.c prefix.c summary.c writer.c)
+WRITING := $(addprefix format/,cells_write.c container.c grids.c lineage.c page_check.c page_write.c parts.c prefix.c summary.c write_check.c \
+    writer.c)
 amalgamation:
 	$(Q)python3 format/amalgamate.py build/amalgamation $(filter-out $(WRITING),$(FORMAT_SRC))
 	@ls build/amalgamation/tetlod.[ch]
