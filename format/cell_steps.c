@@ -57,7 +57,7 @@ void tetlodi_cell_time_encode(const struct tetlodi_cell_time *time, struct tetlo
 /* Bytes that a table of these counts has; UINT64_MAX beyond the limits. */
 static uint64_t table_size(uint64_t fields, uint64_t steps)
 {
-    if (!fields || fields > MOST_FIELDS || !steps || steps > MOST_STEPS)
+    if (!fields || fields > MAX_FIELDS || !steps || steps > MAX_STEPS)
         return UINT64_MAX;
     return TABLE_HEAD + fields * (FIELD_ROW + 8 * steps + DIGEST_SIZE * ((steps + STEP_GROUP - 1) / STEP_GROUP));
 }
@@ -71,9 +71,9 @@ static bool decode_rows(struct tetlodi_cell_time *time, struct tetlodi_bytes *in
         double *range = time->ranges[f];
         range[0] = tetlodi_get_f64(in);
         range[1] = tetlodi_get_f64(in);
-        good &= field < MOST_FIELDS && (f == 0 || field > time->fields[f - 1]);
+        good &= field < MAX_FIELDS && (f == 0 || field > time->fields[f - 1]);
         good &= isfinite(range[0]) && isfinite(range[1]) && range[0] <= range[1];
-        time->fields[f] = (uint32_t)(field % MOST_FIELDS);
+        time->fields[f] = (uint32_t)(field % MAX_FIELDS);
     }
     for (size_t i = 0; i < (size_t)time->field_count * time->step_count; i++) {
         time->sizes[i] = tetlodi_get(in, 8);

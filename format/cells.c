@@ -33,7 +33,7 @@ static bool decode_field(struct tetlod_cell_field *field, struct tetlodi_bytes *
     if (name)
         memcpy(*text, name, size);
     *text += name ? size + 1 : 0;
-    return !in->failed && type <= TETLOD_CELL_INT64 && field->components && field->components <= MOST_CELL_COMPONENTS && !reserved &&
+    return !in->failed && type <= TETLOD_CELL_INT64 && field->components && field->components <= MAX_CELL_COMPONENTS && !reserved &&
            isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1] && size && size <= MAX_NAME &&
            tetlodi_plain_text(field->name, size);
 }
@@ -68,7 +68,7 @@ enum tetlod_status tetlodi_cells_decode(struct tetlodi_index *index, const uint8
 {
     struct tetlodi_bytes in = {bytes, size, false};
     uint32_t count = (uint32_t)tetlodi_get(&in, 2);
-    bool good = !in.failed && count <= MOST_FIELDS && (uint64_t)count * CELL_ENTRY <= in.left;
+    bool good = !in.failed && count <= MAX_FIELDS && (uint64_t)count * CELL_ENTRY <= in.left;
     index->cells = calloc(good && count ? count : 1, sizeof *index->cells);
     index->cell_names = calloc(size + 1, 1);
     if (!index->cells || !index->cell_names)
@@ -99,7 +99,7 @@ static bool whole_of(uint64_t bits, unsigned width, double *out)
 {
     uint64_t sign = (uint64_t)1 << (8 * width - 1), size = bits & sign ? (~bits & (sign - 1)) + 1 : bits;
     *out = bits & sign ? -(double)size : (double)size;
-    return size <= (uint64_t)MOST_WHOLE_CELL;
+    return size <= (uint64_t)MAX_WHOLE_CELL;
 }
 
 enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out, struct tetlod_error *error)

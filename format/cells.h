@@ -10,9 +10,9 @@
 #define TAG_CELLS "CELL"
 #define TAG_CELL_VALUES "CVAL"
 
-enum { CELL_REGION = 1, MOST_CELL_COMPONENTS = 64 };
+enum { CELL_REGION = 1, MAX_CELL_COMPONENTS = 64 };
 
-#define MOST_WHOLE_CELL 0x1p53
+#define MAX_WHOLE_CELL 0x1p53
 
 /* Bytes of one value. */
 unsigned tetlodi_cell_width(enum tetlod_cell_type type);

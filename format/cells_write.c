@@ -16,12 +16,12 @@ static bool fits(double value, enum tetlod_cell_type type)
         return true;
     if (type == TETLOD_CELL_FLOAT32)
         return isnan(value) || memcmp(&back, &value, sizeof value) == 0;
-    return fabs(value) <= MOST_WHOLE_CELL && value == floor(value) && value >= -most && value < most && !(value == 0 && signbit(value));
+    return fabs(value) <= MAX_WHOLE_CELL && value == floor(value) && value >= -most && value < most && !(value == 0 && signbit(value));
 }
 
 const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_t count, uint32_t tets)
 {
-    if (count > MOST_FIELDS)
+    if (count > MAX_FIELDS)
         return "it has too many fields of cells";
     for (uint32_t f = 0; f < count; f++) {
         const char *wrong = tetlodi_field_wrong(cells[f].name, cells[f].components);

@@ -126,7 +126,7 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     tetlodi_index_encode(index, stored);
     if (stored->failed)
         return tetlodi_fail_nomem(error, "the index", stored->size);
-    if (stored->size > MOST_INDEX || early > MOST_EARLY)
+    if (stored->size > MAX_INDEX || early > MAX_EARLY)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the index or its sections are too large; use a larger --growth");
     header.index_plain = (uint32_t)stored->size;
     if (tetlodi_pack(PACKED_TABLE, stored->bytes, stored->size, tetlodi_index_row(index->info.field_count), &packed)) {

@@ -63,9 +63,9 @@ enum tetlod_status tetlodi_header_decode(struct tetlodi_header *header, const ui
     header->early_size = (uint32_t)tetlodi_get(&in, 4);
     header->file_size = tetlodi_get(&in, 8);
     memcpy(header->cid, tetlodi_get_block(&in, DIGEST_SIZE), DIGEST_SIZE);
-    if (tetlodi_get(&in, 4) != 0 || header->index_plain > MOST_INDEX || header->index_size > header->index_plain ||
+    if (tetlodi_get(&in, 4) != 0 || header->index_plain > MAX_INDEX || header->index_size > header->index_plain ||
         (header->index_plain != header->index_size &&
-         !tetlodi_packs(PACKED_TABLE, header->index_plain, header->index_size)) || header->early_size > MOST_EARLY ||
+         !tetlodi_packs(PACKED_TABLE, header->index_plain, header->index_size)) || header->early_size > MAX_EARLY ||
         header->file_size > INT64_MAX || header->file_size < tetlodi_header_head(header))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the header contradicts itself");
     return TETLOD_OK;

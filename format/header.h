@@ -6,7 +6,7 @@
 #include "format/checksum.h"
 #include "format/tetlod.h"
 
-enum { HEADER_SIZE = 64, FORMAT_MAJOR = 2, FORMAT_MINOR = 0, MOST_INDEX = 1 << 28, MOST_EARLY = 1 << 28 };
+enum { HEADER_SIZE = 64, FORMAT_MAJOR = 2, FORMAT_MINOR = 0, MAX_INDEX = 1 << 28, MAX_EARLY = 1 << 28 };
 
 #define TETLODI_MAGIC "\x89TLD\r\n\x1a\n"
 

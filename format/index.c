@@ -185,13 +185,13 @@ static const char *wrong_fields(const struct tetlodi_index *index)
     const struct tetlod_info *info = &index->info;
     for (uint32_t f = 0; f <= info->field_count; f++) {
         const struct tetlodi_scale *scale = &index->scales[f];
-        if ((unsigned)scale->original > TETLOD_FLOAT64 || scale->type > scale->original || scale->bits > MOST_BITS ||
+        if ((unsigned)scale->original > TETLOD_FLOAT64 || scale->type > scale->original || scale->bits > MAX_BITS ||
             !valid_scale(scale, f ? 1 : 3))
             return "numbers of an unknown kind";
     }
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
-        if (field->components < 1 || field->components > MOST_COMPONENTS)
+        if (field->components < 1 || field->components > MAX_COMPONENTS)
             return "a field of too many components or none";
         if (!isfinite(field->range[0]) || !isfinite(field->range[1]) || field->range[0] > field->range[1])
             return "a field without a range";
@@ -301,7 +301,7 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
     for (uint32_t k = 0; k < info->level_count; k++) {
         struct tetlod_level *level = &index->levels[k];
         level->vertices = get_count(in, UINT32_MAX - 1);
-        level->tets = get_count(in, MOST_TETS);
+        level->tets = get_count(in, MAX_TETS);
         level->domain_error = tetlodi_get_f64(in);
         for (uint32_t i = 0; i < info->field_count * TETLOD_MEASURES; i++)
             index->errors[(size_t)k * info->field_count * TETLOD_MEASURES + i] = tetlodi_get_f64(in);
@@ -345,14 +345,14 @@ static enum tetlod_status decode_sections(struct tetlodi_index *index, struct te
     struct tetlod_info *info = &index->info;
     uint64_t early = 0, late = 0;
     info->section_count = (uint32_t)tetlodi_get(in, 4);
-    if (in->failed || info->section_count > MOST_SECTIONS || in->left != (size_t)info->section_count * SECTION_ENTRY)
+    if (in->failed || info->section_count > MAX_SECTIONS || in->left != (size_t)info->section_count * SECTION_ENTRY)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has less or more than it should");
     if (!tetlodi_index_allocate_sections(index))
         return tetlodi_fail_nomem(error, "the directory of sections", in->left);
     for (uint32_t i = 0; i < info->section_count; i++)
         tetlodi_get_section(in, &index->sections[i]);
-    if (!tetlodi_sections_measure(index->sections, info->section_count, &early, &late) || early > MOST_EARLY ||
-        late > INT64_MAX - MOST_EARLY - end)
+    if (!tetlodi_sections_measure(index->sections, info->section_count, &early, &late) || early > MAX_EARLY ||
+        late > INT64_MAX - MAX_EARLY - end)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: its sections do not follow each other");
     TETLOD_TRY(tetlodi_sections_check(index->sections, info->section_count, error));
     place(index, index_end, early, end);
@@ -417,7 +417,7 @@ static bool decode_counts(struct tetlodi_index *index, struct tetlodi_bytes *in)
 {
     struct tetlod_info *info = &index->info;
     info->vertices = get_count(in, UINT32_MAX - 1);
-    info->tets = get_count(in, MOST_TETS);
+    info->tets = get_count(in, MAX_TETS);
     info->level_count = (uint32_t)tetlodi_get(in, 4);
     info->field_count = (uint32_t)tetlodi_get(in, 2);
     index->slowest = (unsigned)tetlodi_get(in, 1);
@@ -429,8 +429,8 @@ static bool decode_counts(struct tetlodi_index *index, struct tetlodi_bytes *in)
     info->unused_points = tetlodi_get(in, 8);
     /* What is left bounds what is allocated. */
     uint64_t least = (uint64_t)info->level_count * tetlodi_index_row(info->field_count) + FIELD_BYTES * (uint64_t)info->field_count;
-    return !in->failed && !reserved && index->slowest >= LEAST_SLOWEST && index->slowest <= MOST_SLOWEST &&
-           info->field_count <= MOST_FIELDS && info->level_count && info->level_count <= MOST_LEVELS && least <= in->left;
+    return !in->failed && !reserved && index->slowest >= MIN_SLOWEST && index->slowest <= MAX_SLOWEST &&
+           info->field_count <= MAX_FIELDS && info->level_count && info->level_count <= MAX_LEVELS && least <= in->left;
 }
 
 static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t first_offset,

@@ -8,13 +8,13 @@
 #include "format/values.h"
 
 enum {
-    MOST_TETS = 1 << 30,
-    MOST_FIELDS = 256,
-    MOST_LEVELS = 65536,
-    MOST_SECTIONS = 65536,
-    MOST_BITS = 30,
-    LEAST_SLOWEST = 5,
-    MOST_SLOWEST = 7,
+    MAX_TETS = 1 << 30,
+    MAX_FIELDS = 256,
+    MAX_LEVELS = 65536,
+    MAX_SECTIONS = 65536,
+    MAX_BITS = 30,
+    MIN_SLOWEST = 5,
+    MAX_SLOWEST = 7,
 };
 
 /* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the

@@ -8,7 +8,7 @@
 
 #include "format/writer.h"
 
-enum { MOST_CHILDREN = 4 };
+enum { MAX_CHILDREN = 4 };
 
 struct leaf_range {
     uint32_t begin, end;
@@ -42,7 +42,7 @@ static inline uint32_t lineage_child_count(const struct lineage *lineage, uint32
 {
     const uint32_t *children = lineage_children(lineage, node);
     uint32_t count = 0;
-    while (count < MOST_CHILDREN && children[count] != TETLOD_NONE)
+    while (count < MAX_CHILDREN && children[count] != TETLOD_NONE)
         count++;
     return count;
 }

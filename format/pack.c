@@ -7,7 +7,7 @@
 #include "format/fail.h"
 #include "format/allowance.h"
 
-enum { RATE = 6, MOST_STRIDE = 1 << 16, STRIDE_BYTES = 3, NODES = 256 };
+enum { RATE = 6, MAX_STRIDE = 1 << 16, STRIDE_BYTES = 3, NODES = 256 };
 
 /* `same`: is a byte the one above it, by its place in the row. Others: by place modulo 8, because most rows hold
  * numbers of 8 bytes; in rows of one byte, which are text, by the byte before. */
@@ -60,7 +60,7 @@ bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t siz
     struct tetlodi_coder coder;
     struct models models = {0};
     uint8_t *copy = malloc(size ? size : 1);
-    bool packed = stride && stride < MOST_STRIDE && copy && models_init(&models, stride);
+    bool packed = stride && stride < MAX_STRIDE && copy && models_init(&models, stride);
     if (packed) {
         memcpy(copy, bytes, size);
         tetlodi_put(out, stride, STRIDE_BYTES);
@@ -85,7 +85,7 @@ enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uin
     struct tetlodi_coder coder;
     struct models models = {0};
     uint32_t stride = (uint32_t)tetlodi_get(&in, STRIDE_BYTES);
-    if (in.failed || !stride || stride >= MOST_STRIDE)
+    if (in.failed || !stride || stride >= MAX_STRIDE)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a packed part has rows of no known length");
     enum tetlod_status status = TETLOD_OK;
     if (models_init(&models, stride)) {

@@ -61,7 +61,7 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
         tetlodi_bits_init(of->nudge, 4);
         tetlodi_bits_init(&of->copies, 1);
         tetlodi_bits_init(of->source, 64);
-        for (unsigned c = 0; c < MOST_COMPONENTS; c++)
+        for (unsigned c = 0; c < MAX_COMPONENTS; c++)
             of->copied[c] = (uint8_t)c;
     }
     return TETLOD_OK;

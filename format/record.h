@@ -29,13 +29,13 @@ struct tetlodi_geometry_models {
 };
 
 /* Trailing zeros of a code that are counted, at most. */
-enum { MOST_ZEROS = 15 };
+enum { MAX_ZEROS = 15 };
 
 /* Of one field. A component that always has the codes of another one is not coded: copied[c] is that one, or c. */
 struct tetlodi_field_models {
     struct tetlodi_number child[2][2], corner; /* child [original][first] */
-    struct tetlodi_bit zeros[MOST_ZEROS + 1][16], kept[2][2], nudge[4], copies, source[64];
-    uint8_t last_zeros[MOST_COMPONENTS], copied[MOST_COMPONENTS];
+    struct tetlodi_bit zeros[MAX_ZEROS + 1][16], kept[2][2], nudge[4], copies, source[64];
+    uint8_t last_zeros[MAX_COMPONENTS], copied[MAX_COMPONENTS];
 };
 
 /* Where the vertex was among its children: at the first's place, in their middle, or elsewhere. */

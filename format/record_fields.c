@@ -152,7 +152,7 @@ struct context {
 /* The most trailing zeros that are counted for a code. */
 static unsigned most_zeros(const struct tetlodi_scale *scale)
 {
-    return scale->bits - 1 < MOST_ZEROS ? scale->bits - 1 : MOST_ZEROS;
+    return scale->bits - 1 < MAX_ZEROS ? scale->bits - 1 : MAX_ZEROS;
 }
 
 /* A code of a contraction, which mostly ends in zeros: how many, and what is before the one above them. */
@@ -288,7 +288,7 @@ TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct t
 
 void tetlodi_field_decode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field)
 {
-    int64_t codes[MOST_COMPONENTS][4] = {{0}};
+    int64_t codes[MAX_COMPONENTS][4] = {{0}};
     code_field(recorder, log, field, codes, 0);
 }
 

@@ -101,7 +101,7 @@ static const char *contradiction(const struct tetlodi_section *sections, uint32_
         return "two sections of which there can be one";
     if (known && known->early != ((section->flags & SECTION_EARLY) != 0))
         return "a section at the wrong place";
-    return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MOST_METADATA ? "too much metadata" : NULL;
+    return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MAX_METADATA ? "too much metadata" : NULL;
 }
 
 enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count,

@@ -129,7 +129,7 @@ static int is_code(const struct tetlodi_steps *steps, int64_t code)
     if (!steps->lower)
         return code >= steps->rows.least && code <= steps->rows.most;
     return (!(scale->quantum > 0) ||
-            (code >= -MOST_STEP_CODE && code <= MOST_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
+            (code >= -MAX_STEP_CODE && code <= MAX_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
 }
 
 /* Of a row without neighbours, whose code is that of the step before, as `above` is of the row above; codes[-1] is that

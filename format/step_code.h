@@ -38,7 +38,7 @@ struct tetlodi_step_rows {
     int64_t least, most;
 };
 
-#define MOST_STEP_CODE (INT64_C(1) << 30) /* of codes with a quantum: their size at most */
+#define MAX_STEP_CODE (INT64_C(1) << 30) /* of codes with a quantum: their size at most */
 
 double tetlodi_step_value(const struct tetlodi_step_scale *scale, int64_t code);
 

@@ -13,10 +13,10 @@
 #include "format/round.h"
 
 enum kind { KIND_FLOAT = 0, KIND_FIXED = 1, KIND_DIGITS = 2, KIND_COPY = 3 };
-enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
+enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MAX_POWER = 22, MAX_DIGITS = 15, SAMPLE = 1024 };
 enum { NEAR_GAIN = 16 }; /* bytes; for fewer, a decoder does not need the large memory */
 
-static const double powers[MOST_POWER + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+static const double powers[MAX_POWER + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                               1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
 /* What the numbers of a component are. */
@@ -36,13 +36,13 @@ struct remembered {
 };
 
 /* Bits of a float's code above those of its mantissa, at most. */
-enum { MOST_WIDE = 12 };
+enum { MAX_WIDE = 12 };
 
 struct models {
     struct tetlodi_bit kind[4], digits[32], source[64], repeat[2], odd;
     struct tetlodi_number number[NEAR_MODELS + 1]; /* of floats, of decimals, from what is remembered */
     /* [modelled bits] of distances that reach other exponents */
-    struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE];
+    struct tetlodi_bit wide[MAX_WIDE + 1][1 << MAX_WIDE];
 };
 
 /* Where an encoder was before a component. */
@@ -64,17 +64,17 @@ struct tail {
 static int64_t digits_code(unsigned digits, double value)
 {
     double size = fabs(value), m = 0;
-    int e = -MOST_POWER;
-    for (; e <= MOST_POWER; e++) {
+    int e = -MAX_POWER;
+    for (; e <= MAX_POWER; e++) {
         m = floor((e < 0 ? size * powers[-e] : size / powers[e]) + 0.5);
         if (m < powers[digits])
             break;
     }
-    if (e > MOST_POWER) {
-        e = MOST_POWER;
+    if (e > MAX_POWER) {
+        e = MAX_POWER;
         m = powers[digits] - 1;
     }
-    int64_t code = (int64_t)m + (int64_t)(e + MOST_POWER) * 9 * (int64_t)powers[digits - 1];
+    int64_t code = (int64_t)m + (int64_t)(e + MAX_POWER) * 9 * (int64_t)powers[digits - 1];
     return value < 0 ? -code : code;
 }
 
@@ -82,9 +82,9 @@ static double digits_value(unsigned digits, int64_t code)
 {
     uint64_t size = code < 0 ? 0 - (uint64_t)code : (uint64_t)code, tenth = (uint64_t)powers[digits - 1];
     uint64_t steps = size < 10 * tenth ? 0 : (size - tenth) / (9 * tenth);
-    if (steps > 2 * MOST_POWER)
+    if (steps > 2 * MAX_POWER)
         return NAN;
-    int e = (int)steps - MOST_POWER;
+    int e = (int)steps - MAX_POWER;
     double m = (double)(size - steps * 9 * tenth), value = e < 0 ? m / powers[-e] : m * powers[e];
     return code < 0 ? -value : value;
 }
@@ -146,7 +146,7 @@ static struct numbers choose(const struct tetlodi_column *column, uint32_t verti
 {
     struct numbers best = {.type = column->scale.type};
     double least = 0.95 * cost_of(&best, column, vertices, component, exact);
-    for (unsigned digits = 0; digits <= MOST_DIGITS; digits++)
+    for (unsigned digits = 0; digits <= MAX_DIGITS; digits++)
         for (unsigned kind = KIND_FIXED; kind <= KIND_DIGITS; kind++) {
             struct numbers numbers = {(enum kind)kind, digits, column->scale.type, 0};
             if (kind == KIND_DIGITS && !digits)
@@ -204,7 +204,7 @@ static int64_t code_distance_of(struct tetlodi_coder *coder, struct models *mode
     if (length <= mantissa + 1) {
         size = code_below(coder, number->top[length], length, size);
     } else {
-        unsigned wide = length - mantissa < MOST_WIDE ? length - mantissa : MOST_WIDE, left = length - 1 - wide;
+        unsigned wide = length - mantissa < MAX_WIDE ? length - mantissa : MAX_WIDE, left = length - 1 - wide;
         uint64_t top = UINT64_C(1) << wide | code_tree(coder, models->wide[wide], wide,
                                                        (unsigned)(size >> left) & ((1u << wide) - 1));
         size = top << left | code_plain_bits(coder, left, size);
@@ -259,7 +259,7 @@ static struct numbers code_head(struct tetlodi_coder *coder, struct models *mode
     numbers.kind = (enum kind)kind;
     if (kind == KIND_FIXED || kind == KIND_DIGITS)
         numbers.digits = code_tree(coder, models->digits, 5, numbers.digits);
-    coder->bad |= numbers.digits > MOST_DIGITS || (kind == KIND_DIGITS && !numbers.digits);
+    coder->bad |= numbers.digits > MAX_DIGITS || (kind == KIND_DIGITS && !numbers.digits);
     return numbers;
 }
 

@@ -12,7 +12,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 
-enum { MOST_HELPERS = 255 };
+enum { MAX_HELPERS = 255 };
 
 struct tetlodi_helpers {
     pthread_mutex_t mutex;
@@ -56,7 +56,7 @@ static void *help(void *argument)
 
 struct tetlodi_helpers *tetlodi_helpers_new(uint32_t count)
 {
-    count = count < MOST_HELPERS ? count : MOST_HELPERS;
+    count = count < MAX_HELPERS ? count : MAX_HELPERS;
     size_t size = sizeof(struct tetlodi_helpers) + count * sizeof(pthread_t);
     struct tetlodi_helpers *helpers = count ? (struct tetlodi_helpers *)calloc(1, size) : NULL;
     if (!helpers)

@@ -103,7 +103,7 @@ void tetlodi_time_encode(const struct tetlodi_time *time, struct tetlodi_buffer 
 /* Bytes that a table of these counts has; UINT64_MAX beyond the limits. */
 static uint64_t table_size(uint64_t fields, uint64_t bands, uint64_t steps)
 {
-    if (!fields || fields > 256 || !bands || bands > MOST_BANDS || !steps || steps > MOST_STEPS)
+    if (!fields || fields > 256 || !bands || bands > MAX_BANDS || !steps || steps > MAX_STEPS)
         return UINT64_MAX;
     uint64_t groups = (steps + STEP_GROUP - 1) / STEP_GROUP, rows = fields * bands;
     return TIME_HEAD + fields * FIELD_ROW + bands * BAND_ROW + NUMBER * (rows + steps + rows *

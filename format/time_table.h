@@ -12,7 +12,7 @@
 #define TAG_CELL_TIME "CTIM" /* of values of cells: cell_steps.h */
 #define TAG_CELL_STEPS "CSTP"
 
-enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = TETLOD_STEP_GROUP };
+enum { MAX_STEPS = 1 << 20, MAX_BANDS = 64, STEP_GROUP = TETLOD_STEP_GROUP };
 
 struct tetlodi_time_field {
     uint32_t field;        /* of the stream */

@@ -44,7 +44,7 @@ static bool decode_topology(struct tetlod_topology *topology, bool first, const 
         topology->cid[2 * i] = digits[cid[i] >> 4];
         topology->cid[2 * i + 1] = digits[cid[i] & 15];
     }
-    if (!cid || reserved || !topology->step_count || topology->step_count > MOST_STEPS)
+    if (!cid || reserved || !topology->step_count || topology->step_count > MAX_STEPS)
         return false;
     if (first) {
         memcpy(topology->cid, own_cid, sizeof topology->cid);
@@ -68,7 +68,7 @@ static bool decode_rows(struct tetlodi_index *index, uint32_t count, const struc
             return false;
         *out_steps += index->topologies[t].step_count;
     }
-    return at - next->frame.offset == next->frame.size && *out_steps <= MOST_STEPS && in->left == *out_steps * 8;
+    return at - next->frame.offset == next->frame.size && *out_steps <= MAX_STEPS && in->left == *out_steps * 8;
 }
 
 static bool decode_times(struct tetlodi_index *index, uint32_t count, uint64_t steps, struct tetlodi_bytes *in)

@@ -15,7 +15,7 @@
 #include "format/round.h"
 #include "format/tetlod.h"
 
-enum { MOST_COMPONENTS = 64 };
+enum { MAX_COMPONENTS = 64 };
 
 /* How one column is coded. bits = 0: bit for bit as `type`. Else value = (type)(origin + step * code), 0 <= code <
  * 2^bits. */

@@ -32,7 +32,7 @@ struct writer {
     uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
     uint32_t *node_at;     /* [slot] */
     uint32_t *original_of; /* [tet in order of arrival] */
-    uint32_t children[MOST_CHILDREN];
+    uint32_t children[MAX_CHILDREN];
     uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
     uint32_t arrived_count;
     size_t arrived_capacity;
@@ -608,17 +608,17 @@ static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
 
 const char *tetlodi_metadata_wrong(const char *metadata)
 {
-    return strlen(metadata) > MOST_METADATA ? "it is larger than 1 MiB" : NULL;
+    return strlen(metadata) > MAX_METADATA ? "it is larger than 1 MiB" : NULL;
 }
 
 const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields)
 {
-    return fields > MOST_FIELDS || cell_fields > MOST_FIELDS ? "it has more than 256 fields; leave some out" : NULL;
+    return fields > MAX_FIELDS || cell_fields > MAX_FIELDS ? "it has more than 256 fields; leave some out" : NULL;
 }
 
 const char *tetlodi_field_wrong(const char *name, uint32_t components)
 {
-    if (components < 1 || components > MOST_COMPONENTS)
+    if (components < 1 || components > MAX_COMPONENTS)
         return "a field has no or too many components (64 are allowed)";
     return !*name || strlen(name) > MAX_NAME || !tetlodi_plain_text(name, strlen(name))
                ? "a field's name is empty, longer than 255 bytes, or not plain UTF-8" : NULL;
@@ -628,13 +628,13 @@ static enum tetlod_status check_input(const struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
     const char *wrong = NULL;
-    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MOST_FIELDS ||
-        in->level_count > MOST_LEVELS ||
-        in->vertices == UINT32_MAX || in->tets > MOST_TETS)
+    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MAX_FIELDS ||
+        in->level_count > MAX_LEVELS ||
+        in->vertices == UINT32_MAX || in->tets > MAX_TETS)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";
-    else if (in->section_count > MOST_SECTIONS - 3 - MOST_FIELDS)
+    else if (in->section_count > MAX_SECTIONS - 3 - MAX_FIELDS)
         wrong = "it has too many sections";
     else if (tetlodi_metadata_wrong(in->metadata))
         wrong = "its metadata is too large";
@@ -746,9 +746,9 @@ static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input
                                          struct tetlod_error *error)
 {
     uint64_t least = UINT64_MAX;
-    for (unsigned slowest = LEAST_SLOWEST; slowest <= MOST_SLOWEST; slowest++) {
-        double share = 1.0 / (MOST_SLOWEST - LEAST_SLOWEST + 2);
-        struct writer w = {.in = input, .error = error, .begun = (slowest - LEAST_SLOWEST) * share, .share = share};
+    for (unsigned slowest = MIN_SLOWEST; slowest <= MAX_SLOWEST; slowest++) {
+        double share = 1.0 / (MAX_SLOWEST - MIN_SLOWEST + 2);
+        struct writer w = {.in = input, .error = error, .begun = (slowest - MIN_SLOWEST) * share, .share = share};
         enum tetlod_status status = encode(&w, slowest);
         // digests pack to some bytes more or less
         uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE);
@@ -770,7 +770,7 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
     unsigned slowest = USUAL_SLOWEST;
     if (input->compression >= EFFORT_ALL_RATES) {
         TETLOD_TRY(choose_slowest(input, &slowest, error));
-        w.share = 1.0 / (MOST_SLOWEST - LEAST_SLOWEST + 2);
+        w.share = 1.0 / (MAX_SLOWEST - MIN_SLOWEST + 2);
         w.begun = 1 - w.share;
     }
     enum tetlod_status status = encode(&w, slowest);

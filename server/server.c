@@ -34,7 +34,7 @@
 #include "src/util/memory_limit.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, LEAST_FILES = 8,
+enum { MAX_LISTENERS = 16, MAX_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, MIN_FILES = 8,
       UNSENT = 64 << 10 };
 
 /* Between looks at connections, and no wait is longer: a time beyond it would not fit into what the system counts
@@ -50,10 +50,10 @@ struct server {
     const char **routes;
     char *stream_origins, *base_path;
     struct proxies *proxies;
-    char *urls[MOST_LISTENERS];
+    char *urls[MAX_LISTENERS];
     struct gate *gate;
     struct http *http, *metrics_http;
-    struct listener listeners[MOST_LISTENERS]; /* the metrics' own one last */
+    struct listener listeners[MAX_LISTENERS]; /* the metrics' own one last */
     size_t listener_count;
     int wake; /* eventfd: the acceptor is to end */
     pthread_t acceptor, keeper, scanner;
@@ -119,7 +119,7 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
 static void *run_acceptor(void *opaque)
 {
     struct server *server = opaque;
-    struct pollfd polled[MOST_LISTENERS + 1];
+    struct pollfd polled[MAX_LISTENERS + 1];
     size_t count = server->listener_count;
     for (size_t i = 0; i < count; i++)
         polled[i] = (struct pollfd){server->listeners[i].fd, POLLIN, 0};
@@ -235,9 +235,9 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
 {
     struct server_options *options = &server->options;
     long limit = sysconf(_SC_OPEN_MAX);
-    *out_all = limit > 0 && limit < MOST_DESCRIPTORS ? (size_t)limit : MOST_DESCRIPTORS;
+    *out_all = limit > 0 && limit < MAX_DESCRIPTORS ? (size_t)limit : MAX_DESCRIPTORS;
     size_t own = OWN_DESCRIPTORS + 8 * (size_t)options->threads;
-    *out_files = *out_all / 4 > LEAST_FILES ? *out_all / 4 : LEAST_FILES;
+    *out_files = *out_all / 4 > MIN_FILES ? *out_all / 4 : MIN_FILES;
     size_t left = *out_all > *out_files + own ? *out_all - *out_files - own : 1;
     if (options->connections <= left)
         return;
@@ -342,8 +342,8 @@ static enum tetlod_status print_url(struct server *server, size_t i, struct tetl
 static enum tetlod_status open_listeners(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
-    if (options->listen_count + 1 > MOST_LISTENERS)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "at most %d addresses can be listened on", MOST_LISTENERS - 1);
+    if (options->listen_count + 1 > MAX_LISTENERS)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "at most %d addresses can be listened on", MAX_LISTENERS - 1);
     for (size_t i = 0; i < options->listen_count; i++) {
         TETLOD_TRY(listener_open(&server->listeners[i], options->listen[i], options->socket_mode, error));
         server->listener_count++;
@@ -425,7 +425,7 @@ enum tetlod_status server_start(struct server **out, const struct server_options
     pthread_mutex_init(&server->lock, NULL);
     monotonic_cond_init(&server->changed);
     monotonic_cond_init(&server->stop);
-    for (size_t i = 0; i < MOST_LISTENERS; i++)
+    for (size_t i = 0; i < MAX_LISTENERS; i++)
         server->listeners[i].fd = -1;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before); // its threads inherit it: signals are the caller's business
@@ -575,7 +575,7 @@ static void free_server(struct server *server)
     proxies_free(server->proxies);
     access_free(server->site.access);
     guesses_free(server->site.guesses);
-    for (size_t i = 0; i < MOST_LISTENERS; i++)
+    for (size_t i = 0; i < MAX_LISTENERS; i++)
         free(server->urls[i]);
     if (server->wake >= 0)
         close(server->wake);

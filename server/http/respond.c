@@ -145,7 +145,7 @@ void respond_failure(struct exchange *exchange, const struct tetlod_error *error
 
 /* ---- of streams and levels ---- */
 
-enum { MOST_NAMED = 100 };
+enum { MAX_NAMED = 100 };
 
 enum outcome respond_no_memory(struct exchange *exchange)
 {
@@ -163,7 +163,7 @@ enum outcome respond_hanging(struct exchange *exchange, const struct dataset *da
 void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;
-    struct dataset **list = catalogue_list(exchange->site->catalogue, MOST_NAMED, &count, NULL);
+    struct dataset **list = catalogue_list(exchange->site->catalogue, MAX_NAMED, &count, NULL);
     json_t *ids = json_array();
     for (size_t i = 0; list && i < count; i++) {
         json_array_append_new(ids, json_string(dataset_id(list[i])));

@@ -63,13 +63,13 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
     return size > 0 && percent_encode(list, out->text, sizeof out->text);
 }
 
-void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1])
+void cell_choice_name(const struct cell_choice *choice, char out[MAX_CELL_FIELDS / 4 + 1])
 {
-    for (size_t i = 0; i < MOST_CELL_FIELDS / 4; i++) {
+    for (size_t i = 0; i < MAX_CELL_FIELDS / 4; i++) {
         const bool *four = choice->chosen + 4 * i;
         out[i] = "0123456789abcdef"[8 * four[0] + 4 * four[1] + 2 * four[2] + four[3]];
     }
-    out[MOST_CELL_FIELDS / 4] = 0;
+    out[MAX_CELL_FIELDS / 4] = 0;
 }
 
 uint64_t cell_choice_bytes(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets)

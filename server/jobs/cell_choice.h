@@ -6,11 +6,11 @@
 #include "server/http/exchange.h"
 #include "src/mesh/tetmesh.h"
 
-enum { MOST_CELL_FIELDS = 256 };
+enum { MAX_CELL_FIELDS = 256 };
 
 struct cell_choice {
     bool any;
-    bool chosen[MOST_CELL_FIELDS];
+    bool chosen[MAX_CELL_FIELDS];
     char text[3 * 1024 + 1]; /* as a query has it, percent-encoded */
 };
 
@@ -26,7 +26,7 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
                  struct cell_choice *out);
 
 /* Tells choices apart: hexadecimal digits of four fields each. */
-void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1]);
+void cell_choice_name(const struct cell_choice *choice, char out[MAX_CELL_FIELDS / 4 + 1]);
 
 /* Bytes of the chosen values of that many tetrahedra; and of a level's while they are decoded, with all that the stream
  * holds. */

@@ -152,7 +152,7 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     const struct tetlod_info *info = dataset_info(dataset);
     struct celling *celling = array_new(1, sizeof *celling);
     const struct cache_value *value;
-    char name[MOST_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
+    char name[MAX_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
     *out = NULL;
     if (!celling)
         return respond_no_memory(exchange);
@@ -228,7 +228,7 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
 
 enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer)
 {
-    char name[MOST_CELL_FIELDS / 4 + 96];
+    char name[MAX_CELL_FIELDS / 4 + 96];
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level,
              answer->name);
     const struct representation representation = {.media_type = answer->media_type, .etag = name};

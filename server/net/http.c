@@ -42,7 +42,7 @@ struct http {
 enum {
     ANSWER_BYTES = HEADER_TEXT + 4096, // of a connection's memory, for headers of answers
     LINE = 65536, // no header is that long
-    MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
+    MAX_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
     PIECE = 65536, // bytes of a body that are made at a time; every connection with such a body has room for one
 };
 
@@ -493,7 +493,7 @@ static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connectio
     if (*upload_size) {
         call->drained += *upload_size;
         *upload_size = 0;
-        return call->drained <= MOST_DRAINED ? MHD_YES : MHD_NO;
+        return call->drained <= MAX_DRAINED ? MHD_YES : MHD_NO;
     }
     return answer(call);
 }

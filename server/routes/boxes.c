@@ -165,7 +165,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
 {
     const struct tetlod_info *info = dataset_info(dataset);
     const struct region region = region_of(choice);
-    char boxes[BOXES_CAPACITY], cells[MOST_CELL_FIELDS / 4 + 1], name[BOXES_CAPACITY + sizeof cells + 80];
+    char boxes[BOXES_CAPACITY], cells[MAX_CELL_FIELDS / 4 + 1], name[BOXES_CAPACITY + sizeof cells + 80];
     if (!print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return ANSWERED;
     cell_choice_name(&choice->cells, cells);

@@ -49,7 +49,7 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
 {
     const struct tetlod_file *file = dataset_file(dataset);
     const struct tetlod_info *info = tetlod_info(file);
-    uint32_t fields[MOST_FIELDS], count = 0, from = index_too ? TETLOD_NONE : first - 1;
+    uint32_t fields[MAX_FIELDS], count = 0, from = index_too ? TETLOD_NONE : first - 1;
     for (uint32_t f = 0; f < info->field_count; f++)
         if (selected[f] == '1')
             fields[count++] = f;
@@ -58,7 +58,7 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
     if (!spans)
         return respond_no_memory(exchange);
     tetlod_spans(file, from, last, fields, count, spans, most);
-    char etag[80 + MOST_FIELDS];
+    char etag[80 + MAX_FIELDS];
     snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last,
              selected);
     enum outcome outcome = respond_stored(exchange, dataset, spans, most, etag);
@@ -81,7 +81,7 @@ enum query_result query_fields(struct exchange *exchange, const struct tetlod_in
 
 enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level)
 {
-    char selected[MOST_FIELDS + 1];
+    char selected[MAX_FIELDS + 1];
     switch (query_fields(exchange, dataset_info(dataset), selected)) {
     case QUERY_FOUND:
         return answer_frames(exchange, dataset, true, 0, level, selected);
@@ -95,7 +95,7 @@ enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, 
 static enum outcome answer_records(struct exchange *exchange, struct dataset *dataset, uint32_t from, uint32_t to)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    char selected[MOST_FIELDS + 1], etag[80];
+    char selected[MAX_FIELDS + 1], etag[80];
     enum query_result result = query_fields(exchange, info, selected);
     if (result == QUERY_FOUND)
         return answer_immutable(exchange, answer_frames(exchange, dataset, false, from + 1, to, selected));

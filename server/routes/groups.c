@@ -16,7 +16,7 @@
 
 /* Which of the stream's fields have steps and are asked for, as query_fields says it: without a list, all of them.
  * False: answered. */
-static bool take_fields(struct exchange *exchange, const struct dataset *dataset, char selected[static MOST_FIELDS + 1])
+static bool take_fields(struct exchange *exchange, const struct dataset *dataset, char selected[static MAX_FIELDS + 1])
 {
     const struct tetlod_info *info = dataset_info(dataset);
     enum query_result result = query_fields(exchange, info, selected);
@@ -50,9 +50,9 @@ static size_t add_groups(const struct step_choice *choice, const char *selected,
 
 static enum outcome answer_group(struct exchange *exchange, const struct step_choice *choice)
 {
-    struct tetlod_span spans[MOST_FIELDS];
+    struct tetlod_span spans[MAX_FIELDS];
     struct dataset *dataset = choice->dataset;
-    char selected[MOST_FIELDS + 1], etag[80 + MOST_FIELDS];
+    char selected[MAX_FIELDS + 1], etag[80 + MAX_FIELDS];
     if (!take_fields(exchange, dataset, selected))
         return ANSWERED;
     size_t count = add_groups(choice, selected, spans, 0);
@@ -92,7 +92,7 @@ enum outcome respond_step_prefix(struct exchange *exchange, const struct step_ch
     const struct tetlod_file *file = dataset_file(dataset);
     const struct tetlod_info *info = tetlod_info(file);
     const struct tetlod_series_info *series = tetlod_series_info(dataset_series(dataset));
-    char selected[MOST_FIELDS + 1], etag[80 + MOST_FIELDS];
+    char selected[MAX_FIELDS + 1], etag[80 + MAX_FIELDS];
     if (!take_fields(exchange, dataset, selected))
         return ANSWERED;
     if (series->displacement != TETLOD_NONE) // no field is anywhere without the points

@@ -41,7 +41,7 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
                                 const struct mesh_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    char name[16 + STEP_NAME + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
+    char name[16 + STEP_NAME + MAX_CELL_FIELDS / 4 + 1], cells[MAX_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
     cell_choice_name(&choice->cells, cells);
     step_name(&choice->step, of_step);
     snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "",

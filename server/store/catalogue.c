@@ -25,7 +25,7 @@ static const char suffix[] = ".tetlod";
 
 enum {
     PATH_CAPACITY = 4096,
-    MOST_FILES = 1 << 20,
+    MAX_FILES = 1 << 20,
     CHECKED_AT_ONCE = 256 << 20, /* bytes that a scan holds against their digests before it goes on without */
 };
 
@@ -529,7 +529,7 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
     catalogue->log = options->log;
     catalogue->log_opaque = options->log_opaque;
     catalogue->paths = array_zero(options->path_count, sizeof *catalogue->paths);
-    catalogue->files = open_files_new(options->most_files ? options->most_files : MOST_FILES);
+    catalogue->files = open_files_new(options->most_files ? options->most_files : MAX_FILES);
     struct scan scan = {.catalogue = catalogue, .complete = catalogue->paths && catalogue->files, .starting = true,
                         .left = catalogue->checked_at_once};
     enum tetlod_status status = TETLOD_OK;

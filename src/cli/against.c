@@ -35,7 +35,7 @@
 static const double TOO_LARGE = 0x1p-15 + 1e-9;
 
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
-static const double MOST_WORK = 4e6;
+static const double MAX_WORK = 4e6;
 
 struct against {
     const struct tetlod_file *file;
@@ -478,7 +478,7 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
 /* Is this one of the levels for the exact maximum? Level 0 always is. */
 static bool is_spread(const struct tetlod_info *info, uint32_t k)
 {
-    uint32_t below = info->level_count - 1, count = below < AGAINST_MOST_EXACT ? below : AGAINST_MOST_EXACT;
+    uint32_t below = info->level_count - 1, count = below < AGAINST_MAX_EXACT ? below : AGAINST_MAX_EXACT;
     for (uint32_t i = 0; i < count; i++)
         if (k == (uint64_t)i * (below - 1) / (count > 1 ? count - 1 : 1))
             return true;
@@ -488,7 +488,7 @@ static bool is_spread(const struct tetlod_info *info, uint32_t k)
 static enum tetlod_status check_levels(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    bool all = a->options->all_levels || (double)info->tets * info->level_count <= MOST_WORK;
+    bool all = a->options->all_levels || (double)info->tets * info->level_count <= MAX_WORK;
     for (uint32_t k = info->level_count; k-- > 0;) {
         double domain;
         TETLOD_TRY(measure_this(a, k, &domain));

@@ -7,7 +7,7 @@
 
 /* Unless all levels are asked for, the exact maximum is taken of that many levels where they have more tetrahedra
  * together, each times those of the original, than that. */
-enum { AGAINST_MOST_EXACT = 6 };
+enum { AGAINST_MAX_EXACT = 6 };
 
 struct against_options {
     unsigned threads;

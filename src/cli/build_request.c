@@ -284,9 +284,9 @@ static bool stream_option(struct build_request *request, int option, const char 
     case GROWTH:
         return cli_parse_number(&command_build, "growth", value, 1, &build->growth);
     case POSITION_BITS:
-        return parse_unsigned("position-bits", value, 1, QUANTISE_MOST_BITS, &quantise->position_bits);
+        return parse_unsigned("position-bits", value, 1, QUANTISE_MAX_BITS, &quantise->position_bits);
     case FIELD_BITS:
-        return parse_unsigned("field-bits", value, 1, QUANTISE_MOST_BITS, &quantise->field_bits);
+        return parse_unsigned("field-bits", value, 1, QUANTISE_MAX_BITS, &quantise->field_bits);
     case POSITION_ERROR:
         return cli_parse_fraction(&command_build, "position-error", value, &quantise->position_error);
     case FIELD_ERROR:
@@ -325,7 +325,7 @@ static bool run_option(struct build_request *request, int option, const char *va
         request->output = value;
         return true;
     case THREADS:
-        return parse_unsigned("threads", value, 0, PARALLEL_MOST_THREADS, &request->build.threads);
+        return parse_unsigned("threads", value, 0, PARALLEL_MAX_THREADS, &request->build.threads);
     case MEMORY:
         return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &request->build.memory);
     case ALL:

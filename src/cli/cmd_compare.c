@@ -147,7 +147,7 @@ static int run(int argc, char **argv)
         else if (option == 'j')
             json = true;
         else if (option != 't' ||
-                 !cli_parse_count(&command_compare, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
+                 !cli_parse_count(&command_compare, "threads", optarg, 0, PARALLEL_MAX_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_compare, argc, 2, "the meshes A and B"))

@@ -74,9 +74,9 @@ static int run(int argc, char **argv)
             output = optarg;
         else if (option == 's')
             size_text = optarg;
-        else if (option == 't' && !cli_parse_count(&command_sample, "steps", optarg, 1, MOST_SAMPLE_STEPS, &steps))
+        else if (option == 't' && !cli_parse_count(&command_sample, "steps", optarg, 1, MAX_SAMPLE_STEPS, &steps))
             return EXIT_USAGE;
-        else if (option == 'r' && !cli_parse_count(&command_sample, "remesh", optarg, 1, MOST_SAMPLE_STEPS, &remesh))
+        else if (option == 'r' && !cli_parse_count(&command_sample, "remesh", optarg, 1, MAX_SAMPLE_STEPS, &remesh))
             return EXIT_USAGE;
         else if (option != 't' && option != 'r')
             return option == 'l' ? list() : EXIT_USAGE;

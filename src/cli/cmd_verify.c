@@ -53,7 +53,7 @@ static const char help[] =
     "what, and which levels can be read; 4: it is valid, but its quality is poor: a level has inverted,\n"
     "degenerate or duplicate tetrahedra, or another topology, which its original has not.\n";
 
-enum { MOST_INPUTS = 1024 };
+enum { MAX_INPUTS = 1024 };
 
 struct request {
     const char *stream;
@@ -535,16 +535,16 @@ static int run(int argc, char **argv)
                                                                                         's'},
                                             {0}};
     struct request request = {0};
-    const char *inputs[MOST_INPUTS];
+    const char *inputs[MAX_INPUTS];
     uint64_t threads = 0;
     bool forced = false, quiet = false;
     series_input_init(&request.series);
     request.series.paths = inputs;
     for (int option; (option = cli_option(&command_verify, argc, argv, "", options)) != -1;) {
-        if (option == 'a' && request.series.path_count < MOST_INPUTS)
+        if (option == 'a' && request.series.path_count < MAX_INPUTS)
             inputs[request.series.path_count++] = optarg;
         else if (option == 'a')
-            return cli_usage("verify", "at most %d --against", MOST_INPUTS);
+            return cli_usage("verify", "at most %d --against", MAX_INPUTS);
         else if (option == 'T') {
             if (!series_input_parse_times(&request.series, &command_verify, optarg))
                 return EXIT_USAGE;
@@ -560,7 +560,7 @@ static int run(int argc, char **argv)
         else if (option == 's')
             quiet = true;
         else if (option != 't' ||
-                 !cli_parse_count(&command_verify, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
+                 !cli_parse_count(&command_verify, "threads", optarg, 0, PARALLEL_MAX_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_verify, argc, 1, "the stream"))

@@ -5,7 +5,7 @@
 
 #include "src/sample/sample.h"
 
-enum { MOST_SAMPLE_STEPS = 100000 };
+enum { MAX_SAMPLE_STEPS = 100000 };
 
 /* Writes OUT.pvd, last, and OUT_0.vtu, OUT_1.vtu, ... Steps are made one at a time; after every `remesh` of them (0:
  * never) the mesh is another one, a size finer. The message names the file. */

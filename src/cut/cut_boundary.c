@@ -88,9 +88,9 @@ static bool add_faces(const struct tetmesh *mesh, const struct waiting *waiting,
 
 enum tetlod_status cut_boundary(const struct tetmesh *mesh, struct cut *out, struct tetlod_error *error)
 {
-    if (mesh->tet_count > ADJACENCY_MOST_TETS)
+    if (mesh->tet_count > ADJACENCY_MAX_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", mesh->tet_count,
-                            ADJACENCY_MOST_TETS);
+                            ADJACENCY_MAX_TETS);
     struct waiting waiting = {.first = array_new(mesh->vertex_count, sizeof(uint32_t)), .free = TETLOD_NONE};
     uint32_t *numbers = array_new(mesh->vertex_count, sizeof *numbers);
     cut_empty(out);

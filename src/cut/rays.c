@@ -105,9 +105,9 @@ static enum tetlod_status find_faces(const struct tetmesh *mesh, struct cut_rays
 
 enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, struct cut_rays *out, struct tetlod_error *error)
 {
-    if (mesh->tet_count > ADJACENCY_MOST_TETS)
+    if (mesh->tet_count > ADJACENCY_MAX_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", mesh->tet_count,
-                            ADJACENCY_MOST_TETS);
+                            ADJACENCY_MAX_TETS);
     out->tet_count = mesh->tet_count;
     out->corners = mesh->corners;
     if (!array_reserve((void **)&out->neighbours, &out->neighbour_cap, 4 * (size_t)mesh->tet_count,

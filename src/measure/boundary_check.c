@@ -17,10 +17,10 @@
 #include "src/util/parallel.h"
 
 /* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
-enum { MOST_PARTS = 341, MOST_PARTS_OF_MANY = 21, MOST_PARTS_KEPT = 5, MANY_FACES = 5000, MOST_DEPTH = 12 };
+enum { MAX_PARTS = 341, MAX_PARTS_OF_MANY = 21, MAX_PARTS_KEPT = 5, MANY_FACES = 5000, MAX_DEPTH = 12 };
 
 /* Faces that are asked before all are searched; vertices of them that are kept for the next level. */
-enum { MOST_NEAR = 8, WITNESSES = 6 };
+enum { MAX_NEAR = 8, WITNESSES = 6 };
 
 /* How far a boundary may be off by rounding, as a fraction of the diagonal (build.c: BOUNDARY_KEPT). */
 static const double KEPT = 1e-12;
@@ -49,7 +49,7 @@ struct way {
 /* A triangle that is being looked at. */
 struct look {
     const struct way *way;
-    uint32_t body, near[MOST_NEAR]; /* faces of `to`, as 4 * tet + face: each point so far is near one of them, */
+    uint32_t body, near[MAX_NEAR]; /* faces of `to`, as 4 * tet + face: each point so far is near one of them, */
     int near_count;
     bool more;                      /* or near others */
     int parts, most;
@@ -106,7 +106,7 @@ static void test_point(struct look *look, const double p[3], uint32_t *out_face)
     if (look->distance <= look->way->limit)
         return;
     look->distance = mesh_surface_distance(look->way->to, look->body, p, look->way->check->rounding, out_face);
-    bool sure = look->distance <= look->way->limit && look->near_count < MOST_NEAR;
+    bool sure = look->distance <= look->way->limit && look->near_count < MAX_NEAR;
     if (sure)
         look->near[look->near_count++] = *out_face;
     look->more |= !sure;
@@ -158,7 +158,7 @@ static void look_at(struct look *look, const double *const p[3], int depth)
         middle(p[k], p[(k + 1) % 3], middles[k]);
         test_point(look, middles[k], &other);
     }
-    if (look->found > 0 || look->parts + 4 > look->most || depth == MOST_DEPTH)
+    if (look->found > 0 || look->parts + 4 > look->most || depth == MAX_DEPTH)
         return;
     for (int k = 0; k < 3; k++)
         look_at(look, (const double *const[3]){p[k], middles[k], middles[(k + 2) % 3]}, depth + 1);
@@ -196,8 +196,8 @@ static void keep_witnesses(const struct look *look, uint32_t out[WITNESSES])
 static int most_parts(const struct way *way)
 {
     if (way->limit <= 2 * way->check->rounding)
-        return MOST_PARTS_KEPT;
-    return way->check->surface.count > MANY_FACES ? MOST_PARTS_OF_MANY : MOST_PARTS;
+        return MAX_PARTS_KEPT;
+    return way->check->surface.count > MANY_FACES ? MAX_PARTS_OF_MANY : MAX_PARTS;
 }
 
 static void look_at_faces(void *context, unsigned worker, size_t begin, size_t end)

@@ -11,7 +11,7 @@
 
 #include "src/util/quad.h"
 
-enum { EXACT_MOST_ENDS = 24 };
+enum { EXACT_MAX_ENDS = 24 };
 
 /* Barycentric weights in a tetrahedron of some volume: weights[1 + i](x) = rows[i] . (x - origin). */
 struct exact_map {
@@ -23,7 +23,7 @@ struct exact_cell {
     const double *corners[2][4]; /* set by the caller */
     struct exact_map maps[2];
     int count;
-    quad ends[EXACT_MOST_ENDS][3]; /* of the clipped edges: the intersection's corners, each once, are among them */
+    quad ends[EXACT_MAX_ENDS][3]; /* of the clipped edges: the intersection's corners, each once, are among them */
     quad middle[3];
 };
 

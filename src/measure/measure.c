@@ -13,7 +13,7 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-enum { MOST_OVERLAP = 128, CHUNK = 4096 };
+enum { MAX_OVERLAP = 128, CHUNK = 4096 };
 
 struct measure {
     const struct tetmesh *original; /* borrowed */
@@ -107,7 +107,7 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
         *near = found;
         return;
     }
-    uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
+    uint32_t tets[MAX_OVERLAP], count = locator_find(&c->locator, p, tets, MAX_OVERLAP);
     for (uint32_t i = 0; i < count; i++) {
         locator_weights(&c->locator, tets[i], p, level.weights);
         memcpy(level.vertices, c->level->corners + 4 * (size_t)tets[i], sizeof level.vertices);
@@ -237,14 +237,14 @@ static void look_for_overlap(void *context, unsigned worker, size_t begin, size_
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         struct place place;
-        uint32_t tets[MOST_OVERLAP], inside = 0;
+        uint32_t tets[MAX_OVERLAP], inside = 0;
         double p[3], weights[4];
         if (!measure->counts[i])
             continue;
         sample_place(measure->original, i, &place);
         for (int d = 0; d < 3; d++)
             p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &place);
-        uint32_t count = locator_find(&measure->locator, p, tets, MOST_OVERLAP);
+        uint32_t count = locator_find(&measure->locator, p, tets, MAX_OVERLAP);
         for (uint32_t k = 0; k < count; k++) {
             locator_weights(&measure->locator, tets[k], p, weights);
             inside += strictly_inside(weights);
@@ -315,7 +315,7 @@ enum tetlod_status measure_mesh(const struct measure *measure, const struct tetm
                                 unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
 {
     const struct tetmesh *original = measure->original;
-    threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     struct comparison c = {.measure = measure,
                            .level = mesh,
                            .level_fields = fields,

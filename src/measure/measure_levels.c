@@ -651,7 +651,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
     *out = NULL;
     if (!m)
         return tetlodi_fail_nomem(error, "the samples", sizeof *m);
-    threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     *m = (struct measure_levels){.original = original,
                                  .mesh = coarsening,
                                  .threads = threads,

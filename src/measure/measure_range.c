@@ -319,7 +319,7 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
 {
     uint32_t fields = original->field_count;
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
-    threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level),
                        .in_place = is_in_place(original, level)};
     uint8_t *counts = array_new(original->tet_count, 1);

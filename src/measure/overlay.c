@@ -21,7 +21,7 @@ static const double THIN = 1e-9;
 /* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
 static const double HOPELESS = 1e-4;
 
-enum { MOST_ENDS = 24, CHUNK = 16, MAX_SHEET = 256, MAX_POLYGON = 8 };
+enum { MAX_ENDS = 24, CHUNK = 16, MAX_SHEET = 256, MAX_POLYGON = 8 };
 
 /* lambda_j(p) = rows[j-1] . (p - origin), j = 1..3. */
 struct weights_map {
@@ -62,7 +62,7 @@ struct overlay {
 struct cell {
     uint32_t tets[2];
     int count;
-    double ends[MOST_ENDS][2][4];
+    double ends[MAX_ENDS][2][4];
     double slack; /* of a weight */
 };
 
@@ -315,7 +315,7 @@ static quad best_difference(const struct overlay *overlay, const struct compared
 {
     const quad *x = exact->ends[end];
     const double at[3] = {(double)x[0], (double)x[1], (double)x[2]};
-    quad best[EXACT_MOST_ENDS], most = 0;
+    quad best[EXACT_MAX_ENDS], most = 0;
     for (int side = 0; side < exact->count; side++)
         best[side] = found;
     for (uint32_t tet = 0; tet < overlay->meshes[1]->tet_count; tet++) {
@@ -791,7 +791,7 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
                               .field_count = count, .options = options};
     enum tetlod_status status;
     unsigned threads = options->threads;
-    threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     *report = (struct overlay_report){0};
     TETLOD_TRY_DONE(prepare_mesh(&overlay, 0, report, error));
     TETLOD_TRY_DONE(prepare_mesh(&overlay, 1, report, error));

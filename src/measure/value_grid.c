@@ -8,7 +8,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-enum { MOST_SIDE = 64, MOST_RANGES = 1 << 21, CELLS_OF_TET = 64, LEAST_SIDE = 8 };
+enum { MAX_SIDE = 64, MAX_RANGES = 1 << 21, CELLS_OF_TET = 64, MIN_SIDE = 8 };
 
 /* The cube of the longest edge by six times the volume: above it the gradients are not used. */
 static const double THIN = 1e5;
@@ -143,11 +143,11 @@ static void set_bounds(struct value_grid *grid, const struct tetmesh *mesh)
 
 static int choose_side(uint32_t tets, uint32_t width)
 {
-    uint64_t most = MOST_RANGES / (width ? width : 1);
-    int side = MOST_SIDE;
+    uint64_t most = MAX_RANGES / (width ? width : 1);
+    int side = MAX_SIDE;
     while (side > 1 && (uint64_t)side * (uint64_t)side * (uint64_t)side > most)
         side /= 2;
-    while (side > LEAST_SIDE && (uint64_t)side * (uint64_t)side * (uint64_t)side > CELLS_OF_TET * (uint64_t)tets)
+    while (side > MIN_SIDE && (uint64_t)side * (uint64_t)side * (uint64_t)side > CELLS_OF_TET * (uint64_t)tets)
         side /= 2;
     return side;
 }

@@ -147,9 +147,9 @@ static bool at_corner(const struct walker *walker, const struct walk_cell *cell,
 
 const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const double p[3], double weights[4])
 {
-    enum { MOST_STEPS = 1024 };
+    enum { MAX_STEPS = 1024 };
     uint32_t before = TETLOD_NONE;
-    for (int step = 0; step < MOST_STEPS && from != TETLOD_NONE; step++) {
+    for (int step = 0; step < MAX_STEPS && from != TETLOD_NONE; step++) {
         const struct walk_cell *cell = cell_of(walker, from);
         int worst;
         if (cell->flat)

@@ -76,9 +76,9 @@ static uint32_t match_buckets(const uint32_t *corners, const uint32_t *slots, co
 enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count,
                                    uint32_t *neighbours, uint32_t *out_overfull, struct tetlod_error *error)
 {
-    if (tet_count > ADJACENCY_MOST_TETS)
+    if (tet_count > ADJACENCY_MAX_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", tet_count,
-                            ADJACENCY_MOST_TETS);
+                            ADJACENCY_MAX_TETS);
     size_t slot_count = 4 * (size_t)tet_count, sum = 0, largest = 0;
     size_t *bucket = array_zero((size_t)vertex_count + 1, sizeof *bucket);
     uint32_t *slots = array_new(slot_count, sizeof *slots), v[3], overfull = 0;

@@ -5,7 +5,7 @@
 
 #include "format/tetlod.h"
 
-enum { ADJACENCY_MOST_TETS = 0x3ffffffe }; /* 4 * tet + face fits 32 bits */
+enum { ADJACENCY_MAX_TETS = 0x3ffffffe }; /* 4 * tet + face fits 32 bits */
 
 /* neighbours[4*t+f] = 4*t'+f' of the tetrahedron across face f of t (opposite corner f), or TETLOD_NONE on the
  * boundary. A face of more than two tetrahedra has no neighbours on any side; *out_overfull (may be NULL) counts such

@@ -165,7 +165,7 @@ static void fill(struct lattice *l, enum cell_shape shape)
 static unsigned split_small(const struct lattice *l, enum cell_shape shape, const unsigned place[3],
                             const uint8_t (*steps)[3], const double *positions, uint32_t tets[][4])
 {
-    uint32_t corner[CELL_MOST_CORNERS];
+    uint32_t corner[CELL_MAX_CORNERS];
     for (unsigned c = 0; c < cell_corners(shape); c++)
         corner[c] = l->at[place[2] + steps[c][2]][place[1] + steps[c][1]][place[0] + steps[c][0]];
     if (shape != CELL_TET)

@@ -8,12 +8,12 @@
 
 #include "src/mesh/tet_geom.h"
 
-enum { MOST_FACES = 8, MOST_SIDES = 6 };
+enum { MAX_FACES = 8, MAX_SIDES = 6 };
 
 struct shape {
     uint8_t corners, faces;
-    uint8_t sides[MOST_FACES];
-    uint8_t face[MOST_FACES][MOST_SIDES]; /* counter-clockwise seen from outside */
+    uint8_t sides[MAX_FACES];
+    uint8_t face[MAX_FACES][MAX_SIDES]; /* counter-clockwise seen from outside */
 };
 
 static const struct shape shapes[CELL_SHAPES] = {
@@ -106,9 +106,9 @@ static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32
 /* The cell as a cone from one of its corners; *least is the least volume of a tetrahedron as a fraction of the cell's:
  * negative if one is inverted. */
 static unsigned cone_from(const struct shape *s, const uint32_t *corners, uint32_t apex, const double *positions,
-                          uint32_t tets[CELL_MOST_TETS][4], double *least)
+                          uint32_t tets[CELL_MAX_TETS][4], double *least)
 {
-    uint32_t face[MOST_SIDES];
+    uint32_t face[MAX_SIDES];
     unsigned count = 0;
     for (unsigned f = 0; f < s->faces; f++) {
         for (unsigned i = 0; i < s->sides[f]; i++)
@@ -128,11 +128,11 @@ static unsigned cone_from(const struct shape *s, const uint32_t *corners, uint32
 }
 
 unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
-                    uint32_t tets[CELL_MOST_TETS][4])
+                    uint32_t tets[CELL_MAX_TETS][4])
 {
     static const double NOISE = 1e-9; // of volumes that should be 0
     const struct shape *s = &shapes[shape];
-    uint32_t apex = corners[0], trial[CELL_MOST_TETS][4];
+    uint32_t apex = corners[0], trial[CELL_MAX_TETS][4];
     double least = 0, best;
     for (unsigned c = 1; c < s->corners; c++)
         apex = corners[c] < apex ? corners[c] : apex;

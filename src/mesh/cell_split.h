@@ -19,7 +19,7 @@ enum cell_shape {
     CELL_SHAPES
 };
 
-enum { CELL_MOST_CORNERS = 12, CELL_MOST_TETS = 17 };
+enum { CELL_MAX_CORNERS = 12, CELL_MAX_TETS = 17 };
 
 unsigned cell_corners(enum cell_shape shape);
 
@@ -32,7 +32,7 @@ const uint8_t *cell_face(enum cell_shape shape, unsigned face, unsigned *out_sid
  * none, or whose least volume is the largest. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned
  * as a whole to positive volume. */
 unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
-                    uint32_t tets[CELL_MOST_TETS][4]);
+                    uint32_t tets[CELL_MAX_TETS][4]);
 
 /* Six times the signed volume of a tetrahedron; and the same tetrahedron with the other sign. */
 double cell_tet_volume6(const uint32_t tet[4], const double *positions);

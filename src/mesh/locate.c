@@ -93,8 +93,8 @@ uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t
 
 uint32_t locator_walk(const struct locator *locator, uint32_t from, const double p[3], double weights[4])
 {
-    enum { MOST_STEPS = 64 };
-    for (int step = 0; step < MOST_STEPS && from != TETLOD_NONE; step++) {
+    enum { MAX_STEPS = 64 };
+    for (int step = 0; step < MAX_STEPS && from != TETLOD_NONE; step++) {
         if (locator_weights(locator, from, p, weights) >= 0)
             return from;
         int worst = 0;

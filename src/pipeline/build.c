@@ -275,10 +275,10 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
         {"domain-error", "domain_error", options->domain_error, 0, 1},
         {"boundary-angle", "boundary_angle", options->boundary_angle, 0, 180},
         {"growth", "growth", options->growth, 1.001, 16},
-        {"threads", "threads", options->threads, 0, PARALLEL_MOST_THREADS},
+        {"threads", "threads", options->threads, 0, PARALLEL_MAX_THREADS},
         {"compress", "compression", options->compression, 1, 22},
-        {"position-bits", "position_bits", options->quantise.position_bits, 0, QUANTISE_MOST_BITS},
-        {"field-bits", "field_bits", options->quantise.field_bits, 0, QUANTISE_MOST_BITS},
+        {"position-bits", "position_bits", options->quantise.position_bits, 0, QUANTISE_MAX_BITS},
+        {"field-bits", "field_bits", options->quantise.field_bits, 0, QUANTISE_MAX_BITS},
         {"position-error", "position_error", options->quantise.position_error, 0, 1},
         {"field-error", "field_error", options->quantise.field_error, 0, 1},
     };

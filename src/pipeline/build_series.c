@@ -14,7 +14,7 @@
 #include "src/util/array.h"
 
 /* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
-enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
+enum { MIN_KEYS = 16, BATCH_COMPONENTS = 32 };
 
 /* Bytes. A component that drives takes DRIVING_BYTES a vertex (its values here, in the working mesh and in the log, U,
  * L, the prediction) and STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the frame
@@ -171,7 +171,7 @@ static enum tetlod_status choose_keys(struct series_build *series, struct tetlod
 {
     uint64_t star = (uint64_t)STAR_BYTES * series->component_count, one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count + star;
     uint64_t left = left_over(series), fit = left / one;
-    uint32_t steps = series->input->step_count, least = steps < LEAST_KEYS ? steps : LEAST_KEYS;
+    uint32_t steps = series->input->step_count, least = steps < MIN_KEYS ? steps : MIN_KEYS;
     series->key_count = fit < steps ? (uint32_t)fit : steps;
     if (series->key_count >= least) {
         uint64_t threads = 1 + (left - series->key_count * one) / (series->key_count * star);

@@ -149,7 +149,7 @@ static double choose_quantum(const double range[2], double tolerance, enum tetlo
         return 0;
     double part = frexp(tolerance / GRID_STEPS, &exponent), quantum = ldexp(floor(ldexp(part, BITS)), exponent - BITS);
     double size = larger(fabs(range[0]),
-                         fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
+                         fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MAX_STEP_CODE;
     if (type == TETLOD_FLOAT32 && !(ldexp(size / quantum + 1, BITS) < limit))
         quantum = ldexp(1, exponent - 1);
     bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-120 : 0x1p-1016);

@@ -11,7 +11,7 @@
 
 /* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error
  * that most ask for. */
-enum { STEP_BITS = 15, MOST_GRID_BITS = 30 };
+enum { STEP_BITS = 15, MAX_GRID_BITS = 30 };
 
 bool precision_is_narrow(const double *values, size_t count)
 {
@@ -39,11 +39,11 @@ static struct grid choose_grid(const double range[2], enum tetlod_type type, boo
     exponent = ids && exponent > 0 ? 0 : exponent;
     double step = ldexp(1, exponent), origin = ceil(range[0] / step) * step, most = floor((range[1] - origin) / step);
     unsigned bits = 1;
-    while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
+    while (bits <= MAX_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
         bits++;
     double last = origin + step * (double)((UINT64_C(1) << bits) - 1);
     last = tetlodi_round(type, last);
-    bool good = step > 0 && most > 0 && isfinite(origin) && isfinite(last) && bits <= MOST_GRID_BITS;
+    bool good = step > 0 && most > 0 && isfinite(origin) && isfinite(last) && bits <= MAX_GRID_BITS;
     return good ? (struct grid){bits, origin, step, most} : none;
 }
 

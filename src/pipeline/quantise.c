@@ -34,7 +34,7 @@ static struct grid make_grid(const double range[2], unsigned bits)
 /* The fewest bits for which half a step is at most `error`, a fraction of the extent. 0: none are enough. */
 static unsigned bits_for(double error)
 {
-    for (unsigned bits = 1; bits <= QUANTISE_MOST_BITS; bits++)
+    for (unsigned bits = 1; bits <= QUANTISE_MAX_BITS; bits++)
         if (0.5 / (double)((UINT32_C(1) << bits) - 1) <= error)
             return bits;
     return 0;
@@ -99,7 +99,7 @@ enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh
         ((options->position_error > 0 && !position_bits) || (options->field_error > 0 && !field_bits)))
         status = tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                               "quantising to that error needs more than %d bits; leave it lossless",
-                              QUANTISE_MOST_BITS);
+                              QUANTISE_MAX_BITS);
     if (status != TETLOD_OK) {
         tetmesh_fini(out);
         return status;

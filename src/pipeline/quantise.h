@@ -5,7 +5,7 @@
 
 #include "src/mesh/tetmesh.h"
 
-enum { QUANTISE_MOST_BITS = 30 };
+enum { QUANTISE_MAX_BITS = 30 };
 
 /* Bits of each coordinate across the bounds and of each value across its field's range; where they are 0, as many as
  * keep the error within a fraction of the diagonal and of the range; where that is 0 as well, none: lossless. */

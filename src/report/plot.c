@@ -21,7 +21,7 @@ static const struct style {
     [TETLOD_PREDICTED] = {"#8a5c7d", "10 3 2 3", "predicted"},
 };
 
-enum { WIDTH = 1040, HEIGHT = 470, PANEL_WIDTH = 420, PANEL_HEIGHT = 320, PANEL_TOP = 60, MOST_DECADES = 12 };
+enum { WIDTH = 1040, HEIGHT = 470, PANEL_WIDTH = 420, PANEL_HEIGHT = 320, PANEL_TOP = 60, MAX_DECADES = 12 };
 
 /* A logarithmic axis over whole decades: exponents of ten at its ends. */
 struct axis {
@@ -77,8 +77,8 @@ static struct axis error_axis(const struct plot *plot)
     if (greatest == 0) // no error anywhere
         least = greatest = 0.01;
     struct axis axis = make_axis(least, greatest, PANEL_TOP + PANEL_HEIGHT, PANEL_TOP);
-    if (axis.greatest - axis.least > MOST_DECADES)
-        axis.least = axis.greatest - MOST_DECADES; // what is below lies on the edge
+    if (axis.greatest - axis.least > MAX_DECADES)
+        axis.least = axis.greatest - MAX_DECADES; // what is below lies on the edge
     return axis;
 }
 

@@ -40,7 +40,7 @@ const struct sample *sample_find(const char *name)
 enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t vertices, uint64_t tets, struct tetlod_error *error)
 {
     *out = (struct tetmesh){.position_type = TETLOD_FLOAT32};
-    if (vertices >= TETLOD_NONE || tets > ADJACENCY_MOST_TETS)
+    if (vertices >= TETLOD_NONE || tets > ADJACENCY_MAX_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a sample of %llu tetrahedra does not fit; ask for a smaller size",
                             (unsigned long long)tets);
     out->positions = array_zero(vertices, 3 * sizeof *out->positions);
@@ -80,7 +80,7 @@ void sample_round(struct tetmesh *mesh)
 
 void sample_hexahedron(struct tetmesh *mesh, const uint32_t corners[8])
 {
-    uint32_t tets[CELL_MOST_TETS][4];
+    uint32_t tets[CELL_MAX_TETS][4];
     unsigned count = cell_split(CELL_HEXAHEDRON, corners, mesh->positions, tets);
     memcpy(mesh->corners + 4 * (size_t)mesh->tet_count, tets, count * sizeof *tets);
     mesh->tet_count += count;

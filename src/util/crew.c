@@ -14,11 +14,11 @@
  * sleeps, too: longer than most jobs of a round, and than what is done between two of them. Where other programs hold
  * up what is waited for, looking takes time from them and from it: after each wait that was longer the patience is
  * halved. */
-static const double MOST_PATIENCE = 400e-6, LEAST_PATIENCE = 10e-6;
+static const double MAX_PATIENCE = 400e-6, MIN_PATIENCE = 10e-6;
 
 struct crew {
     unsigned size;
-    pthread_t threads[PARALLEL_MOST_THREADS];
+    pthread_t threads[PARALLEL_MAX_THREADS];
     pthread_mutex_t mutex;
     pthread_cond_t called, finished;
     atomic_uint call;    /* counts the jobs */
@@ -59,16 +59,16 @@ static bool comes_to(const atomic_uint *value, unsigned number, bool not, double
 
 static double patience_after(double patience, double waited)
 {
-    if (waited < MOST_PATIENCE)
-        return MOST_PATIENCE;
-    return patience / 2 > LEAST_PATIENCE ? patience / 2 : LEAST_PATIENCE;
+    if (waited < MAX_PATIENCE)
+        return MAX_PATIENCE;
+    return patience / 2 > MIN_PATIENCE ? patience / 2 : MIN_PATIENCE;
 }
 
 static void *serve(void *argument)
 {
     struct recruit recruit = *(struct recruit *)argument;
     struct crew *crew = recruit.crew;
-    double patience = MOST_PATIENCE;
+    double patience = MAX_PATIENCE;
     free(argument);
     for (unsigned seen = 0;; seen++) {
         double begun = monotonic_seconds();
@@ -95,11 +95,11 @@ struct crew *crew_new(unsigned threads)
     struct crew *crew = calloc(1, sizeof *crew);
     if (!crew)
         return NULL;
-    crew->patience = MOST_PATIENCE;
+    crew->patience = MAX_PATIENCE;
     pthread_mutex_init(&crew->mutex, NULL);
     pthread_cond_init(&crew->called, NULL);
     pthread_cond_init(&crew->finished, NULL);
-    threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
+    threads = threads < PARALLEL_MAX_THREADS ? threads : PARALLEL_MAX_THREADS;
     for (crew->size = 1; crew->size < threads; crew->size++) {
         struct recruit *recruit = malloc(sizeof *recruit);
         if (recruit)

@@ -18,7 +18,7 @@ unsigned parallel_cores(void)
 {
     cpu_set_t set;
     int cores = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
-    return cores < 1 ? 1 : cores < PARALLEL_MOST_THREADS ? (unsigned)cores : PARALLEL_MOST_THREADS;
+    return cores < 1 ? 1 : cores < PARALLEL_MAX_THREADS ? (unsigned)cores : PARALLEL_MAX_THREADS;
 }
 
 static void *run(void *argument)
@@ -38,8 +38,8 @@ void parallel_for(unsigned threads, size_t count, size_t chunk,
                   void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context)
 {
     struct job job = {body, context, count, chunk ? chunk : 1, 0, 0};
-    pthread_t others[PARALLEL_MOST_THREADS];
-    unsigned started = 0, wanted = threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    pthread_t others[PARALLEL_MAX_THREADS];
+    unsigned started = 0, wanted = threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     while (started + 1 < wanted && job.chunk * (started + 1) < count &&
            pthread_create(&others[started], NULL, run, &job) == 0)
         started++;

@@ -37,8 +37,8 @@ struct attack {
     struct tetlod_cursor *cursor;
     struct oracle_mesh original; /* the input in the stream's numbering */
     struct oracle_counts counts;
-    double *positions, *values[ORACLE_MOST_VALUES];
-    uint32_t *corners, *part, field_of[ORACLE_MOST_VALUES], component_of[ORACLE_MOST_VALUES];
+    double *positions, *values[ORACLE_MAX_VALUES];
+    uint32_t *corners, *part, field_of[ORACLE_MAX_VALUES], component_of[ORACLE_MAX_VALUES];
     double diagonal;
     struct falsehood falsehood;
     unsigned findings;
@@ -270,7 +270,7 @@ static double input_value(const struct attack *a, const char *name, uint32_t com
 static uint64_t fingerprint(const struct attack *a, const double *position, uint32_t v, bool input)
 {
     uint64_t hash = 1;
-    double row[3 + ORACLE_MOST_VALUES];
+    double row[3 + ORACLE_MAX_VALUES];
     memcpy(row, position, 3 * sizeof *row);
     for (uint32_t i = 0; i < a->original.value_count; i++)
         row[3 + i] = input ? input_value(a, a->info->fields[a->field_of[i]].name, a->component_of[i],
@@ -362,7 +362,7 @@ static bool take_original(struct attack *a)
     memcpy(a->corners, mesh.corners, 4 * (size_t)mesh.tets * sizeof(uint32_t));
     *o = (struct oracle_mesh){mesh.vertices, mesh.tets, 0, a->positions, a->corners, .part = a->part};
     for (uint32_t f = 0; f < a->info->field_count; f++)
-        for (uint32_t c = 0; c < a->info->fields[f].components && o->value_count < ORACLE_MOST_VALUES; c++) {
+        for (uint32_t c = 0; c < a->info->fields[f].components && o->value_count < ORACLE_MAX_VALUES; c++) {
             uint32_t i = o->value_count++, n = a->info->fields[f].components;
             a->field_of[i] = f;
             a->component_of[i] = c;
@@ -436,7 +436,7 @@ static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_
 
 static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *level)
 {
-    struct oracle_place worst[ORACLE_MOST_VALUES];
+    struct oracle_place worst[ORACLE_MAX_VALUES];
     oracle_overlay(&a->original, level, domain_radius(a, k), worst);
     for (uint32_t i = 0; i < a->original.value_count; i++) {
         uint32_t f = a->field_of[i];

@@ -9,7 +9,7 @@
 
 #include "tests/attack/shapes.h"
 
-enum { MOST_ARRAYS = 32, TRANSITION = 2 };
+enum { MAX_ARRAYS = 32, TRANSITION = 2 };
 
 struct array {
     char name[64];
@@ -22,7 +22,7 @@ struct file_mesh {
     uint32_t vertices, tets, point_count, cell_count;
     double *positions;
     uint32_t *corners, *part;
-    struct array points[MOST_ARRAYS], cells[MOST_ARRAYS];
+    struct array points[MAX_ARRAYS], cells[MAX_ARRAYS];
 };
 
 static void release(struct file_mesh *mesh)
@@ -80,7 +80,7 @@ static void read_array(FILE *in, const char *line, struct file_mesh *mesh, bool 
 {
     uint32_t components, count, *used = of_cells ? &mesh->cell_count : &mesh->point_count;
     char name[64], type[32];
-    if (sscanf(line, "%63s %" SCNu32 " %" SCNu32 " %31s", name, &components, &count, type) != 4 || *used == MOST_ARRAYS)
+    if (sscanf(line, "%63s %" SCNu32 " %" SCNu32 " %31s", name, &components, &count, type) != 4 || *used == MAX_ARRAYS)
         return;
     struct array *array = (of_cells ? mesh->cells : mesh->points) + (*used)++;
     snprintf(array->name, sizeof array->name, "%s", name);
@@ -166,7 +166,7 @@ static bool check_transition(const struct region_case *c, const struct file_mesh
     const struct tetlod_info *info = tetlod_info(c->file);
     const struct array *region = find(mesh->cells, mesh->cell_count, "Region");
     const char *at = strstr(c->said, "transition between them:");
-    struct oracle_place worst[ORACLE_MOST_VALUES];
+    struct oracle_place worst[ORACLE_MAX_VALUES];
     bool *wanted = oracle_memory(mesh->tets, sizeof *wanted), good = region && at;
     for (uint32_t t = 0; t < mesh->tets && good; t++)
         wanted[t] = region->values[t] == (double)TRANSITION;
@@ -197,7 +197,7 @@ static bool check_bound(const struct region_case *c, const struct oracle_mesh *l
                         char *text, size_t size)
 {
     struct oracle_mesh original = *c->original, shifted = *level;
-    struct oracle_place worst[ORACLE_MOST_VALUES];
+    struct oracle_place worst[ORACLE_MAX_VALUES];
     double *values[2], most = 0, range = 0;
     bool good = true;
     for (uint32_t v = 0; v < level->vertices; v++) {

@@ -11,10 +11,10 @@
 typedef long double real;
 
 struct cloud {
-    real p[SHAPE_MOST_VERTICES + 4][3];
-    uint32_t tets[SHAPE_MOST_TETS][4];
-    bool dead[SHAPE_MOST_TETS];
-    uint32_t count, faces[4 * SHAPE_MOST_TETS][3], face_count;
+    real p[SHAPE_MAX_VERTICES + 4][3];
+    uint32_t tets[SHAPE_MAX_TETS][4];
+    bool dead[SHAPE_MAX_TETS];
+    uint32_t count, faces[4 * SHAPE_MAX_TETS][3], face_count;
 };
 
 static real det3(const real a[3], const real b[3], const real c[3])
@@ -88,7 +88,7 @@ static void insert(struct cloud *c, uint32_t x)
             t[1] = c->faces[f][1];
             t[2] = c->faces[f][0];
         }
-        if (volume(c, t) > 0 && c->count < SHAPE_MOST_TETS) {
+        if (volume(c, t) > 0 && c->count < SHAPE_MAX_TETS) {
             for (int i = 0; i < 4; i++)
                 c->tets[c->count][i] = t[i];
             c->count++;
@@ -115,7 +115,7 @@ void shape_delaunay(struct shape *shape, uint32_t first)
     }
     for (uint32_t v = 0; v < n; v++)
         insert(c, v);
-    for (uint32_t t = 0; t < c->count && shape->tets < SHAPE_MOST_TETS; t++) {
+    for (uint32_t t = 0; t < c->count && shape->tets < SHAPE_MAX_TETS; t++) {
         const uint32_t *at = c->tets[t];
         if (at[0] < n && at[1] < n && at[2] < n && at[3] < n) {
             for (int i = 0; i < 4; i++)

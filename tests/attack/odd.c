@@ -43,7 +43,7 @@ static void keep_few(struct shape *s, struct dice *dice, bool at_random)
 static void overfill(struct shape *s, struct dice *dice)
 {
     uint32_t count = 1 + dice_below(dice, 4);
-    for (uint32_t i = 0; i < count && s->vertices < SHAPE_MOST_VERTICES && s->tets < SHAPE_MOST_TETS; i++) {
+    for (uint32_t i = 0; i < count && s->vertices < SHAPE_MAX_VERTICES && s->tets < SHAPE_MAX_TETS; i++) {
         uint32_t t = dice_below(dice, s->tets), c = dice_below(dice,
                                                                4), *to = s->corners + 4 * s->tets++, from = s->corners[4 * t + c];
         memcpy(to, s->corners + 4 * t, 4 * sizeof *to);

@@ -400,7 +400,7 @@ static void try_corner(struct pair *p, uint32_t k, uint32_t i)
 
 static void try_pair(struct pair *p)
 {
-    uint32_t wanted[ORACLE_MOST_VALUES], count = 0;
+    uint32_t wanted[ORACLE_MAX_VALUES], count = 0;
     if (apart(p))
         return;
     for (uint32_t i = 0; i < p->meshes[0]->value_count; i++)
@@ -414,10 +414,10 @@ static void try_pair(struct pair *p)
 }
 
 void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
-                    struct oracle_place worst[ORACLE_MOST_VALUES])
+                    struct oracle_place worst[ORACLE_MAX_VALUES])
 {
     struct pair p = {.meshes = {original, level}, .worst = worst, .radius = radius};
-    memset(worst, 0, ORACLE_MOST_VALUES * sizeof *worst);
+    memset(worst, 0, ORACLE_MAX_VALUES * sizeof *worst);
     for (p.tets[0] = 0; p.tets[0] < original->tets; p.tets[0]++) {
         const struct oracle_tet *a = &original->details[p.tets[0]];
         uint32_t part = part_of(original, p.tets[0]);

@@ -21,15 +21,15 @@ typedef long double quad;
 typedef __float128 quad;
 #endif
 
-enum { ORACLE_MOST_VALUES = 16 }; /* components of all fields together */
+enum { ORACLE_MAX_VALUES = 16 }; /* components of all fields together */
 
 /* A mesh as the oracle sees it. The arrays are borrowed. */
 struct oracle_mesh {
     uint32_t vertices, tets, value_count;
     const double *positions;
     const uint32_t *corners;
-    const double *values[ORACLE_MOST_VALUES]; /* of component i at vertex v: values[i][v * strides[i]] */
-    uint32_t strides[ORACLE_MOST_VALUES];
+    const double *values[ORACLE_MAX_VALUES]; /* of component i at vertex v: values[i][v * strides[i]] */
+    uint32_t strides[ORACLE_MAX_VALUES];
     const uint32_t *part; /* [vertices] connected part */
     const bool *wanted;   /* [tets] of a level: the overlay looks in these only; NULL: in all */
     int turn;             /* the sign of most of the volume: the orientation of the mesh */
@@ -64,7 +64,7 @@ void oracle_finish(struct oracle_mesh *mesh);
  * original overlaps itself, the level's best value within `radius` counts: the sheet that the value is of may have
  * moved away by as much, and another one be there. */
 void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
-                    struct oracle_place worst[ORACLE_MOST_VALUES]);
+                    struct oracle_place worst[ORACLE_MAX_VALUES]);
 
 /* Weights of x in a tetrahedron. */
 void oracle_weights(const struct oracle_mesh *mesh, uint32_t tet, const quad x[3], quad weights[4]);

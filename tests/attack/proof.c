@@ -26,7 +26,7 @@
 #include "tests/attack/oracle.h"
 #include "tests/attack/shapes.h"
 
-enum { MOST_MARKS = 3, MOST_TETS = 500 };
+enum { MAX_MARKS = 3, MAX_TETS = 500 };
 
 struct proof {
     uint64_t seed;
@@ -34,7 +34,7 @@ struct proof {
     struct shape shape;
     struct tetmesh mesh;
     struct simplify_options options;
-    uint32_t controlled[SHAPE_MOST_FIELDS], controlled_count;
+    uint32_t controlled[SHAPE_MAX_FIELDS], controlled_count;
     struct contraction_log log;
     struct coarsening coarsening;
     struct oracle_mesh original;
@@ -109,7 +109,7 @@ static void take_original(struct proof *p)
     p->corners = oracle_memory(4 * (size_t)p->mesh.tet_count, sizeof(uint32_t));
     *o = (struct oracle_mesh){p->mesh.vertex_count, p->mesh.tet_count, 0, p->mesh.positions, p->mesh.corners,
                               .part = p->part};
-    for (uint32_t c = 0; c < p->log.component_count && o->value_count < ORACLE_MOST_VALUES; c++) {
+    for (uint32_t c = 0; c < p->log.component_count && o->value_count < ORACLE_MAX_VALUES; c++) {
         const struct log_component *component = &p->log.components[c];
         o->strides[o->value_count] = p->mesh.fields[component->field].components;
         o->values[o->value_count++] = p->mesh.fields[component->field].values + component->component;
@@ -148,7 +148,7 @@ static double radius(const struct proof *p, uint32_t mark)
 
 static void check_max(struct proof *p, uint32_t mark, const struct oracle_mesh *level)
 {
-    struct oracle_place worst[ORACLE_MOST_VALUES];
+    struct oracle_place worst[ORACLE_MAX_VALUES];
     oracle_overlay(&p->original, level, radius(p, mark), worst);
     for (uint32_t c = 0; c < p->original.value_count; c++) {
         double scale = p->log.components[c].scale, certified = p->log.certified[(size_t)mark * p->log.component_count +
@@ -205,7 +205,7 @@ static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh
                                                                       oracle_memory(n, sizeof(double))};
     for (uint32_t c = 0; c < p->original.value_count && p->options.local_bound; c++) {
         struct oracle_mesh original = p->original, both = *level;
-        struct oracle_place worst[ORACLE_MOST_VALUES];
+        struct oracle_place worst[ORACLE_MAX_VALUES];
         double most = slot_bounds(p, mark, c, bounds), scale = p->log.components[c].scale, far = 0;
         original.value_count = both.value_count = 2;
         for (size_t i = 0; i < 2 * n; i++)
@@ -261,7 +261,7 @@ static void check_mark(struct proof *p, uint32_t mark)
 
 static void check_marks(struct proof *p)
 {
-    uint32_t marks = p->log.mark_count, stride = marks > MOST_MARKS ? (marks - 1) / MOST_MARKS : 1;
+    uint32_t marks = p->log.mark_count, stride = marks > MAX_MARKS ? (marks - 1) / MAX_MARKS : 1;
     if (coarsening_init(&p->coarsening, &p->mesh, &p->log, NULL) != TETLOD_OK)
         exit(2);
     take_original(p);
@@ -280,7 +280,7 @@ static unsigned attack(uint64_t seed)
     struct proof p = {.seed = seed, .dice = {seed * UINT64_C(0xd1342543de82ef95)}};
     struct tetlod_error error = {0};
     shape_of_seed(&p.shape, &p.dice, seed);
-    if (p.shape.tets <= MOST_TETS && make_mesh(&p)) {
+    if (p.shape.tets <= MAX_TETS && make_mesh(&p)) {
         choose_options(&p);
         if (simplify(&p.log, &p.mesh, p.controlled, p.controlled_count, NULL, &p.options, &error) == TETLOD_OK)
             check_marks(&p);

@@ -61,7 +61,7 @@ static void split(struct shape *s, struct dice *dice, uint32_t pieces, double ju
         uint32_t piece = pieces == 2 ? x > place : dice_below(dice, pieces);
         for (uint32_t c = 0; c < 4; c++) {
             uint32_t *v = &s->corners[4 * t + c], *copy = &copies[(size_t)*v * pieces + piece];
-            if (!*copy && s->vertices < SHAPE_MOST_VERTICES)
+            if (!*copy && s->vertices < SHAPE_MAX_VERTICES)
                 *copy = 1 + shape_copy_vertex(s, *v);
             *v = *copy ? *copy - 1 : *v;
         }
@@ -98,7 +98,7 @@ static void add_flat(struct shape *s, struct dice *dice)
         if ((!i || !oracle_same_face(&faces[i], &faces[i - 1])) &&
             (i + 1 == 4 * mesh.tets || !oracle_same_face(&faces[i], &faces[i + 1])))
             faces[count++] = faces[i];
-    for (uint32_t trial = 0; trial < 200 && wanted && s->tets < SHAPE_MOST_TETS; trial++) {
+    for (uint32_t trial = 0; trial < 200 && wanted && s->tets < SHAPE_MAX_TETS; trial++) {
         const uint32_t *a = faces[dice_below(dice, count)].v, *b = faces[dice_below(dice, count)].v;
         uint32_t common = 0, other = 0;
         for (int i = 0; i < 3; i++) {
@@ -122,7 +122,7 @@ static void double_some(struct shape *s, struct dice *dice)
 {
     uint32_t count = 1 + dice_below(dice, 3);
     bool own = dice_once_in(dice, 2);
-    for (uint32_t i = 0; i < count && s->tets < SHAPE_MOST_TETS && s->vertices + 4 < SHAPE_MOST_VERTICES; i++) {
+    for (uint32_t i = 0; i < count && s->tets < SHAPE_MAX_TETS && s->vertices + 4 < SHAPE_MAX_VERTICES; i++) {
         uint32_t *to = s->corners + 4 * s->tets;
         memcpy(to, s->corners + 4 * dice_below(dice, s->tets), 4 * sizeof *to);
         for (int c = 0; c < 4 && own; c++)

@@ -46,7 +46,7 @@ static double between(struct dice *dice, double low, double high)
 
 static uint32_t add_vertex(struct shape *s, const double p[3], uint32_t body)
 {
-    if (s->vertices == SHAPE_MOST_VERTICES)
+    if (s->vertices == SHAPE_MAX_VERTICES)
         exit(2);
     memcpy(s->positions + 3 * s->vertices, p, 3 * sizeof *p);
     s->body[s->vertices] = body;
@@ -55,7 +55,7 @@ static uint32_t add_vertex(struct shape *s, const double p[3], uint32_t body)
 
 static void add_tet(struct shape *s, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 {
-    if (s->tets == SHAPE_MOST_TETS)
+    if (s->tets == SHAPE_MAX_TETS)
         exit(2);
     uint32_t *to = s->corners + 4 * s->tets++;
     to[0] = a, to[1] = b, to[2] = c, to[3] = d;
@@ -403,7 +403,7 @@ void shape_drop_unused(struct shape *s)
 uint32_t shape_copy_vertex(struct shape *s, uint32_t v)
 {
     uint32_t copy = s->vertices++;
-    if (copy == SHAPE_MOST_VERTICES)
+    if (copy == SHAPE_MAX_VERTICES)
         exit(2);
     memcpy(s->positions + 3 * copy, s->positions + 3 * v, 3 * sizeof(double));
     s->body[copy] = s->body[v];
@@ -511,9 +511,9 @@ static void add_field(struct shape *s, struct dice *dice, const double *unit)
 
 void shape_make(struct shape *out, struct dice *dice)
 {
-    *out = (struct shape){.positions = malloc(3 * SHAPE_MOST_VERTICES * sizeof(double)),
-                          .corners = malloc(4 * SHAPE_MOST_TETS * sizeof(uint32_t)),
-                          .body = malloc(SHAPE_MOST_VERTICES * sizeof(uint32_t))};
+    *out = (struct shape){.positions = malloc(3 * SHAPE_MAX_VERTICES * sizeof(double)),
+                          .corners = malloc(4 * SHAPE_MAX_TETS * sizeof(uint32_t)),
+                          .body = malloc(SHAPE_MAX_VERTICES * sizeof(uint32_t))};
     if (!out->positions || !out->corners || !out->body)
         exit(2);
     out->kind = make_kind(out, dice);

@@ -19,7 +19,7 @@ enum { SHAPE_ODD_SEEDS = 1000000, SHAPE_RARE_SEEDS = 2000000, SHAPE_REGION_SEEDS
 /* The name of the field of cells that tells the mesh's parts. */
 #define SHAPE_MARK "mark"
 
-enum { SHAPE_MOST_FIELDS = 4, SHAPE_MOST_VERTICES = 8192, SHAPE_MOST_TETS = 40000 };
+enum { SHAPE_MAX_FIELDS = 4, SHAPE_MAX_VERTICES = 8192, SHAPE_MAX_TETS = 40000 };
 
 struct shape_field {
     char name[16];
@@ -37,7 +37,7 @@ struct shape {
     uint32_t *body;     /* [vertices] the part of the recipe that made it: for fields that differ by body */
     uint32_t *region;   /* [tets] values of cells; NULL: none */
     uint32_t *marks;    /* [tets] others: numbers of parts, to be written as float64; NULL: none */
-    struct shape_field fields[SHAPE_MOST_FIELDS];
+    struct shape_field fields[SHAPE_MAX_FIELDS];
 };
 
 struct dice {

@@ -29,7 +29,7 @@ ROUNDS = int(sys.argv[4]) if len(sys.argv) > 4 else 5
 CHOSEN = sys.argv[5] if len(sys.argv) > 5 else ''
 CORES = len(os.sched_getaffinity(0))
 CONNECTIONS = 64
-LEAST_RATE, MOST_PROCESSOR = 0.95, 1.2  # of nginx's
+MIN_RATE, MAX_PROCESSOR = 0.95, 1.2  # of nginx's
 SIZES = {'64 KiB': 64 << 10, '1 MiB': 1 << 20, '8 MB': 8000000}
 
 
@@ -129,7 +129,7 @@ def compare(ours, theirs, name, path, file, headers=()):
     print('| %s, %d bytes | %.2f | %.2f | %.2f | %s | %s |' % (name, len(body), rate, processor, both, medians(0),
                                                                medians(1)))
     sys.stdout.flush()
-    return rate >= LEAST_RATE and processor <= MOST_PROCESSOR
+    return rate >= MIN_RATE and processor <= MAX_PROCESSOR
 
 
 def make_streams(folder):
@@ -184,7 +184,7 @@ def main():
         make_streams(folder)
         failed = measure(folder)
         if failed:
-            sys.exit('missed (%.2f of the rate, %.1f times the processor time): %s' % (LEAST_RATE, MOST_PROCESSOR,
+            sys.exit('missed (%.2f of the rate, %.1f times the processor time): %s' % (MIN_RATE, MAX_PROCESSOR,
                                                                                        ', '.join(failed)))
     finally:
         shutil.rmtree(folder)

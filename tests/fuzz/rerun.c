@@ -3,7 +3,7 @@
  * Runs a fuzz target over files and folders of its corpus, in blocks of exactly their size so that sanitizers see any
  * byte too far; with MUTATIONS=n also over n mutations of each file, the same ones in every run. The one that is being
  * read is in the file mutation.bin; one that takes longer than a minute, or more than twice the memory of the file
- * itself and more than MOST_KILOBYTES, ends the program. TAP: one line a program.
+ * itself and more than MAX_KILOBYTES, ends the program. TAP: one line a program.
  */
 #include <dirent.h>
 #include <fcntl.h>
@@ -15,8 +15,8 @@
 #include <unistd.h>
 
 enum {
-    MOST_SECONDS = 60,
-    MOST_KILOBYTES = 64 << 10, // whatever the file is: sanitizers hold freed memory back, and threads have stacks
+    MAX_SECONDS = 60,
+    MAX_KILOBYTES = 64 << 10, // whatever the file is: sanitizers hold freed memory back, and threads have stacks
 };
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
@@ -109,7 +109,7 @@ static void mutate(const uint8_t *bytes, size_t size, unsigned long count)
 {
     size_t room = size + 1024;
     long most = count ? 2 * kilobytes_of(bytes, size) : 0;
-    most = most > MOST_KILOBYTES ? most : MOST_KILOBYTES;
+    most = most > MAX_KILOBYTES ? most : MAX_KILOBYTES;
     uint8_t *work = malloc(room);
     int copy = count && work ? open("mutation.bin", O_RDWR | O_CREAT | O_TRUNC, 0666) : -1;
     for (unsigned long n = 0; n < count && copy >= 0; n++) {
@@ -122,7 +122,7 @@ static void mutate(const uint8_t *bytes, size_t size, unsigned long count)
         if (!exact || pwrite(copy, work, length, 0) != (ssize_t)length || ftruncate(copy, (off_t)length) != 0)
             abort();
         memcpy(exact, work, length);
-        alarm(MOST_SECONDS);
+        alarm(MAX_SECONDS);
         long took = kilobytes_of(exact, length);
         alarm(0);
         free(exact);

@@ -11,7 +11,7 @@ from tap import finish, report
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 PRELOAD = os.path.join(ROOT, 'build/release/tests/oom/failmalloc.so')
-MOST_RUNS = 120  # of one command; where it allocates more often, evenly spread ones fail
+MAX_RUNS = 120  # of one command; where it allocates more often, evenly spread ones fail
 
 
 def path(name):
@@ -55,7 +55,7 @@ def attempt(arguments, mode, number):
 
 def check(name, arguments):
     total = allocations(arguments)
-    numbers = range(1, total + 1) if total <= MOST_RUNS else [1 + total * i // MOST_RUNS for i in range(MOST_RUNS)]
+    numbers = range(1, total + 1) if total <= MAX_RUNS else [1 + total * i // MAX_RUNS for i in range(MAX_RUNS)]
     attempts = [('AT', n) for n in numbers] + [('FROM', n) for n in list(numbers)[::4]]
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         problems = [p for p in pool.map(lambda a: attempt(arguments, *a), attempts) if p]

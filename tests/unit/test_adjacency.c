@@ -105,7 +105,7 @@ static void test_too_many(void)
 {
     uint32_t none[4] = {0};
     struct tetlod_error error = {0};
-    CHECK_INT(adjacency_build(none, ADJACENCY_MOST_TETS + 1u, 4, none, NULL, &error), TETLOD_ERR_LIMIT);
+    CHECK_INT(adjacency_build(none, ADJACENCY_MAX_TETS + 1u, 4, none, NULL, &error), TETLOD_ERR_LIMIT);
     CHECK(error.message[0]);
 }
 

@@ -30,7 +30,7 @@ struct solid {
     enum cell_shape shape;
     unsigned tets; /* of its split, whatever the numbering */
     double volume;
-    double points[CELL_MOST_CORNERS][3];
+    double points[CELL_MAX_CORNERS][3];
 };
 
 static const struct solid solids[] = {
@@ -46,8 +46,8 @@ static const struct solid solids[] = {
 
 static void check_solid(const struct solid *solid, const uint32_t *ids, bool mirrored)
 {
-    double positions[3 * CELL_MOST_CORNERS], volume = 0;
-    uint32_t tets[CELL_MOST_TETS][4], corners = cell_corners(solid->shape);
+    double positions[3 * CELL_MAX_CORNERS], volume = 0;
+    uint32_t tets[CELL_MAX_TETS][4], corners = cell_corners(solid->shape);
     for (uint32_t c = 0; c < corners; c++)
         for (int d = 0; d < 3; d++)
             positions[3 * ids[c] + (uint32_t)d] = solid->points[c][d] * (mirrored && d == 0 ? -1 : 1);
@@ -69,7 +69,7 @@ static void check_solid(const struct solid *solid, const uint32_t *ids, bool mir
 
 static void test_every_shape_in_any_numbering(void)
 {
-    uint32_t ids[CELL_MOST_CORNERS], random = 1;
+    uint32_t ids[CELL_MAX_CORNERS], random = 1;
     for (size_t s = 0; s < sizeof solids / sizeof *solids; s++)
         for (int trial = 0; trial < 200; trial++) {
             shuffle(ids, cell_corners(solids[s].shape), &random);
@@ -83,7 +83,7 @@ static void test_neighbours_match(void)
     enum { ROW = 4, POINTS = ROW * ROW * ROW, CELLS = (ROW - 1) * (ROW - 1) * (ROW - 1) };
     uint32_t ids[POINTS], random = 2;
     double positions[3 * POINTS];
-    uint32_t (*tets)[4] = malloc(CELLS * 2 * CELL_MOST_TETS * sizeof *tets);
+    uint32_t (*tets)[4] = malloc(CELLS * 2 * CELL_MAX_TETS * sizeof *tets);
     REQUIRE(tets != NULL);
     for (int trial = 0; trial < 50; trial++) {
         uint32_t count = 0;
@@ -122,7 +122,7 @@ static void test_neighbours_match(void)
 static void test_collapsed_cells_lose_their_flat_tetrahedra(void)
 {
     const double points[8 * 3] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 0, 0, 0, 0, 0, 0};
-    uint32_t tets[CELL_MOST_TETS][4];
+    uint32_t tets[CELL_MAX_TETS][4];
     const uint32_t wedge_like[8] = {0, 1, 2, 3, 4, 5, 5, 4}; // the top is an edge
     unsigned count = cell_split(CELL_HEXAHEDRON, wedge_like, points, tets);
     double volume = 0;
@@ -134,9 +134,9 @@ static void test_collapsed_cells_lose_their_flat_tetrahedra(void)
 }
 
 /* The triangles that only one of the tetrahedra has, as sorted corners packed in a word; gives their number. */
-static unsigned boundary_of(uint32_t (*tets)[4], unsigned count, uint32_t out[4 * CELL_MOST_TETS])
+static unsigned boundary_of(uint32_t (*tets)[4], unsigned count, uint32_t out[4 * CELL_MAX_TETS])
 {
-    uint32_t all[4 * CELL_MOST_TETS];
+    uint32_t all[4 * CELL_MAX_TETS];
     unsigned faces = 0, kept = 0;
     for (unsigned t = 0; t < count; t++)
         for (int skip = 0; skip < 4; skip++) {
@@ -173,7 +173,7 @@ static void test_bent_cells(void)
     enum { TRIALS = 4000 };
     static const uint32_t ids[8] = {0, 1, 2, 3, 4, 5, 6, 7};
     static const double cube[8 * 3] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
-    uint32_t straight[CELL_MOST_TETS][4], tets[CELL_MOST_TETS][4], wanted[4 * CELL_MOST_TETS], got[4 * CELL_MOST_TETS];
+    uint32_t straight[CELL_MAX_TETS][4], tets[CELL_MAX_TETS][4], wanted[4 * CELL_MAX_TETS], got[4 * CELL_MAX_TETS];
     unsigned bent = 0, inverted = 0, straight_count = cell_split(CELL_HEXAHEDRON, ids, cube, straight);
     CHECK_INT(straight_count, 6);
     CHECK_INT(boundary_of(straight, straight_count, wanted), 12);

@@ -22,7 +22,7 @@
 #include "tests/memory_sink.h"
 #include "tests/test.h"
 
-enum { MOST_TETS = 256, MOST_VIOLATIONS = 5 };
+enum { MAX_TETS = 256, MAX_VIOLATIONS = 5 };
 
 static bool whole; /* the whole of it, which takes minutes */
 
@@ -55,7 +55,7 @@ static bool has_interpolant(const struct tetmesh *mesh, uint32_t tet)
 static void try_point(struct trial_run *run, size_t point)
 {
     uint64_t random = run->seed + 0x9e3779b97f4a7c15u * point;
-    uint32_t tet = (uint32_t)(gen_random(&random) % run->original->tet_count), tets[MOST_TETS];
+    uint32_t tet = (uint32_t)(gen_random(&random) % run->original->tet_count), tets[MAX_TETS];
     const uint32_t *corners = run->original->corners + 4 * (size_t)tet;
     double weights[4], total = 0, p[3] = {0, 0, 0};
     run->errors[point] = NAN;
@@ -70,7 +70,7 @@ static void try_point(struct trial_run *run, size_t point)
             p[d] += weights[c] * run->original->positions[3 * (size_t)corners[c] + (size_t)d];
     }
     double value = value_at(run->original, corners, weights), best = INFINITY;
-    uint32_t count = locator_find(&run->locators[1], p, tets, MOST_TETS);
+    uint32_t count = locator_find(&run->locators[1], p, tets, MAX_TETS);
     for (uint32_t i = 0; i < count; i++) {
         if (!has_interpolant(run->level, tets[i]))
             continue;
@@ -124,7 +124,7 @@ static void compare_points(const char *name, uint32_t k, struct trial_run *run, 
     int violations = 0;
     double worst = 0;
     parallel_for(2, points, 256, try_points, run);
-    for (size_t i = 0; i < points && violations < MOST_VIOLATIONS; i++) {
+    for (size_t i = 0; i < points && violations < MAX_VIOLATIONS; i++) {
         bool above = run->errors[i] > max * (1 + 1e-6) + 1e-9, outside = run->distances[i] > domain;
         worst = larger(worst, isnan(run->errors[i]) ? 0 : run->errors[i]);
         violations += above || outside;

@@ -17,7 +17,7 @@
 #include "tests/memory_sink.h"
 #include "tests/test.h"
 
-enum { POINTS = 3000, MOST_TETS = 64 };
+enum { POINTS = 3000, MAX_TETS = 64 };
 
 /* ---- meshes */
 
@@ -88,7 +88,7 @@ static double point_error(const struct checked *c, const struct tetmesh *level, 
                           uint64_t *random)
 {
     const double *values = c->original->fields[0].values, base = values[0];
-    uint32_t tet = (uint32_t)(gen_random(random) % c->original->tet_count), tets[MOST_TETS];
+    uint32_t tet = (uint32_t)(gen_random(random) % c->original->tet_count), tets[MAX_TETS];
     double weights[4], total = 0, p[3] = {0, 0, 0}, value = 0, best = INFINITY;
     for (int i = 0; i < 4; i++)
         total += weights[i] = -log(1 - gen_unit(random)) + 1e-12;
@@ -98,7 +98,7 @@ static double point_error(const struct checked *c, const struct tetmesh *level, 
         for (int d = 0; d < 3; d++)
             p[d] += weights[i] / total * c->original->positions[3 * (size_t)v + (size_t)d];
     }
-    uint32_t count = locator_find(locator, p, tets, MOST_TETS);
+    uint32_t count = locator_find(locator, p, tets, MAX_TETS);
     for (uint32_t k = 0; k < count; k++) {
         double found = -value;
         locator_weights(locator, tets[k], p, weights);

@@ -6,8 +6,8 @@
 #include "server/web/wasm/view.h"
 #include "tests/test.h"
 
-enum { SIZE = 1 << 16, MOST_VIEWS = 64 };
-static struct view *views[MOST_VIEWS]; /* they are never freed, as in the module: kept for the leak checker */
+enum { SIZE = 1 << 16, MAX_VIEWS = 64 };
+static struct view *views[MAX_VIEWS]; /* they are never freed, as in the module: kept for the leak checker */
 static size_t view_count;
 static unsigned char bytes[SIZE];
 
@@ -19,7 +19,7 @@ static struct view *view_of(const char *name, uint32_t *size)
     *size = file ? (uint32_t)fread(bytes, 1, sizeof bytes, file) : 0;
     if (file)
         fclose(file);
-    return *size && view_count < MOST_VIEWS ? views[view_count++] = view_new() : NULL;
+    return *size && view_count < MAX_VIEWS ? views[view_count++] = view_new() : NULL;
 }
 
 static struct view *open_view(const char *name)

@@ -21,7 +21,7 @@ from .reference import StreamError
 HEADER = 64           # bytes; the stream's whole size is at 32
 FIRST = 1 << 16       # bytes of the first Range request: header and index of most streams, and their first levels
 CHUNK = 1 << 16
-MOST_TETS = 1 << 30   # of the format
+MAX_TETS = 1 << 30   # of the format
 TIMEOUT = 60          # seconds without a byte
 
 Progress = Callable[[int, int], None]
@@ -193,7 +193,7 @@ class Server(Remote):
         self.page = '%s/view/%s' % (self.server, mesh)
         query = choice.query()
         if set(query) <= {'field', 'measure'}:
-            query['tets'] = str(MOST_TETS)  # the finest level
+            query['tets'] = str(MAX_TETS)  # the finest level
         self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query, quote_via=urllib.parse.quote), {})
         self.wanted = int(self.answer.headers.get('Content-Length') or 0)
         self.start()

@@ -9,7 +9,7 @@
 #include "src/util/array.h"
 
 /* wasm32 addresses 4 GiB, of which the pictures need a part. */
-static const uint64_t MOST_BYTES = (uint64_t)3 << 30;
+static const uint64_t MAX_BYTES = (uint64_t)3 << 30;
 
 void *view_allocate(uint32_t size)
 {
@@ -23,7 +23,7 @@ void view_release(void *block)
 
 struct view *view_new(void)
 {
-    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MOST_BYTES};
+    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MAX_BYTES};
     struct view *view = array_zero(1, sizeof *view);
     if (view && tetlod_feed_new(&view->feed, &options, &view->error) == TETLOD_OK)
         return view;

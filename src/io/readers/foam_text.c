@@ -215,9 +215,9 @@ void foam_close(struct foam_file *file)
 /* Bytes that there can still be: packed, they are at most so many times fewer. */
 static uint64_t most_left(struct foam_file *file)
 {
-    enum { MOST_RATIO = 1100 };
+    enum { MAX_RATIO = 1100 };
     uint64_t left = look_ahead(file) ? (uint64_t)(file->rest.end - file->rest.at) : 0;
-    return left + (file->gzip ? MOST_RATIO * packed_left(file->gzip) : 0);
+    return left + (file->gzip ? MAX_RATIO * packed_left(file->gzip) : 0);
 }
 
 /* The count and the opening bracket of a list whose elements are so many bytes at least. */

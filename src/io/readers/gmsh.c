@@ -418,7 +418,7 @@ static enum tetlod_status read_elements(struct gmsh *g)
 
 /* ---- fields */
 
-enum { MOST_GMSH_COMPONENTS = 9 }; // 1, 3 or 9
+enum { MAX_GMSH_COMPONENTS = 9 }; // 1, 3 or 9
 
 /* The first of a section's strings, without its quotes; the caller frees it. */
 static char *take_name(struct gmsh *g, int64_t strings)
@@ -445,7 +445,7 @@ static enum tetlod_status take_values(struct gmsh *g, struct point_field *field,
     enum tetlod_status status = seen ? TETLOD_OK : tetlodi_fail_nomem(g->error, field->name, rows);
     for (int64_t i = 0; status == TETLOD_OK && i < count; i++) {
         int64_t tag;
-        double skipped[MOST_GMSH_COMPONENTS];
+        double skipped[MAX_GMSH_COMPONENTS];
         status = take_ints(g, VALUE_INT32, 1, &tag);
         uint32_t v = status == TETLOD_OK ? tag_map_find(cell ? &g->cell_tags : &g->tags, tag) : 0;
         if (status == TETLOD_OK && v == TETLOD_NONE && !cell)
@@ -493,7 +493,7 @@ static enum tetlod_status read_data(struct gmsh *g, bool cell)
         status = fail(g, "the file ends too early for the values of this field; is it truncated?");
         goto done;
     }
-    if (cell && numbers[1] > MOST_GMSH_COMPONENTS) {
+    if (cell && numbers[1] > MAX_GMSH_COMPONENTS) {
         status = fail(g, "element data has more than 9 components");
         goto done;
     }

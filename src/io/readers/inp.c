@@ -16,7 +16,7 @@
 #include "src/io/services/tag_map.h"
 #include "src/util/array.h"
 
-enum { MOST_SETS = 4096, NAME_SIZE = 96, DEEPEST = 8 };
+enum { MAX_SETS = 4096, NAME_SIZE = 96, DEEPEST = 8 };
 
 struct part {
     uint16_t set; /* whose name is the part's */
@@ -219,7 +219,7 @@ static enum tetlod_status find_set(struct inp *p, struct text name, uint16_t *ou
             *out = (uint16_t)(s + 1);
             return TETLOD_OK;
         }
-    if (p->name_count == MOST_SETS)
+    if (p->name_count == MAX_SETS)
         return fail(p, "there are more than 4096 sets of elements");
     if (!array_reserve((void **)&p->names, &p->name_capacity, p->name_count + 1, sizeof *p->names))
         return tetlodi_fail_nomem(p->error, "the sets", NAME_SIZE);

@@ -54,12 +54,12 @@ static enum tetlod_status take_header(struct file *f, int64_t *header, size_t co
 
 static enum tetlod_status read_nodes(struct tetmesh *mesh, struct file *f, int64_t *out_first)
 {
-    enum { MOST_ATTRIBUTES = 4096 };
+    enum { MAX_ATTRIBUTES = 4096 };
     int64_t header[4], number, marker; // points, dimension, attributes, markers
     TETLOD_TRY(take_header(f, header, 4));
     if (header[1] != 3)
         return fail(f, "the dimension should be 3");
-    if (header[2] > MOST_ATTRIBUTES ||
+    if (header[2] > MAX_ATTRIBUTES ||
         (header[2] && (header[0] ? header[0] : 1) > (f->rest.end - f->rest.at) / 2 / header[2]))
         return fail(f, "the file ends too early for these attributes; is it truncated?");
     TETLOD_TRY(assemble_points(mesh, (uint64_t)header[0], TETLOD_FLOAT64, f->error));

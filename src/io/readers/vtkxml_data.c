@@ -339,7 +339,7 @@ struct block_job {
     const unsigned char *decoded; /* of base64: all of them; or NULL: they are in the document */
     const size_t *begins;         /* [block] */
     /* owned; NULL where they are not needed */
-    unsigned char *stored[PARALLEL_MOST_THREADS], *plain[PARALLEL_MOST_THREADS];
+    unsigned char *stored[PARALLEL_MAX_THREADS], *plain[PARALLEL_MAX_THREADS];
     atomic_int problem;
 };
 
@@ -380,7 +380,7 @@ static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml
 {
     const struct data_blocks *blocks = job->blocks;
     unsigned threads = blocks->count > 1 ? parallel_cores() : 1;
-    threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
+    threads = threads < PARALLEL_MAX_THREADS ? threads : PARALLEL_MAX_THREADS;
     // a size that no block has may be anything
     uint64_t size = blocks->count == 1 ? block_size(blocks, 0) : blocks->size;
     bool reads = job->document->file && !job->decoded, inflates = job->document->compressor != VTKXML_UNCOMPRESSED, good = true;

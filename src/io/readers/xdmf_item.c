@@ -205,12 +205,12 @@ static enum tetlod_status load_uniform(const struct xdmf_source *source, const s
 
 /* ---- parts of items, and several as one ---- */
 
-enum { MOST_RANK = 8 };
+enum { MAX_RANK = 8 };
 
 /* Values start, start + stride, ... along each dimension of an item. */
 struct slab {
     size_t rank;
-    uint64_t dims[MOST_RANK], start[MOST_RANK], stride[MOST_RANK], count[MOST_RANK];
+    uint64_t dims[MAX_RANK], start[MAX_RANK], stride[MAX_RANK], count[MAX_RANK];
 };
 
 static enum tetlod_status take_slab(const struct xml_node *node, const struct xml_node *from, const double *numbers,
@@ -220,7 +220,7 @@ static enum tetlod_status take_slab(const struct xml_node *node, const struct xm
     const char *value = xml_attribute(from, "Dimensions");
     struct text text = {value, value ? value + strlen(value) : NULL};
     int64_t n;
-    for (out->rank = 0; value && out->rank < MOST_RANK && text_int(&text, &n) && n > 0; out->rank++)
+    for (out->rank = 0; value && out->rank < MAX_RANK && text_int(&text, &n) && n > 0; out->rank++)
         out->dims[out->rank] = (uint64_t)n;
     if (out->rank == 0 || number_count != 3 * out->rank)
         return fail_at(node, error,
@@ -239,7 +239,7 @@ static enum tetlod_status take_slab(const struct xml_node *node, const struct xm
 /* Moves what the slab keeps to the front. */
 static void keep_slab(const struct slab *slab, struct xdmf_item *item)
 {
-    uint64_t at[MOST_RANK] = {0}, kept = 0;
+    uint64_t at[MAX_RANK] = {0}, kept = 0;
     for (bool more = true; more; kept++) {
         uint64_t from = 0;
         for (size_t d = 0; d < slab->rank; d++)

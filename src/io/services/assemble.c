@@ -10,7 +10,7 @@
 #include "src/util/array.h"
 #include "src/util/utf8_clean.h"
 
-enum { MOST_COMPONENTS = 4096 }; // more than any field of a mesh has
+enum { MAX_COMPONENTS = 4096 }; // more than any field of a mesh has
 
 enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum tetlod_type type,
                                    struct tetlod_error *error)
@@ -57,10 +57,10 @@ static char *clean_name(const struct tetmesh *mesh, const char *name,
 
 static enum tetlod_status check_components(const char *name, uint64_t components, struct tetlod_error *error)
 {
-    if (components >= 1 && components <= MOST_COMPONENTS)
+    if (components >= 1 && components <= MAX_COMPONENTS)
         return TETLOD_OK;
     return tetlodi_fail(error, TETLOD_ERR_MESH, "array '%.80s' has %llu components, not 1 to %d", name,
-                        (unsigned long long)components, MOST_COMPONENTS);
+                        (unsigned long long)components, MAX_COMPONENTS);
 }
 
 enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64_t components, enum tetlod_type type,

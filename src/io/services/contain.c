@@ -208,9 +208,9 @@ static void raise_limit(int resource, uint64_t more)
 
 void contain_expect(uint64_t size)
 {
-    enum { MOST_RATIO = 2400 }; // deflate reaches 1032, for numbers that take twice the room here
+    enum { MAX_RATIO = 2400 }; // deflate reaches 1032, for numbers that take twice the room here
     raise_limit(RLIMIT_CPU, size >> 22);
-    raise_limit(RLIMIT_AS, size < UINT64_MAX / MOST_RATIO ? size * MOST_RATIO : UINT64_MAX);
+    raise_limit(RLIMIT_AS, size < UINT64_MAX / MAX_RATIO ? size * MAX_RATIO : UINT64_MAX);
 }
 
 static void set_limit(int resource, rlim_t now)

@@ -180,14 +180,14 @@ struct text text_line(struct text *text)
     return line;
 }
 
-enum { MOST_DIGITS = 127 }; // more than any program writes for a double
+enum { MAX_DIGITS = 127 }; // more than any program writes for a double
 
 /* The next word with a terminator, for strtod and its kin; false if it is empty or longer than a number can be. */
-static bool number_word(struct text *text, char buffer[MOST_DIGITS + 1])
+static bool number_word(struct text *text, char buffer[MAX_DIGITS + 1])
 {
     struct text word = text_word(text);
     size_t length = (size_t)(word.end - word.at);
-    if (length == 0 || length > MOST_DIGITS)
+    if (length == 0 || length > MAX_DIGITS)
         return false;
     memcpy(buffer, word.at, length);
     buffer[length] = 0;
@@ -196,7 +196,7 @@ static bool number_word(struct text *text, char buffer[MOST_DIGITS + 1])
 
 bool text_double(struct text *text, bool as_float, double *out)
 {
-    char buffer[MOST_DIGITS + 1], *end;
+    char buffer[MAX_DIGITS + 1], *end;
     if (!number_word(text, buffer))
         return false;
     *out = as_float ? (double)strtof(buffer, &end) : strtod(buffer, &end);
@@ -205,7 +205,7 @@ bool text_double(struct text *text, bool as_float, double *out)
 
 bool text_int(struct text *text, int64_t *out)
 {
-    char buffer[MOST_DIGITS + 1], *end;
+    char buffer[MAX_DIGITS + 1], *end;
     if (!number_word(text, buffer))
         return false;
     errno = 0;

@@ -53,7 +53,7 @@ uint64_t h5_row_size(const struct h5_set *set)
 
 static enum tetlod_status describe(struct h5_set *set, const char *name, uint64_t file_size, struct tetlod_error *error)
 {
-    enum { MOST_RATIO = 1100 }; // deflate reaches 1032
+    enum { MAX_RATIO = 1100 }; // deflate reaches 1032
     hid_t type = H5Dget_type(set->id), space = H5Dget_space(set->id);
     H5T_class_t class = H5Tget_class(type);
     size_t size = H5Tget_size(type);
@@ -73,7 +73,7 @@ static enum tetlod_status describe(struct h5_set *set, const char *name, uint64_
     set->count = 1;
     for (int d = 0; d < set->rank; d++) {
         set->dims[d] = dims[d];
-        if (dims[d] && set->count > file_size * MOST_RATIO / dims[d])
+        if (dims[d] && set->count > file_size * MAX_RATIO / dims[d])
             return tetlodi_fail(error, TETLOD_ERR_MESH, "data set %.80s: it has more values than the file can hold",
                                 name);
         set->count *= dims[d];

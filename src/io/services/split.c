@@ -205,10 +205,10 @@ static enum tetlod_status count_tets(struct splitter *s, struct io_report *repor
 
 static enum tetlod_status check_tet_count(uint64_t count, struct tetlod_error *error)
 {
-    return count <= ADJACENCY_MOST_TETS ? TETLOD_OK
+    return count <= ADJACENCY_MAX_TETS ? TETLOD_OK
                                         : tetlodi_fail(error, TETLOD_ERR_MESH,
                                                        "its cells make more than the %d tetrahedra that fit",
-                                                       ADJACENCY_MOST_TETS);
+                                                       ADJACENCY_MAX_TETS);
 }
 
 /* ---- centres */
@@ -274,7 +274,7 @@ static void put_tets(struct splitter *s, uint64_t cell, uint32_t (*tets)[4], uns
 }
 
 static void load_corners(const struct cells *cells, uint64_t c, enum cell_shape shape,
-                         uint32_t corner[CELL_MOST_CORNERS])
+                         uint32_t corner[CELL_MAX_CORNERS])
 {
     static const uint8_t voxel[8] = {0, 1, 3, 2, 4, 5, 7, 6};
     const uint32_t *from = cells->connectivity + cells->offsets[c];
@@ -366,7 +366,7 @@ static enum tetlod_status split_polyhedron(struct splitter *s, uint64_t c, struc
 
 static enum tetlod_status split_cell(struct splitter *s, uint64_t c, struct vtk_type type, struct tetlod_error *error)
 {
-    uint32_t corner[CELL_MOST_CORNERS], tets[CELL_LATTICE_MAX_TETS][4];
+    uint32_t corner[CELL_MAX_CORNERS], tets[CELL_LATTICE_MAX_TETS][4];
     const uint32_t *points = s->cells->connectivity + s->cells->offsets[c];
     unsigned count, orders[3];
     if (type.shape == POLYHEDRON)

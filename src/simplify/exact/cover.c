@@ -12,7 +12,7 @@
 #include "src/util/array.h"
 
 /* A star with more pairs of a vertex and a wall is refused: so many originals hardly ever fit a contraction. */
-static const size_t MOST_SIDES = (size_t)1 << 19;
+static const size_t MAX_SIDES = (size_t)1 << 19;
 
 /* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product
  * of the three lengths that they are made of wrong at most (PROOF.md, section 8). */
@@ -22,7 +22,7 @@ static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
 static const double BEYOND = 1e-9;
 
 /* A star in which all walls at a spoke are one plane but for this is left alone: nothing is exact across them. */
-static const double LEAST_SINE = 1e-3;
+static const double MIN_SINE = 1e-3;
 
 /* ---- memory */
 
@@ -384,7 +384,7 @@ static bool set_spokes(struct cover *cover, const struct working *working)
                 *spoke = (struct spoke){f, {u, v}, sine};
         }
     for (uint32_t l = 0; l < cover->link_count; l++)
-        if (!(cover->spokes[l].sine > LEAST_SINE))
+        if (!(cover->spokes[l].sine > MIN_SINE))
             return false;
     return true;
 }
@@ -426,7 +426,7 @@ enum tetlod_status cover_gather(struct cover *cover, const struct overlaps *over
     if (!cover->gathered && (!gather_tets(cover, overlaps, star) || !gather_vertices(cover, overlaps, star)))
         return no_room(error);
     cover->gathered = true;
-    *out_few = (size_t)cover->stride * cover->vertex_count <= MOST_SIDES;
+    *out_few = (size_t)cover->stride * cover->vertex_count <= MAX_SIDES;
     if (*out_few && (!room(cover, OFFSETS, &cover->offsets, cover->vertex_count, sizeof *cover->offsets) ||
                      !room(cover, SIGNS, &cover->signs, SIDES * (size_t)cover->words * cover->vertex_count,
                            sizeof *cover->signs) ||

@@ -13,7 +13,7 @@
 #include "src/util/array.h"
 
 /* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
-static const double LEAST_WEIGHT = 1e-9;
+static const double MIN_WEIGHT = 1e-9;
 
 /* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
 static const double BEYOND = 1e-9;
@@ -152,7 +152,7 @@ static bool narrow(struct interval *interval, double weight, double constant, co
     double limit = interval->limit;
     if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
         return false;
-    if (!(weight > LEAST_WEIGHT))
+    if (!(weight > MIN_WEIGHT))
         return false;
     struct critical here = {weight, constant, *where, false};
     double low = (-limit - constant) / weight, high = (limit - constant) / weight;

@@ -84,7 +84,7 @@ static bool add_watch(struct overlaps *overlaps, uint32_t tet)
 void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 {
     const struct watched *point = &sentinel->point;
-    uint32_t chain[MOST_WATCHES], count = 0, same;
+    uint32_t chain[MAX_WATCHES], count = 0, same;
     if (sentinel->tet == TETLOD_NONE || point->ends[0] == TETLOD_NONE)
         return;
     for (uint32_t i = overlaps->sentinels[sentinel->tet]; i != TETLOD_NONE; i = overlaps->watches[i].next)
@@ -94,7 +94,7 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
         if (ends[0] == point->ends[0] && ends[1] == point->ends[1])
             break;
     }
-    if (same == count && count < MOST_WATCHES) {
+    if (same == count && count < MAX_WATCHES) {
         if (add_watch(overlaps, sentinel->tet))
             overlaps->watches[overlaps->sentinels[sentinel->tet]].point = *point;
         return;

@@ -24,7 +24,7 @@ struct watch {
     uint32_t next; /* TETLOD_NONE: it is the last */
 };
 
-enum { MOST_WATCHES = 2 }; /* of a tetrahedron */
+enum { MAX_WATCHES = 2 }; /* of a tetrahedron */
 
 static const uint32_t OVERLAPS_POOLED = UINT32_C(1) << 31;
 

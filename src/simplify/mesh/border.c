@@ -19,10 +19,10 @@
 struct finder {
     struct working *working;
     uint8_t *folded; /* [tet] */
-    struct hood hoods[PARALLEL_MOST_THREADS];
-    struct table pairs[PARALLEL_MOST_THREADS];
-    uint32_t *parents[PARALLEL_MOST_THREADS]; /* [tet of the star] */
-    size_t parent_room[PARALLEL_MOST_THREADS];
+    struct hood hoods[PARALLEL_MAX_THREADS];
+    struct table pairs[PARALLEL_MAX_THREADS];
+    uint32_t *parents[PARALLEL_MAX_THREADS]; /* [tet of the star] */
+    size_t parent_room[PARALLEL_MAX_THREADS];
     atomic_bool failed;
 };
 
@@ -165,7 +165,7 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
     if (!failed)
         freeze_folded(finder);
     free(finder->folded);
-    for (unsigned w = 0; w < PARALLEL_MOST_THREADS; w++) {
+    for (unsigned w = 0; w < PARALLEL_MAX_THREADS; w++) {
         hood_fini(&finder->hoods[w]);
         table_fini(&finder->pairs[w]);
         free(finder->parents[w]);

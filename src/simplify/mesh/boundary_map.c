@@ -11,11 +11,11 @@
 #include "src/util/array.h"
 
 /* Faces of both patches are at least this steep: the cosine of their normals with the direction of the map. */
-static const double LEAST_SLOPE = 0.2;
+static const double MIN_SLOPE = 0.2;
 
 /* A direction is good enough if all faces are that steep, and is looked for in so many steps. */
 static const double GOOD_SLOPE = 0.9;
-enum { MOST_STEPS = 16 };
+enum { MAX_STEPS = 16 };
 
 /* A point whose weight at the result is less than that is on the rim: no value at the result helps there. */
 static const double ON_RIM = 1e-12;
@@ -99,7 +99,7 @@ static bool choose_direction(struct boundary_map *map)
 {
     double *d = map->direction;
     d[0] = d[1] = d[2] = 0;
-    for (int step = 0; step < MOST_STEPS; step++) {
+    for (int step = 0; step < MAX_STEPS; step++) {
         double n[3], worst[3] = {0, 0, 0}, least = INFINITY;
         for (uint32_t f = 0; f < map->face_count; f++) {
             face_normal(map, &map->faces[f], false, n);
@@ -148,7 +148,7 @@ static void flatten(struct boundary_map *map)
 static bool over_plane(const struct boundary_map *map, const double n[3])
 {
     double height = dot(n, map->direction);
-    return height > 0 && height * height > LEAST_SLOPE * LEAST_SLOPE * dot(n, n);
+    return height > 0 && height * height > MIN_SLOPE * MIN_SLOPE * dot(n, n);
 }
 
 /* Is the direction in the sector from a to b, which turns left by less than half a turn? At a it is, at b it is not. */

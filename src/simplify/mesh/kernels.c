@@ -10,7 +10,7 @@
 
 /* A flip is seen where the volume falls below this multiple of the cube of a sum of coordinates: about TET_DEGENERATE
  * of the longest edge's. Only those that are chosen are tested to the letter. */
-#define LEAST_VOLUME (8 * TET_DEGENERATE)
+#define MIN_VOLUME (8 * TET_DEGENERATE)
 
 static inline wide length1(const wide a[4])
 {
@@ -86,7 +86,7 @@ static void prepare(struct hood *hood, const struct working *working)
                 wide size = largest(length1(at[0]), length1(at[1]), length1(at[2]));
                 wide_store(planes + WIDE * PLANE_VOLUME, volume);
                 wide_store(planes + WIDE * PLANE_LEAST,
-                           wide_mul(wide_all(LEAST_VOLUME), wide_mul(size, wide_mul(size, size))));
+                           wide_mul(wide_all(MIN_VOLUME), wide_mul(size, wide_mul(size, size))));
                 for (uint32_t d = 0; d < 3; d++)
                     wide_store(planes + WIDE * (PLANE_SLOPE + d),
                                wide_sub(wide_all(0), wide_add(normals[0][d], wide_add(normals[1][d], normals[2][d]))));
@@ -168,7 +168,7 @@ static uint32_t doubt(struct hood *hood, uint32_t components, const double r[3])
 {
     wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]);
     double length = fabs(r[0]) + fabs(r[1]) + fabs(r[2]);
-    wide two = wide_all(2), own = wide_all(2 * LEAST_VOLUME * (length * length * length));
+    wide two = wide_all(2), own = wide_all(2 * MIN_VOLUME * (length * length * length));
     uint32_t count = 0;
     for (uint32_t i = 0; i < hood->tet_count; i += WIDE) {
         const double *planes = planes_at(hood, components, i);
@@ -232,7 +232,7 @@ static inline bool halfway_with(const struct working *working, uint32_t from, ui
             weight[k] = wide_mul(weight[k], inverse);
         }
         wide left = wide_sub(volume, wide_mul(wide_all(0.5), sum));
-        if (wide_at_most(left, wide_mul(wide_all(LEAST_VOLUME), wide_mul(size, wide_mul(size, size)))))
+        if (wide_at_most(left, wide_mul(wide_all(MIN_VOLUME), wide_mul(size, wide_mul(size, size)))))
             return false;
         half->error = 0;
         for (uint32_t f = 0; f < 2 * components; f++) {

@@ -20,14 +20,14 @@
 
 /* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the
  * next rungs. */
-static const double CUTOFF = 2, LEAST_CUTOFF = 0.01;
+static const double CUTOFF = 2, MIN_CUTOFF = 0.01;
 
 /* The other half of a middle is followed to this multiple only: it is asked for one edge at a time. */
 static const double HALF_CUTOFF = 1.5;
 
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next
  * rung. */
-enum { MOST_MIDDLES = 3 };
+enum { MAX_MIDDLES = 3 };
 
 /* Bits of the key that do not count in a priority: keys in steps of half an octave. */
 enum { COARSE_KEYS = 46 };
@@ -94,7 +94,7 @@ void worker_fini(struct worker *worker)
 
 static double cutoff(const struct run *run)
 {
-    return larger(CUTOFF * run->limit, LEAST_CUTOFF);
+    return larger(CUTOFF * run->limit, MIN_CUTOFF);
 }
 
 static double key_of(double error, uint32_t removed)
@@ -286,7 +286,7 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
             return true;
         }
         enum log_refusal refusal = LOG_REFUSALS;
-        if (candidate.middle && middles == MOST_MIDDLES)
+        if (candidate.middle && middles == MAX_MIDDLES)
             candidate.error = limit * 1.0001;
         else
             refusal = examine(run, worker, &candidate);

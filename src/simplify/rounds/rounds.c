@@ -30,7 +30,7 @@ static const double STEPS_FROM = 1e-3;
 
 /* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung
  * does. */
-enum { MOST_PASSES = 3 };
+enum { MAX_PASSES = 3 };
 
 /* Slots that are evaluated between two reports of progress. */
 enum { SLICE = 1 << 14 };
@@ -510,7 +510,7 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool n
             return no_memory(rounds);
         TETLOD_TRY(play_rounds(rounds));
         rounds->again.count = 0;
-        if (pass == (named || rounds->run.plans ? MOST_PASSES : 0))
+        if (pass == (named || rounds->run.plans ? MAX_PASSES : 0))
             break;
         TETLOD_TRY(list_changed(rounds));
         rounds->run.round++;
