@@ -35,7 +35,8 @@ static enum tetlod_status check_version(unsigned major, unsigned minor, struct t
         return TETLOD_OK;
     if (major < FORMAT_MAJOR)
         return tetlodi_fail(error, TETLOD_ERR_VERSION,
-                            "the stream has the old layout (format %u.%u), from before the first release; build it again from its mesh",
+                            "the stream has the old layout (format %u.%u), from before the first release; build it "
+                            "again from its mesh",
                             major, minor);
     return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream has format %u.%u, this program reads %d.x", major,
                         minor, FORMAT_MAJOR);

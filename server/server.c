@@ -73,11 +73,14 @@ static void say(struct server *server, const char *level, const char *message)
 
 static void refuse(struct server *server, int fd)
 {
-    static const char body[] = "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"too many connections; try later\"}";
+    static const char body[] = "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"too many connections; "
+                               "try later\"}";
     char answer[400];
     int size = snprintf(answer, sizeof answer,
-                        "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nCache-Control: no-store\r\n"
-                                               "Content-Type: application/problem+json\r\nContent-Length: %zu\r\n\r\n%s", sizeof body - 1, body);
+                        "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nCache-Control: "
+                        "no-store\r\n"
+                                               "Content-Type: application/problem+json\r\nContent-Length: "
+                                               "%zu\r\n\r\n%s", sizeof body - 1, body);
     ssize_t ignored = send(fd, answer, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
     (void)ignored; // the client may be gone already
     close(fd);

@@ -154,7 +154,8 @@ static void answer_with_cookie(struct exchange *exchange, const char *target)
 static void answer_unauthorized(struct exchange *exchange)
 {
     response_problem(exchange->response, 401, exchange->request->target,
-                     "this server asks for its token: open ./?token=TOKEN in a browser, or send Authorization: Bearer TOKEN");
+                     "this server asks for its token: open ./?token=TOKEN in a browser, or send Authorization: Bearer "
+                     "TOKEN");
     response_header_text(exchange->response, "WWW-Authenticate", "Bearer");
 }
 
@@ -212,7 +213,8 @@ enum admission access_check(struct exchange *exchange, const char *path)
     const char *host = request_header(exchange->request, "Host");
     if (exchange->request->loopback && !policy->token && host && !host_allowed(policy, host)) {
         response_problem(exchange->response, 421, exchange->request->target,
-                         "on this machine's own address the server answers to localhost, not to '%.80s'; --host NAME allows another name",
+                         "on this machine's own address the server answers to localhost, not to '%.80s'; --host NAME "
+                         "allows another name",
                          host);
         return ACCESS_ANSWERED;
     }
@@ -252,7 +254,10 @@ void access_headers(const struct access_policy *policy, const struct request *re
         response_header_text(response, "Access-Control-Max-Age", "86400");
     } else
         response_header_text(response, "Access-Control-Expose-Headers",
-                             "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, Retry-After, Server-Timing, "
-                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, Tetlod-Band, Tetlod-Step, Tetlod-Topology, "
-                             "Tetlod-Time, Tetlod-Box-Level, Tetlod-Box-Error, Tetlod-Transition-Tets, Tetlod-Transition-Error, X-Request-Id");
+                             "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, "
+                             "Retry-After, Server-Timing, "
+                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, "
+                             "Tetlod-Band, Tetlod-Step, Tetlod-Topology, "
+                             "Tetlod-Time, Tetlod-Box-Level, Tetlod-Box-Error, Tetlod-Transition-Tets, "
+                             "Tetlod-Transition-Error, X-Request-Id");
 }

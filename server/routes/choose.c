@@ -51,7 +51,8 @@ static bool parse_budget(struct exchange *exchange, struct choice *choice)
         enum query_result result = query_value(exchange->query, kind_names[kind], text, sizeof text);
         if (result == QUERY_BAD) {
             response_problem(exchange->response, 400, target_of(exchange),
-                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", kind_names[kind]);
+                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, "
+                             "as in error=1%%25", kind_names[kind]);
             return false;
         }
         if (result == QUERY_ABSENT)
@@ -65,7 +66,8 @@ static bool parse_budget(struct exchange *exchange, struct choice *choice)
     response_problem_choices(exchange->response, 400, target_of(exchange), "parameters",
                              json_texts(kind_names + TAKE_ERROR, TAKE_BYTES),
                              given ? "give one of error, abs_error, level, tets and bytes, once"
-                                   : "say which mesh: error=0.01 or another of error, abs_error, level, tets and bytes");
+                                   : "say which mesh: error=0.01 or another of error, abs_error, level, tets and "
+                                     "bytes");
     return false;
 }
 
@@ -134,7 +136,8 @@ static bool parse_measure(struct exchange *exchange, const struct tetlod_info *i
                  json_string_value(json_array_get(measures, i)));
     response_problem_choices(exchange->response, 400, target_of(exchange), "measures", measures,
                              m < TETLOD_MEASURES
-                                 ? "this stream does not hold the measure '%s' of that error; add measure= with one of: %s"
+                                 ? "this stream does not hold the measure '%s' of that error; add measure= with one "
+                                   "of: %s"
                                  : "there is no measure '%s'; add measure= with one of: %s",
                              name, known);
     return false;
@@ -173,7 +176,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
 static void respond_no_level(struct exchange *exchange, const struct dataset *dataset, const char *error)
 {
     response_problem(exchange->response, 422, target_of(exchange),
-                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
+                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s "
+                     "(fractions of the range)",
                      error, dataset_level_texts(dataset, dataset_info(dataset)->level_count - 1)->errors);
 }
 

@@ -89,7 +89,8 @@ static bool take_band(struct exchange *exchange, struct step_selection *selectio
         return true;
     }
     response_problem(exchange->response, 422, exchange->request->target,
-                     "no band of the series is within that error: the finest has %g, a fraction of the range over all steps",
+                     "no band of the series is within that error: the finest has %g, a fraction of the range over all "
+                     "steps",
                      info->bands[info->band_count - 1].error);
     return false;
 }

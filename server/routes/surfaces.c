@@ -126,8 +126,10 @@ static bool take_field(struct exchange *exchange, const struct dataset *dataset,
     if (scalar && choice->field != TETLOD_NONE)
         return true;
     response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
-                             result == QUERY_ABSENT ? "say of which field: field=NAME, or field=NAME:0 for a vector's component"
-                                                    : "there is no scalar field '%.128s'; a vector's component is NAME:0",
+                             result == QUERY_ABSENT ? "say of which field: field=NAME, or field=NAME:0 for a vector's "
+                                                      "component"
+                                                    : "there is no scalar field '%.128s'; a vector's component is "
+                                                      "NAME:0",
                              name);
     return false;
 }

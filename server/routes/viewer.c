@@ -14,7 +14,8 @@
 static void content_policy(const struct site *site, struct response *response)
 {
     response_header(response, "Content-Security-Policy",
-                    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self' blob:; img-src 'self' data: blob:; "
+                    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self' blob:; img-src "
+                    "'self' data: blob:; "
                     "object-src 'none'; base-uri 'none'; form-action 'none'; connect-src 'self'%s",
                     site->stream_origins ? site->stream_origins : "");
 }

@@ -67,7 +67,8 @@ static void say_coordinate(const struct build_request *request, const struct tet
     if (strncmp(mesh->fields[field].name, COORDINATE_NAME, strlen(COORDINATE_NAME)) != 0 || request->field_count)
         return;
     fprintf(stderr,
-            "tetlod build: there is no field to control: the boundary is kept, and %s says how far a level is off; results come "
+            "tetlod build: there is no field to control: the boundary is kept, and %s says how far a level is off; "
+            "results come "
             "from a file that has them%s%s\n",
             mesh->fields[field].name, request->reading.options.solution ? "" : ", --q for PLOT3D",
             mesh->cell_field_count && !averages ? ", --cell-data average from values of cells" : "");
@@ -110,7 +111,10 @@ void build_notes(const struct build_request *request, const struct io_report *re
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
+        fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; "
+                                                                                       "fields that are not "
+                                                                                       "controlled are those of the "
+                                                                                       "first step\n",
                 request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count, report->keys);
     for (uint32_t c = 0; request->build.series && c < request->build.series->cell_count; c++)
         if (request->build.series->cells[c].missing)
@@ -119,10 +123,12 @@ void build_notes(const struct build_request *request, const struct io_report *re
                 "tetlod build: not every step has the values of cells %s: those of the first step alone are stored\n",
                 mesh->cell_fields[c].name);
     if (request->series.series.points_move)
-        fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
+        fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other "
+                                                                              "fields do; all errors are "
                         "those at the same point of the body, proved on the mesh of the first step\n");
     if (request->series.rounded)
-        fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
+        fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, "
+                                                 "not bit for bit\n",
                 request->series.rounded);
     fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
             request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);

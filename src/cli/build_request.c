@@ -383,7 +383,8 @@ static int check_options(struct build_request *request)
                          metric_names[build->metric]);
     if (request->mail_error > 0 && !request->for_mail)
         return cli_usage("build",
-                         "--error goes with --for mail; the limit of the contraction is --max-error, that of a level is chosen later");
+                         "--error goes with --for mail; the limit of the contraction is --max-error, that of a level "
+                         "is chosen later");
     return EXIT_DONE;
 }
 

@@ -243,11 +243,13 @@ static enum tetlod_status load_series(struct build_request *request, struct inpu
     struct series_input *series = &request->series;
     if (wrong && series->path_count > 1)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "%.60s is a second step in time, and a series cannot be built with %s (--json, --all and --quiet take no value)",
+                            "%.60s is a second step in time, and a series cannot be built with %s (--json, --all and "
+                            "--quiet take no value)",
                             cli_base_name(series->paths[1]), wrong);
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
+                            "it has several steps in time, and a series cannot be built with %s; --time N builds one "
+                            "step",
                             wrong);
     TETLOD_TRY(series_input_count(series, series->path_count > 1 ? series->path_count : in->read.steps, error));
     TETLOD_TRY(series_input_load(series, &request->reading, &in->mesh, in->controls, &in->count, &request->progress,
@@ -290,7 +292,8 @@ static enum tetlod_status check_controls(const struct input *in, const char *con
     for (uint32_t c = 0; c < count; c++)
         if (c >= in->count || strcmp(in->mesh.fields[in->controls[c].field].name, names[c]) != 0)
             return tetlodi_fail(error, TETLOD_ERR_FIELD,
-                                "'%.60s' is not among its controlled fields, as in the first step; --field names the ones to be controlled", names[c]);
+                                "'%.60s' is not among its controlled fields, as in the first step; --field names the "
+                                "ones to be controlled", names[c]);
     return TETLOD_OK;
 }
 

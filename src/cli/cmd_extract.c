@@ -89,7 +89,8 @@ static enum tetlod_status fail_error(const struct tetlod_info *info, const struc
         if ((field == TETLOD_NONE ? info->fields[f].controlled : f == field) &&
             isnan(info->levels[finest].errors[f * TETLOD_MEASURES + (uint32_t)selection->measure]))
             return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                                "its index has no '%s' error of %.60s; take --measure sampled or rms, or a field that it "
+                                "its index has no '%s' error of %.60s; take --measure sampled or rms, or a field that "
+                                "it "
                                 "controls",
                                 tetlod_measure_name(selection->measure), info->fields[f].name);
     return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", wanted);
@@ -238,7 +239,8 @@ static int extract(struct request *request)
         cli_print_promises(stderr, info, level);
         cli_warn_uncontrolled("extract", info, level);
         if (info->topology_count)
-            fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on their own\n",
+            fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on "
+                            "their own\n",
                     info->topologies[0].step_count);
     }
     if (status == TETLOD_OK && !request->quiet)

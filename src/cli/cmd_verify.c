@@ -468,7 +468,8 @@ static void print_done(const struct verification *v)
                v->series.turned);
     if (v->request->series.path_count)
         printf("; %u levels %s", against->measured ? against->measured : tetlod_info(v->file)->level_count,
-               against->measured ? "measured" : "not measured, for they are a part of another stream's, or vertices are alike");
+               against->measured ? "measured" : "not measured, for they are a part of another stream's, or vertices "
+                                                "are alike");
     if (v->request->series.path_count && v->whole)
         printf(", max held against the exact maximum at all of them");
     for (uint32_t i = v->whole ? 0 : against->exact_count; i-- > 0;)

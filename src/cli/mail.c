@@ -34,7 +34,8 @@ enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, 
         level = tetlod_level_for_error(tetlod_info(file), limit, TETLOD_NONE, TETLOD_SAMPLED);
     enum tetlod_status status = level == TETLOD_NONE
                                     ? tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                                                   "no level is within an error of %g: rounding is in it; keep more bits", limit)
+                                                   "no level is within an error of %g: rounding is in it; keep more "
+                                                   "bits", limit)
                                     : tetlodi_write_prefix(file, level, sink, error);
     tetlod_close(file);
     return status;

@@ -64,7 +64,8 @@ enum tetlod_status sample_series_write(const struct sample *sample, uint32_t siz
     const char *slash = strrchr(stem, '/'), *name = slash ? slash + 1 : stem;
     if (!tetlodi_plain_text(name, strlen(name)))
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "a PVD file names its parts in XML, which has no control characters and is UTF-8; choose another name");
+                            "a PVD file names its parts in XML, which has no control characters and is UTF-8; choose "
+                            "another name");
     enum tetlod_status status = write_steps(sample, &mesh, size, steps, remesh, stem, error);
     tetmesh_fini(&mesh);
     TETLOD_TRY(status);

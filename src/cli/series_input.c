@@ -59,7 +59,8 @@ bool series_input_parse_times(struct series_input *input, const struct command *
     good = good && *at == 0 && input->begin <= input->end && input->stride;
     if (!good)
         cli_usage(command->name,
-                  "--times takes A:B:C: the steps numbered A to B, every C-th of them; all three may be left out; not '%s'", text);
+                  "--times takes A:B:C: the steps numbered A to B, every C-th of them; all three may be left out; not "
+                  "'%s'", text);
     return good;
 }
 

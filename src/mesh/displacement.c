@@ -33,7 +33,8 @@ enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh 
     size_t count = 3 * (size_t)first->vertex_count;
     if (tetmesh_find_field(mesh, DISPLACEMENT_FIELD) != TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_FIELD,
-                            "its points move, which takes a field '" DISPLACEMENT_FIELD "', and there is one already: rename it");
+                            "its points move, which takes a field '" DISPLACEMENT_FIELD "', and there is one already: "
+                                                                                        "rename it");
     TETLOD_TRY(tetmesh_add_field(mesh, DISPLACEMENT_FIELD, 3, TETLOD_FLOAT64, error));
     double *values = mesh->fields[mesh->field_count - 1].values;
     for (size_t i = 0; i < count; i++) {

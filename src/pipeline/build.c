@@ -82,7 +82,8 @@ static enum tetlod_status check_ranges(const struct build *build)
         bool narrow = range[1] > range[0] && !range_has_scale(range) && is_controlled(build, f);
         if (narrow || !isfinite(range[1] - range[0]))
             return tetlodi_fail(build->error, TETLOD_ERR_MESH,
-                                "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its values",
+                                "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its "
+                                "values",
                                 field->name, range[0], range[1], range[1] - range[0] > 1 ? "wide" : "narrow");
     }
     return TETLOD_OK;

@@ -104,7 +104,8 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
         double width = series_width(series, c), *range = series->ranges[c];
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
             return tetlodi_fail(error, TETLOD_ERR_MESH,
-                                "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
+                                "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to "
+                                "it",
                                 series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
         choose_units(series, c);
     }
@@ -179,7 +180,8 @@ static enum tetlod_status choose_keys(struct series_build *series, struct tetlod
         return TETLOD_OK;
     }
     return tetlodi_fail(error, TETLOD_ERR_LIMIT,
-                        "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room for %u",
+                        "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room "
+                        "for %u",
                         least, steps, (unsigned long long)(one >> 20) + 1, series->key_count);
 }
 

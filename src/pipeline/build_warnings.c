@@ -10,11 +10,13 @@ void build_warnings(const struct build_report *report, void (*say)(void *opaque,
         uint64_t count;
         const char *what;
     } warnings[] = {
-        {report->turned_tets, "tetrahedra are numbered the other way round than their neighbours: they are contracted as if turned, and "
+        {report->turned_tets, "tetrahedra are numbered the other way round than their neighbours: they are contracted "
+                              "as if turned, and "
                               "stored as they are numbered"},
         {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
         {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
-        {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise is made "
+        {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no "
+                              "promise is made "
                               "inside them"},
     };
     for (size_t i = 0; i < sizeof warnings / sizeof *warnings; i++) {

@@ -44,7 +44,8 @@ static enum tetlod_status take_off(double *limit, const struct build_options *op
         return TETLOD_OK;
     if (lost >= *limit)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "rounding alone changes '%.60s' by up to %.3g %% of its range, its limit is %.3g %%; keep more bits, or "
+                            "rounding alone changes '%.60s' by up to %.3g %% of its range, its limit is %.3g %%; keep "
+                            "more bits, or "
                             "allow a larger error", field->name, 100 * lost, 100 * *limit);
     *limit -= lost;
     return TETLOD_OK;

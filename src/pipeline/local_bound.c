@@ -40,7 +40,8 @@ enum tetlod_status local_bound_check(const struct tetmesh *mesh, uint32_t field,
         status = tetlodi_fail_nomem(error, "a field's name", strlen(mesh->fields[field].name));
     else if (tetmesh_find_field(mesh, name) != TETLOD_NONE)
         status = tetlodi_fail(error, TETLOD_ERR_FIELD,
-                              "--local-bound: it has a field '%.60s' already; leave that out (--carry), or give it another name", name);
+                              "--local-bound: it has a field '%.60s' already; leave that out (--carry), or give it "
+                              "another name", name);
     free(name);
     return status;
 }

@@ -101,7 +101,8 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
     const double(*b)[3] = info->bounds;
-    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, s:o}", "id",
+    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, "
+                               "s:o}", "id",
                                id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
                                (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",

@@ -145,7 +145,8 @@ static void put_curve(struct plot *plot, const struct axis *x, const struct axis
 {
     if (!has_measure(plot, measure))
         return;
-    put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\" points=\"",
+    put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" "
+                           "stroke-dasharray=\"%s\" points=\"",
                tetlod_measure_name((enum tetlod_measure)measure), styles[measure].colour, styles[measure].dashes);
     for (uint32_t k = 0; k < plot->info->level_count; k++)
         if (drawn(error_of(plot, k, measure)))
@@ -171,7 +172,8 @@ static void put_legend(struct plot *plot)
         if (!has_measure(plot, m))
             continue;
         put_format(&plot->put,
-                   "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\"/>\n",
+                   "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" stroke-width=\"2\" "
+                   "stroke-dasharray=\"%s\"/>\n",
                    x, y - 4, x + 40, y - 4, styles[m].colour, styles[m].dashes);
         put_label(plot, x + 48, y, "start", styles[m].text);
         x += 190;
@@ -264,7 +266,8 @@ static void put_steps_curve(struct plot *plot, const struct axis *y, uint32_t ba
 {
     const struct plot_steps *steps = plot->steps;
     const double *errors = (measure == TETLOD_SAMPLED ? steps->sampled : steps->rms) + (size_t)band * steps->step_count;
-    put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\" points=\"",
+    put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" "
+                           "stroke-dasharray=\"%s\" points=\"",
                tetlod_measure_name((enum tetlod_measure)measure), band_colours[band % (sizeof band_colours /
                                                                                        sizeof *band_colours)],
                styles[measure].dashes);
@@ -301,7 +304,8 @@ static void put_steps(struct plot *plot)
         put_steps_curve(plot, &y, b, TETLOD_SAMPLED);
     }
     put_label(plot, x.from, HEIGHT - 18, "start",
-              "a colour for each band: thin, what it promises; dashed, the largest error at samples of each step; dotted, the RMS");
+              "a colour for each band: thin, what it promises; dashed, the largest error at samples of each step; "
+              "dotted, the RMS");
 }
 
 enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id,

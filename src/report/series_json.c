@@ -109,10 +109,12 @@ void series_print(FILE *out, const struct tetlod_series *series, const struct te
                 f + 1 < steps->field_count ? ";" : "\n");
     print_cell_fields(out, series, info);
     if (steps->displacement != TETLOD_NONE)
-        fprintf(out, "points        move by %s; errors are those at the same point of the body, proved on the mesh of the first step\n",
+        fprintf(out, "points        move by %s; errors are those at the same point of the body, proved on the mesh of "
+                     "the first step\n",
                 info->fields[steps->fields[steps->displacement]].name);
     if (series_own_ranges(info))
-        fprintf(out, "bands         are fractions of each step's own range; 'max' is one of the range over all steps\n");
+        fprintf(out, "bands         are fractions of each step's own range; 'max' is one of the range over all "
+                     "steps\n");
     fprintf(out, "\n band     level   vertices tetrahedra   bytes/step   max %%\n");
     for (uint32_t b = 0; b < steps->band_count; b++) {
         const struct tetlod_level *level = &info->levels[steps->bands[b].level];

@@ -15,7 +15,8 @@ const struct sample samples[] = {
      sample_make_cube, NULL},
     {"fin", "flow around a blunt fin on a plate: bow shock, Pressure, Density, Velocity; N cells along the fin", 24, 4,
      400, sample_make_fin, NULL},
-    {"post", "flow past a post between plates, cells stretched up to 1 : 300 in thin layers; Pressure, Velocity; N cells around it", 24,
+    {"post", "flow past a post between plates, cells stretched up to 1 : 300 in thin layers; Pressure, Velocity; N "
+             "cells around it", 24,
      4, 400, sample_make_post, NULL},
     {"torus", "a ring, which has a handle; field temperature; N cells across", 8, 1, 200, sample_make_torus, NULL},
     {"shell", "a ball with a cavity; field temperature; N cells along an edge of the cubed sphere", 10, 2, 300,

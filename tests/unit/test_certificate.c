@@ -95,7 +95,8 @@ static void check_counts(const char *name, uint32_t k, const struct mesh_report 
     if (level->inverted_tets > original->inverted_tets || level->degenerate_tets > original->degenerate_tets ||
         level->duplicate_tets > original->duplicate_tets || level->overfull_faces > original->overfull_faces ||
         level->singular_vertices > original->singular_vertices)
-        TEST_FAIL("%s, level %u: %u inverted, %u degenerate, %u duplicate tetrahedra, %llu faces of more than two, %u singular "
+        TEST_FAIL("%s, level %u: %u inverted, %u degenerate, %u duplicate tetrahedra, %llu faces of more than two, %u "
+                  "singular "
                   "vertices", name, k, level->inverted_tets, level->degenerate_tets, level->duplicate_tets,
                   (unsigned long long)level->overfull_faces, level->singular_vertices);
     if (level->euler != original->euler || level->components != original->components ||

@@ -153,7 +153,8 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
     double max = stored->errors[TETLOD_MAX] * (1 + 1e-9) + 1e-13;
     if (found > max * c->range || exact > max * c->range || measured.sampled > max * c->range ||
         stored->errors[TETLOD_SAMPLED] > stored->errors[TETLOD_MAX])
-        TEST_FAIL("%s, level %u of %u tetrahedra: max is %.10g, sampled %.10g; at points %.10g, by the overlay %.10g, measured %.10g",
+        TEST_FAIL("%s, level %u of %u tetrahedra: max is %.10g, sampled %.10g; at points %.10g, by the overlay %.10g, "
+                  "measured %.10g",
                   c->name, k, level->tet_count, stored->errors[TETLOD_MAX], stored->errors[TETLOD_SAMPLED], found / c->range,
                   exact / c->range, measured.sampled / c->range);
     domain = larger(domain, boundary_distance(locators, &random));

@@ -535,7 +535,8 @@ static enum tetlod_status read_part_values(struct ensight *e, const struct ensig
     }
     return done >= (v->cell ? part->cells : part->points) ? TETLOD_OK
                                                           : ensight_fail(e->file,
-                                                                         "a part has fewer values than elements or points");
+                                                                         "a part has fewer values than elements or "
+                                                                         "points");
 }
 
 static enum tetlod_status read_variable(struct ensight *e, const struct ensight_entry *entry)

@@ -86,7 +86,8 @@ static enum tetlod_status internal_values(struct foam_file *file, uint32_t width
         foam_token(file); // List<scalar>
         TETLOD_TRY(foam_scalars(file, width, out, &count));
         return count == rows ? TETLOD_OK : foam_fail(file,
-                                                     "its internalField has another number of values than there are cells");
+                                                     "its internalField has another number of values than there are "
+                                                     "cells");
     }
     double row[9];
     if (width > 1 && !text_is(foam_token(file), "("))

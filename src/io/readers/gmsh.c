@@ -535,7 +535,8 @@ static enum tetlod_status read_format(struct gmsh *g)
     g->is_40 = version == 4.0;
     g->is_4 = g->is_40 || version == 4.1;
     if ((!is_2 && !g->is_4) || size != 8)
-        return fail(g, "only versions 2.0 to 2.2, 4.0 and 4.1 of Gmsh's format are known; save the mesh as one of them");
+        return fail(g, "only versions 2.0 to 2.2, 4.0 and 4.1 of Gmsh's format are known; save the mesh as one of "
+                       "them");
     g->binary = binary != 0;
     end_line(g);
     if (!g->binary)

@@ -345,7 +345,8 @@ static enum tetlod_status take_attribute(struct legacy *l, struct text name, str
     if (wanted && tuples != l->tuples)
         return fail(l, l->attributes == POINT_DATA
                     ? "this point array has another number of values than there are points"
-                                                   : "this cell array has another number of values than there are cells");
+                                                   : "this cell array has another number of values than there are "
+                                                     "cells");
     if (!wanted) {
         if (l->attributes != FIELD_DATA)
             io_leave_out(l->report, &l->report->skipped_arrays, name.at, (size_t)(name.end - name.at));

@@ -224,7 +224,8 @@ static enum tetlod_status take_slab(const struct xml_node *node, const struct xm
         out->dims[out->rank] = (uint64_t)n;
     if (out->rank == 0 || number_count != 3 * out->rank)
         return fail_at(node, error,
-                       "should have start, stride and count along each of the Dimensions of the DataItem that it is of");
+                       "should have start, stride and count along each of the Dimensions of the DataItem that it is "
+                       "of");
     for (size_t d = 0; d < out->rank; d++) {
         const double start = numbers[d], stride = numbers[out->rank + d], count = numbers[2 * out->rank + d];
         if (!(start >= 0 && stride >= 1 && count >= 1 && start + (count - 1) * stride < (double)out->dims[d]))

@@ -138,8 +138,10 @@ static void put_vtp_head(struct put *put, const struct tetmesh *mesh, const stru
 {
     static const char *const types[] = {[TETLOD_FLOAT32] = "Float32", [TETLOD_FLOAT64] = "Float64"};
     uint64_t offset = 0, triangles = surface->triangle_count;
-    put_text(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n");
-    put_format(put, "<PolyData><Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
+    put_text(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+                  "header_type=\"UInt64\">\n");
+    put_format(put, "<PolyData><Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" "
+                                                                 "NumberOfStrips=\"0\" "
                     "NumberOfPolys=\"%" PRIu64 "\">\n<PointData>\n", surface->vertex_count, triangles);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];

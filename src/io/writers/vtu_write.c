@@ -159,7 +159,8 @@ static void put_head(struct writer *w, bool plain)
 {
     const struct tetmesh *mesh = w->mesh;
     struct put *put = &w->put;
-    put_text(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+    put_text(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" "
+                  "byte_order=\"LittleEndian\" "
                   "header_type=\"UInt64\"");
     put_text(put, plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
     put_text(put, ">\n  <UnstructuredGrid>\n");

@@ -45,7 +45,8 @@ enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_s
     struct put put;
     const struct point_field points = {.components = 3, .type = mesh->position_type, .values = mesh->positions};
     TETLOD_TRY(put_init(&put, sink, false, error));
-    put_text(&put, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\"><Domain><Grid Name=\"mesh\" GridType=\"Uniform\">\n");
+    put_text(&put, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\"><Domain><Grid Name=\"mesh\" "
+                   "GridType=\"Uniform\">\n");
     put_format(&put, "<Topology TopologyType=\"Tetrahedron\" NumberOfElements=\"%" PRIu32 "\">\n<DataItem Dimensions=\"%" PRIu32
                      " 4\" NumberType=\"Int\" Precision=\"8\" Format=\"XML\">\n", mesh->tet_count, mesh->tet_count);
     for (size_t i = 0; i < 4 * (size_t)mesh->tet_count; i++)

@@ -130,7 +130,8 @@ static enum tetlod_status pool_room(struct overlaps *overlaps, size_t needed, st
     size_t capacity = overlaps->pool_size + overlaps->pool_size / 8 + needed + 1024;
     if (overlaps->pool_size + needed >= OVERLAPS_POOLED)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT,
-                            "--certify exact keeps up to 2^31 pairs of overlapping tetrahedra, and this mesh has more: use --certify fast");
+                            "--certify exact keeps up to 2^31 pairs of overlapping tetrahedra, and this mesh has "
+                            "more: use --certify fast");
     void *pool = array_resize(overlaps->pool, capacity, sizeof *overlaps->pool);
     if (!pool)
         return tetlodi_fail_nomem(error, "the overlaps", capacity * sizeof *overlaps->pool);
