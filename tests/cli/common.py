@@ -63,6 +63,23 @@ def fails(name, code, words, *arguments):
     report(name, good and all(word in message for word in words), (done, words))
 
 
+def damage(name, n, random):
+    """A file cut off, every third time, or with three other bytes in it."""
+    with open(name, 'rb') as file:
+        data = bytearray(file.read())
+    if n % 3 == 0:
+        data = data[:random.integers(len(data))]
+    else:
+        for at in random.integers(0, len(data), 3):
+            data[at] = random.integers(256)
+    write(name, bytes(data))
+
+
+def survived(done):
+    """Done, failed or refused the input with one line: no crash."""
+    return done.returncode in (0, 1, 3) and (not done.returncode or done.stderr.count(b'\n') == 1)
+
+
 def info(name):
     return json.loads(tetlod('info', '--json', name).stdout)
 

@@ -8,7 +8,8 @@ import shutil
 import numpy as np
 import vtk
 
-from common import CONFIG, case, fails, finish, path, report, tetlod, write
+from common import CONFIG, case, damage, fails, finish, path, report, survived, tetlod, write
+from ensight_file import EnsightFile
 from meshes import arrays_of, compare, converted, volumes
 from test_io_vtkxml import other_cells
 
@@ -42,21 +43,8 @@ time values:
 '''
 
 
-class Out:
-    """Lines and numbers as a kind of file has them."""
-
-    def __init__(self, name, kind, head=False):
-        self.kind, self.order = kind, '>' if kind == 'big' else '<'
-        self.file = open(path('hand/' + name), 'wb')
-        if head and kind != 'text':
-            self.line('Fortran Binary' if kind == 'fortran' else 'C Binary')
-
-    def record(self, data):
-        marker = np.array([len(data)], '<i4').tobytes() if self.kind == 'fortran' else b''
-        self.file.write(marker + data + marker)
-
-    def line(self, text):
-        self.file.write(text.encode() + b'\n') if self.kind == 'text' else self.record(text.encode().ljust(80))
+class Out(EnsightFile):
+    """The numbers of EnSight 6."""
 
     def ints(self, values):
         values = np.atleast_1d(values).ravel()
@@ -256,15 +244,9 @@ def damaged(kind):
     for n in range(20 if CONFIG == 'release' else 10):
         write_case(kind, 'given', True)
         name = path('hand/' + names[n % len(names)])
-        data = bytearray(open(name, 'rb').read())
-        if n % 3 == 0:
-            data = data[:random.integers(len(data))]
-        else:
-            for at in random.integers(0, len(data), 3):
-                data[at] = random.integers(256)
-        write(name, bytes(data))
+        damage(name, n, random)
         done = tetlod('convert', path('hand/mesh.case'), '-o', path('out.vtu'), timeout=600)
-        if done.returncode not in (0, 1, 3) or (done.returncode and done.stderr.count(b'\n') != 1):
+        if not survived(done):
             bad.append(done)
     report('damaged %s cases end in one line or a mesh' % kind, not bad, bad[:2])
 
