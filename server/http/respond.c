@@ -160,7 +160,7 @@ enum outcome respond_hanging(struct exchange *exchange, const struct dataset *da
     return ANSWERED;
 }
 
-void respond_no_mesh(struct exchange *exchange)
+static void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;
     struct dataset **list = catalogue_list(exchange->site->catalogue, MAX_NAMED, &count, NULL);
@@ -172,6 +172,14 @@ void respond_no_mesh(struct exchange *exchange)
     free(list);
     response_problem_choices(exchange->response, 404, exchange->request->target, "meshes", ids, "there is no mesh '%s'",
                              exchange->captures[0]);
+}
+
+struct dataset *named_dataset(struct exchange *exchange)
+{
+    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!dataset)
+        respond_no_mesh(exchange);
+    return dataset;
 }
 
 json_t *json_texts(const char *const *list, size_t count)
@@ -245,11 +253,9 @@ struct dataset *captured_dataset(struct exchange *exchange)
     struct dataset *dataset = catalogue_find_content(exchange->site->catalogue, id, cid, monotonic_seconds());
     if (dataset)
         return dataset;
-    struct dataset *current = catalogue_find(exchange->site->catalogue, id);
-    if (!current) {
-        respond_no_mesh(exchange);
+    struct dataset *current = named_dataset(exchange);
+    if (!current)
         return NULL;
-    }
     json_t *cids = json_array();
     json_array_append_new(cids, json_string(dataset_info(current)->cid));
     response_problem_choices(exchange->response, 404, exchange->request->target, "cid", cids,

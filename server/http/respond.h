@@ -58,8 +58,8 @@ enum outcome respond_no_memory(struct exchange *exchange);
 /* 503, where a file hangs. ANSWERED. */
 enum outcome respond_hanging(struct exchange *exchange, const struct dataset *dataset);
 
-/* 404 with the ids that there are, for the first capture. */
-void respond_no_mesh(struct exchange *exchange);
+/* The stream that the first capture names, held; NULL after a 404 with the ids that there are. */
+struct dataset *named_dataset(struct exchange *exchange);
 
 void cache_forever(struct exchange *exchange);
 void cache_revalidate(struct response *response);

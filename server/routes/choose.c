@@ -289,11 +289,9 @@ static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dat
 
 static enum outcome of_dataset(struct exchange *exchange, enum outcome (*answer)(struct exchange *, struct dataset *))
 {
-    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
-    if (!dataset) {
-        respond_no_mesh(exchange);
+    struct dataset *dataset = named_dataset(exchange);
+    if (!dataset)
         return ANSWERED;
-    }
     enum outcome outcome = answer(exchange, dataset);
     dataset_release(dataset);
     return outcome;

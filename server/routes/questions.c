@@ -116,11 +116,9 @@ static enum outcome answer(struct exchange *exchange, struct ask_context *contex
 
 enum outcome handle_ask(struct exchange *exchange)
 {
-    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
-    if (!dataset) {
-        respond_no_mesh(exchange);
+    struct dataset *dataset = named_dataset(exchange);
+    if (!dataset)
         return ANSWERED;
-    }
     struct ask_context *context = array_zero(1, sizeof *context);
     if (!context) {
         dataset_release(dataset);

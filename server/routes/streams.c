@@ -51,11 +51,9 @@ static struct dataset *take_topology(struct exchange *exchange, struct dataset *
 
 enum outcome handle_stream_info(struct exchange *exchange)
 {
-    struct dataset *whole = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
-    if (!whole) {
-        respond_no_mesh(exchange);
+    struct dataset *whole = named_dataset(exchange);
+    if (!whole)
         return ANSWERED;
-    }
     struct dataset *dataset = take_topology(exchange, whole);
     if (!dataset)
         return ANSWERED;
