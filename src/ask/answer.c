@@ -21,6 +21,7 @@ struct pass {
     const struct ask_question *question;
     const struct ask_level *level;
     enum ask_compare side;    /* of a threshold, if the volume there is asked for */
+    bool skip[2];             /* the end of the answer that nobody wants */
     double thresholds[2];     /* of the answers' lower and upper end */
     /* The tetrahedron that is being looked at: what follows belongs to its corners. */
     double volume, ends[2][4], vectors[4][256], errors[4];
@@ -189,8 +190,9 @@ static void add_volumes(struct pass *pass, const double *const corners[4])
         clip_tet((const double(*)[4])planes, count, add_piece, pass);
         return;
     }
-    add_side(pass, planes, count, LOWER);
-    add_side(pass, planes, count, UPPER);
+    for (int which = LOWER; which <= UPPER; which++)
+        if (!pass->skip[which])
+            add_side(pass, planes, count, which);
 }
 
 static void add_point(struct pass *pass, uint32_t tet)
@@ -266,15 +268,17 @@ static double quantile(struct pass *pass, int which, double share)
     double low = fmin(pass->least[which], pass->level->range[0]), high = fmax(pass->most[which], pass->level->range[1]);
     long double slack = ROUNDING * pass->whole + pass->level->swept;
     long double wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
+    // of the volume at most a threshold, the upper end is that of the lower function
+    const int end = which == LOWER ? UPPER : LOWER;
     pass->side = ASK_AT_MOST;
+    pass->skip[which] = true;
     for (int k = 0; k < MAX_HALVINGS; k++) {
         double middle = low + (high - low) / 2;
         if (!(middle > low && middle < high))
             break;
-        // of the volume at most a threshold, the upper end is that of the lower function
-        pass->thresholds[LOWER] = pass->thresholds[UPPER] = middle;
+        pass->thresholds[end] = middle;
         run(pass);
-        if (pass->part[which == LOWER ? UPPER : LOWER] >= wanted)
+        if (pass->part[end] >= wanted)
             high = middle;
         else
             low = middle;

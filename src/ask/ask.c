@@ -202,8 +202,8 @@ static enum tetlod_status measure_volume(const struct asking *asking, const stru
     struct asking volume = *asking;
     struct ask_interval interval;
     *out = 0;
-    if (question.function == ASK_AT || question.function == ASK_ALONG)
-        return TETLOD_OK;
+    if (question.function != ASK_VOLUME && question.function != ASK_INTEGRAL)
+        return TETLOD_OK; // their scale is the range
     question.function = ASK_VOLUME;
     question.side = ASK_NO_LIMIT;
     volume.question = &question;
