@@ -59,7 +59,7 @@ struct tetlodi_replay {
 void tetlodi_replay_init(struct tetlodi_replay *replay, struct tetlodi_memory *memory, struct tetlodi_column *columns,
                          uint32_t column_count);
 void tetlodi_replay_fini(struct tetlodi_replay *replay); /* the columns' arrays as well */
-/* all but corners and codes: for who reads these and goes no further */
+/* all but corners and codes: for a reader that stops there */
 void tetlodi_replay_drop(struct tetlodi_replay *replay);
 
 /* Room in a column for so many vertices and records. 0 if there is no memory for them. */

@@ -42,7 +42,7 @@ void tetlodi_get_section(struct tetlodi_bytes *in, struct tetlodi_section *secti
 /* How many bytes the early sections have, and the others. False: a section does not begin where those before it end. */
 bool tetlodi_sections_measure(const struct tetlodi_section *sections, uint32_t count, uint64_t *early, uint64_t *late);
 
-/* Refuses sections that are none, known ones that are not as they should be, and unknown critical ones. ERR_STREAM,
+/* Refuses malformed sections, known ones that are not as they should be, and unknown critical ones. ERR_STREAM,
  * ERR_VERSION. */
 TETLOD_CHECKED enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count,
                                                          struct tetlod_error *error);

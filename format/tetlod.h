@@ -251,7 +251,7 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_fd(struct tetlod_file *
                                                             struct tetlod_error *error);
 
 /* Opens a topology group as a stream of its own, over the same source, which both borrow; `file` may be closed before
- * it. Number 0 has the levels and steps of `file` itself. ERR_ARGUMENT if there is none such, or as tetlod_open. */
+ * it. Number 0 has the levels and steps of `file` itself. ERR_ARGUMENT if there is no such group, or as tetlod_open. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_topology(struct tetlod_file **out,
                                                                   const struct tetlod_file *file, uint32_t topology,
                                                                   struct tetlod_error *error);
@@ -350,7 +350,7 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_step(struct tetlod_cu
                                                                 uint32_t records,
                                                                 struct tetlod_error *error);
 
-/* Decodes one more field, for the mesh at hand and from then on. The cursor stays where it is. Costs what a new cursor
+/* Decodes one more field, for the current mesh and from then on. The cursor stays where it is. Costs what a new cursor
  * costs, and its memory meanwhile. On failure the cursor is as it was. ERR_ARGUMENT if there is no such field, or as
  * the cursor. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_t field,
@@ -478,11 +478,11 @@ TETLOD_API uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *i
 TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
 
 /* A bound of the error of the series' field number `field` at one step in one band, a fraction of its range; NaN if
- * there is none such. */
+ * there is no such step or band. */
 TETLOD_API double tetlod_step_error(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step);
 
-/* The bytes of the stream that a step needs in a band, of one field: those of its group of steps. Size 0 if there is
- * none such. */
+/* The bytes of the stream that a step needs in a band, of one field: those of its group of steps. Size 0 if there
+ * are none. */
 TETLOD_API struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t field, uint32_t band,
                                                uint32_t step);
 
