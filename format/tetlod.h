@@ -105,11 +105,12 @@ TETLOD_API const char *tetlod_status_text(enum tetlod_status status);
 /* The library's version, as TETLOD_VERSION_STRING. */
 TETLOD_API const char *tetlod_version(void);
 
-/* What went wrong and where. `offset` is a byte offset in the stream or file where one is known, else UINT64_MAX. */
+/* What went wrong and where. `offset` is a byte offset in the stream or file where one is known, else UINT64_MAX. The
+ * message has room for two long paths and what to do. */
 struct tetlod_error {
     enum tetlod_status status;
     uint64_t offset;
-    char message[256];
+    char message[1024];
 };
 
 /* Where a stream's bytes come from. `read` fills exactly `size` bytes from `offset` or fails; offset + size <= size of

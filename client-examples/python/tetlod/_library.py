@@ -27,7 +27,7 @@ READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
 
 
 class CError(Structure):
-    _fields_ = [('status', c_int), ('offset', c_uint64), ('message', c_char * 256)]
+    _fields_ = [('status', c_int), ('offset', c_uint64), ('message', c_char * 1024)]
 
 
 class CSource(Structure):
