@@ -86,7 +86,10 @@ export interface Series {
 export interface Step {
   step: number;
   band: number;
+  /** What the band promises. */
   error: number;
+  /** What holds of each field at this step, as fractions of its range. */
+  errors: Record<string, number>;
   level: number;
   time: number;
   /** Of the band, those that are here. */
@@ -223,6 +226,8 @@ export interface Events {
   /** The worker runs. */
   started: null;
   progress: { received: number; total: number };
+  /** Bytes came: all so far. */
+  fetched: { fetched: number };
   level: { level: number; vertices: number; tets: number; seconds: number };
   pictures: Pictures;
   retry: { attempt: number; delay: number; message: string };
@@ -271,6 +276,8 @@ export class TetlodStream extends EventTarget {
   readonly fields: string[];
   readonly level: number;
   readonly received: number;
+  /** All bytes that came, by all workers: descriptions, and what is asked for once more, are counted, too. */
+  readonly fetched: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Of a series in time, from the event `series` on. */
   readonly series: Series | null;

@@ -46,6 +46,43 @@ async function budgets_limit_the_level() {
   assert.equal(await page.evaluate(() => window.tetlod.level), levels.length - 1);
 }
 
+// What is there is asked for by its error, which is seen, not by a budget, which is not.
+async function stopping_leaves_no_hidden_budget() {
+  await open('&error=0.05');
+  const { level, error } = await page.evaluate(() => {
+    document.getElementById('stop').click(); // hidden: nothing is loading
+    const { level } = window.tetlod;
+    return { level, error: window.tetlod.stream.info.levels[level].errors.Pressure.max };
+  });
+  const { maxTets, maxBytes, error: asked } = await state();
+  assert.deepEqual([maxTets, maxBytes, asked], [0, 0, error]);
+  await until((wanted) => location.hash.includes(`error=${wanted}`), String(Number(error.toPrecision(5))));
+  assert.doesNotMatch(await page.evaluate(() => location.hash), /max/);
+  assert.equal(await page.evaluate(() => window.tetlod.level), level);
+}
+
+// The progress bar is of the level that is asked for; every byte counts as received.
+async function received_is_told() {
+  await open('&error=0.05');
+  const [value, fetched, own] = await page.evaluate(() => [document.getElementById('progress').value, window.tetlod.stream.fetched, window.tetlod.stream.received]);
+  assert.equal(value, 1);
+  assert.ok(fetched > own, `${fetched} bytes came, ${own} of levels`);
+  assert.match(await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB stream`));
+}
+
+// Frames that take half a second are two a second.
+async function slow_frames_have_a_number() {
+  await open('');
+  await page.evaluate(() => window.tetlod.scene.addEventListener('render', () => {
+    for (const end = performance.now() + 400; performance.now() < end;);
+  }));
+  const { x, y } = await page.locator('#picture').boundingBox();
+  await page.mouse.move(x + 200, y + 200);
+  await page.mouse.down();
+  for (let i = 0; !/^[012]\.?\d* \/s$/.test(await page.locator('#shown-fps').innerText()); i++) await page.mouse.move(x + 200 + 20 * (i % 2), y + 200);
+  await page.mouse.up();
+}
+
 async function measures_are_chosen() {
   await open('');
   const certified = await page.evaluate(() => window.tetlod.level);
@@ -522,7 +559,7 @@ async function fingers_turn_and_probe() {
   await touch.context().close();
 }
 
-await run([the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
+await run([the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told, slow_frames_have_a_number, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
   logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background, the_volume_fits_the_window, a_second_view_turns_along,
   a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
   values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of]);

@@ -9,7 +9,7 @@ import { run } from './tap.mjs';
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { isosurfaceRange, specOf, targetOf } = await load('spec.js');
-const { errorSpan, measureFor, promiseOf, unitOf, wantedLevel } = await load('levels.js');
+const { errorSpan, measureFor, promiseOf, titleWithUnit, unitOf, wantedLevel, wordsOfBound } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
@@ -202,8 +202,11 @@ const info = {
 
 function units_of_fields() {
   const said = { ...info, metadata: { units: { p: 'Pa', q: 5 } } };
-  assert.deepEqual(['p', 'q', 'constructor'].map((field) => unitOf(said, { field })), [' [Pa]', '', '']);
-  assert.deepEqual([{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, { field: 'p' })), ['', '', '']);
+  assert.deepEqual(['p', 'q', 'constructor'].map((field) => unitOf(said, field)), ['Pa', '', '']);
+  assert.equal(titleWithUnit({ ...said, fields: [{ name: 'p', components: 1 }], cellFields: [] }, { field: 'p', component: 0 }), 'p [Pa]');
+  // what a bound is said to be is not less than it is
+  assert.equal(wordsOfBound({ ...said, fields: [{ name: 'p', range: [0, 1] }] }, 'p', { bound: 0.01231, certified: true }), '± 0.013 Pa (1.24\u202f%, certified)');
+  assert.deepEqual([{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, 'p')), ['', '', '']);
 }
 
 function the_wanted_level() {

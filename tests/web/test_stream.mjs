@@ -163,6 +163,28 @@ async function fieldsThatJoin() {
 }
 
 // Of several budgets a server's prefix takes one: the first levels come with the first answer, the others with the second.
+// Whatever came is counted: of a file what its host sent, for a second worker, too; of a server also its description.
+async function everyByteIsCounted() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url, { target: { level: middle }, fields: [info.fields[0].name] });
+  await stream.refineTo({ level: middle });
+  await stream.addFields(info.fields.map(({ name }) => name));
+  await stream.refineTo();
+  const sent = host.requests.reduce((sum, request) => sum + request.sent, 0);
+  assert.ok(stream.fetched <= sent && stream.fetched > sent - 16384 && sent > stream.received, // what nobody has read of an answer is not known
+    `${stream.fetched} of ${sent} bytes are counted, ${stream.received} are of levels`);
+  stream.close();
+  host.close();
+  const server = await program([path]);
+  const url = `${server.url}v1/meshes/fin`;
+  const described = (await (await fetch(url)).arrayBuffer()).byteLength;
+  const served = await TetlodStream.open(url);
+  await served.refineTo();
+  assert.equal(served.fetched, bytes.length + described);
+  served.close();
+  await server.stop();
+}
+
 async function severalBudgets() {
   const server = await program([path]);
   const target = { error: 0, tets: info.levels[middle].tets };
@@ -624,6 +646,6 @@ async function aDecoderThatTraps() {
   host.close();
 }
 
-await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
+await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, everyByteIsCounted, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
   waitsAsTheServerAsks, waitsNoLongerThanAMinute, framesBesideOtherPictures, aPictureOnTheWay, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
   aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep, aDecoderThatTraps]);

@@ -76,10 +76,10 @@ export class Engine {
   // `source`: { url, headers, credentials }, { blob }, or { read }, a function as of Held.
   // `part`: {cid, offset, size} of the stream, if it is one inside the source; of `fields` it may lack some.
   async open({ module, source, part, fields, retries, target }) {
-    const options = { signal: this.#stop.signal, retries, onRetry: (detail) => this.#emit('retry', detail) };
+    const options = { signal: this.#stop.signal, retries, onRetry: (detail) => this.#emit('retry', detail), onBytes: (count) => this.#emit('fetched', count) };
     const read = source.blob ? readerOf(source.blob) : source.read;
-    if (part) this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part));
-    else this.#source = read ? new Held(read) : new Source(source, { ...options, target, fields });
+    if (part) this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part), read ? options : {});
+    else this.#source = read ? new Held(read, options) : new Source(source, { ...options, target, fields });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
     this.#view = await View.create(await module, (error) => this.#break(error));
@@ -361,7 +361,7 @@ export class Engine {
   }
 
   // Within a band, values may pass into those of the next step: each moment is as near to the moment between the original's steps.
-  async #goToStep({ bands, times }, pieces) {
+  async #goToStep({ bands, times, fields }, pieces) {
     const { band, step, blend } = this.#time;
     const { level, error } = bands[band];
     const moves = blend > 0 && this.#at?.band === band && Boolean(this.#spec?.morph) && 3 * this.#frameTime < blend;
@@ -382,7 +382,8 @@ export class Engine {
     this.#moved = moves ? level : -1;
     this.#shown = this.#coarser = level;
     if (fresh) this.#announce(level);
-    this.#emit('step', { step, band, error, level, time: times[step], groups: this.#groups.of(band), seconds });
+    const errors = Object.fromEntries(fields.map(({ name }, i) => [name, this.#view.stepError(i, band, step)]));
+    this.#emit('step', { step, band, error, errors, level, time: times[step], groups: this.#groups.of(band), seconds });
     if (moves) await this.#animate(0, 1, blend);
     if (this.#at?.step === step) await this.#present(1);
   }

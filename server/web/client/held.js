@@ -11,8 +11,12 @@ export class Held {
   levels = null;
 
   /** `read(from, to, signal)`: bytes from `from` on, at least one and none from `to` on, or none at the stream's end. */
-  constructor(read) {
-    this.#read = read;
+  constructor(read, { onBytes = () => {} } = {}) {
+    this.#read = async (...range) => {
+      const bytes = await read(...range);
+      onBytes(bytes.length);
+      return bytes;
+    };
   }
 
   async read(position, until) {

@@ -51,6 +51,14 @@ async function failureOf(answer) {
   return passes ? new Retry(message, retryAfter(answer.headers)) : new FetchError(message);
 }
 
+function parsed(bytes, url) {
+  try {
+    return JSON.parse(new TextDecoder().decode(bytes));
+  } catch (error) {
+    throw new Retry(`${url}: ${error.message}`);
+  }
+}
+
 // Is it a stream of a server, which has a description and immutable URLs? Everything else is a file.
 const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
 
@@ -93,7 +101,7 @@ function prefixQuery({ field, measure, ...target } = {}, fields) {
 }
 
 export class Source {
-  #url; #request; #signal; #retries; #onRetry;
+  #url; #request; #signal; #retries; #onRetry; #onBytes;
   #target;           // what the first request asks for
   #least;            // of a file: bytes that its first request asks for
   #served;           // by a server's routes; else ranges of a file
@@ -109,8 +117,9 @@ export class Source {
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
 
-  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is tried again. */
-  constructor({ url, headers, credentials }, { target, fields, signal, retries = 8, onRetry = () => {} } = {}) {
+  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is tried again, `onBytes(count)` for all
+   *  bytes of answers, also of those that are asked for once more or given up. */
+  constructor({ url, headers, credentials }, { target, fields, signal, retries = 8, onRetry = () => {}, onBytes = () => {} } = {}) {
     this.#url = url;
     this.#request = { headers, credentials };
     this.#served = isServed(url);
@@ -120,6 +129,7 @@ export class Source {
     this.#signal = signal;
     this.#retries = retries;
     this.#onRetry = onRetry;
+    this.#onBytes = onBytes;
     if (!this.#served) return;
     this.#early = this.#askDescription();
     this.#early.catch(() => {}); // whoever needs it hears of it
@@ -159,6 +169,7 @@ export class Source {
     const answer = await this.#fetch(this.#routes?.stream ?? this.#url, { headers: range, cache: 'no-store', signal });
     if (answer.status === 206) return this.#all(answer, size);
     this.#whole = new Uint8Array(await answer.arrayBuffer()); // a host without ranges: once
+    this.#onBytes(this.#whole.length);
     return this.#whole.subarray(offset, offset + size);
   }
 
@@ -249,6 +260,7 @@ export class Source {
     try {
       const reading = reader.read().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
       const { done, value } = await Promise.race([reading, silence]);
+      if (!done) this.#onBytes(value.length);
       if (!done) return value;
     } finally {
       clearTimeout(timer);
@@ -293,7 +305,9 @@ export class Source {
 
   async #askDescription() {
     const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
-    const { cid, levels, links, fields = [] } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+    const described = new Uint8Array(await answer.arrayBuffer().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); }));
+    this.#onBytes(described.length);
+    const { cid, levels, links, fields = [] } = parsed(described, this.#url);
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
     const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
     const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');

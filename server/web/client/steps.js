@@ -11,13 +11,17 @@ export function chooseBand({ bands }, error, finest = Infinity) {
   return band;
 }
 
-/** The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise. */
-export function infoOfSteps(info, series, band) {
+/**
+ * The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise.
+ * `own`: errors of fields at a step that is shown, in place of its band's.
+ */
+export function infoOfSteps(info, series, band, own = {}) {
   const rangesOf = (fields) => new Map(fields.map(({ name, range }) => [name, range]));
   const ranges = rangesOf(series.fields), cells = rangesOf(series.cellFields);
   const promised = (k) => (series.bands[band].level === k ? series.bands[band].error
     : series.bands.reduce((least, { error, level }) => (level <= k ? Math.min(least, error) : least), 1));
-  const errorsAt = (k) => Object.fromEntries([...ranges.keys()].map((name) => [name, { max: promised(k) }]));
+  const errorAt = (k, name) => (series.bands[band].level === k ? own[name] : undefined) ?? promised(k);
+  const errorsAt = (k) => Object.fromEntries([...ranges.keys()].map((name) => [name, { max: errorAt(k, name) }]));
   return {
     ...info,
     fields: info.fields.map((field) => ({ ...field, range: ranges.get(field.name) ?? field.range, controlled: ranges.has(field.name) })),

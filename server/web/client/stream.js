@@ -173,6 +173,7 @@ export class TetlodStream extends EventTarget {
   fields = []; // names of those that are decoded
   level = 0;
   received = 0;
+  fetched = 0; // all bytes that came, by all workers: of descriptions, of what is asked for once more, and those below
   receivedCells = 0; // bytes of values of cells, beside those
   receivedSteps = 0; // bytes of steps, beside those
   receivedBefore = 0; // bytes of topology groups that were shown before, beside all those
@@ -518,6 +519,7 @@ export class TetlodStream extends EventTarget {
   // Of a worker that only prepares something, nothing is heard but that its network fails; what it shows is for later.
   #tell(event, detail, link) {
     if (this.#closed) return;
+    if (event === 'fetched') return this.#dispatch(event, { fetched: this.fetched += detail });
     if (event === 'read') return void this.#read(link, detail);
     if (event === 'broken') return link === this.#link ? this.#break(detail) : link.close(new Error(detail.message));
     if (event === 'series') link.series = detail;

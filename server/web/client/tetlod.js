@@ -183,6 +183,11 @@ export class View {
     return { offset, size };
   }
 
+  /** A bound of the error of the series' field with this number at a step in a band, a fraction of its range. */
+  stepError(field, band, step) {
+    return this.#code.view_step_error(this.#view, field, band, step);
+  }
+
   /** Shows a step in a band, at the band's level; with `move` on the way from the step that is shown, of the same level. */
   step(band, step, move = false) {
     this.#check((move ? this.#code.view_step_move : this.#code.view_step)(this.#view, band, step));

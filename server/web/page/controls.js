@@ -4,7 +4,7 @@
 import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
+import { colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
 import { notice } from './notices.js';
 import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
@@ -110,6 +110,7 @@ export class Controls {
     });
     this.follow(['field', 'errorField', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
       for (const update of numbers) update();
+      byId('error-absolute').nextSibling.textContent = unitOf(this.info, targetFieldOf(this.info, state)) || 'absolute';
       slider.value = this.sliderAt(state.error);
       slider.ariaValueText = state.error ? `${plain(100 * state.error)} percent` : 'finest';
       this.placePoint();

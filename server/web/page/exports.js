@@ -40,7 +40,7 @@ export function bindExports(viewer, save) {
   const write = async (kind) => {
     const [name, part] = partsOf(scene).find(([found]) => found === choice.value);
     const { csvOfPart, vtpOfPart } = await import('./surface_files.js');
-    const { info, level, coloredState: state } = viewer;
+    const { told: info, level, coloredState: state } = viewer;
     const { bound, certified } = boundShown(info, level, state);
     const origin = add(scene.centre, scene.offset);
     const blob = kind === 'csv' ? new Blob([csvOfPart(part, origin, titleOf(info, state))], { type: 'text/csv' })

@@ -2,7 +2,7 @@
 // Levels and their errors, as the stream's index has them.
 
 import { boundOf } from '../client/choose.js';
-import { percent, significant } from './numbers.js';
+import { percent, roundedUp, significant } from './numbers.js';
 
 export const measureNames = {
   max: 'certified maximum',
@@ -39,7 +39,7 @@ export const errorOf = (level, field, measure) => level.errors[field]?.[measure]
 export function promiseOf(info, level) {
   const { errors } = info.levels[level];
   const held = info.fields.filter((f) => f.controlled)
-    .map(({ name }) => (errors[name].max === undefined ? `${name} ${percent(errors[name].sampled)} (measured)` : `${name} ≤ ${percent(errors[name].max)} (certified)`));
+    .map(({ name }) => (errors[name].max === undefined ? `${name} ${percent(errors[name].sampled)} (measured)` : `${name} ≤ ${percent(roundedUp(errors[name].max, 3))} (certified)`));
   const others = info.fields.filter((f) => !f.controlled && !f.bounds).map(({ name }) => ({ name, sampled: errors[name].sampled }));
   const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
   const rest = worst && `${others.length === 1 ? `${worst.name} not controlled:` : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
@@ -87,7 +87,7 @@ export function fieldOf(info, name) {
 
 // '± 0.04 (0.5 %, certified)' of what boundOf gives; a length's bound is in proportion to a component's range.
 export const wordsOfBound = (info, name, { bound, certified }) =>
-  (bound ? `± ${significant(bound, 2)} (${percent(bound / (spanOf(fieldOf(info, name)) || 1))}, ${certified ? 'certified' : 'measured'})` : 'exact');
+  (bound ? `± ${amountOf(info, name, roundedUp(bound, 2))} (${percent(roundedUp(bound / (spanOf(fieldOf(info, name)) || 1), 3))}, ${certified ? 'certified' : 'measured'})` : 'exact');
 export const spanOf = (field) => field.range[1] - field.range[0];
 
 // What is drawn of a field: its only component has no choice.
@@ -145,10 +145,18 @@ export function titleOf(info, state) {
   return component === 'magnitude' ? `|${name}|` : `${name} ${componentName(components, component)}`;
 }
 
-// The unit of the field as it stands behind its name; metadata hold what a file said, or anything.
-export function unitOf(info, state) {
-  const unit = info.metadata?.units?.[state.cells || state.field];
-  return typeof unit === 'string' && unit ? ` [${unit}]` : '';
+// The unit of a field, or nothing: metadata hold what a file said, or anything.
+export function unitOf(info, name) {
+  const unit = info.metadata?.units?.[name];
+  return typeof unit === 'string' ? unit : '';
 }
+
+// 'Pressure [Pa]', as it stands at the scalar bar.
+export function titleWithUnit(info, state) {
+  const unit = unitOf(info, state.cells || state.field);
+  return titleOf(info, state) + (unit && ` [${unit}]`);
+}
+
+const amountOf = (info, name, x) => `${significant(x, 2)}${unitOf(info, name) && ` ${unitOf(info, name)}`}`;
 
 export const componentName = (components, i) => (components <= 3 ? 'xyz'[i] : String(i));

@@ -134,7 +134,7 @@ export class LinePlot {
     const answer = await viewer.stream.line(from, to).catch(() => null); // a closed stream has no values
     this.asking = false;
     if (!answer) return;
-    const { info, coloredState: state } = viewer;
+    const { told: info, coloredState: state } = viewer;
     const { bound, words } = boundShown(info, answer.level, state, answer.bounds?.reduce((most, b) => Math.max(most, b), 0));
     const bounds = answer.bounds ?? new Float64Array(answer.ends.length / 2).fill(bound);
     this.shown = { ...answer, from, to, title: titleOf(info, state), bound, bounds, words };

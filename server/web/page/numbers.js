@@ -14,6 +14,13 @@ export function significant(x, digits = 4) {
   return text.replaceAll('-', '\u2212');
 }
 
+// Rounded up to so many digits: a bound may not be more than it is said to be.
+export function roundedUp(x, digits) {
+  if (!(x > 0) || !Number.isFinite(x)) return x;
+  const step = 10 ** (Math.floor(Math.log10(x)) + 1 - digits);
+  return step * Math.ceil(x / step - 1e-9);
+}
+
 export const percent = (x, digits = 3) => (x === 0 ? '0' : `${significant(100 * x, digits)}\u202f%`);
 
 export function bytes(n) {

@@ -6,23 +6,19 @@ import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
-import { bindExports, pictureSize } from './exports.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownField, shownMeasure, targetFieldOf, titleOf, wantedLevel } from './levels.js';
-import { LinePlot } from './line_plot.js';
+import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownField, shownMeasure, spanOf, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
 import { button, clear, notice } from './notices.js';
-import { bytes, count, percent, significant } from './numbers.js';
+import { bytes, count, percent, roundedUp, significant } from './numbers.js';
 import { id, name, source, viewer } from './opened.js';
-import { Pins } from './pins.js';
 import { Player } from './player.js';
 import { Probe } from './probe.js';
-import { bindSecondView } from './second_view.js';
 import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
 
 const { store } = viewer;
-let controls, compass, handles, axes, line, pins, probe, player;
+let controls, compass, handles, axes, tools, probe, player;
 
 // ---- what is asked before it is loaded
 
@@ -68,35 +64,36 @@ function tellShown() {
   const measure = shownMeasure(info, state);
   byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  const received = stream.received + stream.receivedSteps + stream.receivedCells + stream.receivedBefore;
-  put('shown-bytes', bytes(received), `of ${bytes(stream.bytes)}`);
-  byId('progress').value = received / stream.bytes;
+  put('shown-bytes', bytes(stream.fetched), `stream ${bytes(stream.bytes)}`);
+  byId('progress').value = stream.received / info.levels[wantedLevel(info, state)].bytes;
   controls.setShown(level, stream.received);
   if (!now) return;
   const field = shownField(info, state);
-  const error = viewer.at?.error ?? errorOf(now, field, measure);
-  const span = fieldOf(info, field).range;
-  put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
+  const error = errorOf(viewer.told.levels[level], field, measure);
+  put('shown-error', percent(roundedUp(error, 3)), error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${unitOf(info, field) || 'in its units'}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
-  byId('promise').textContent = promiseOf(info, level);
+  byId('promise').textContent = promiseOf(viewer.told, level);
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
   const { at } = viewer;
   if (id) byId('download').href = `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
   byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;
 }
 
-// Frames a second while the picture moves; a pause of a quarter of a second is none.
+// Frames a second while the picture moves. A pause of a quarter of a second is none, unless the camera is being moved meanwhile.
 function countFrames() {
   let last = 0;
+  let moving = false;
   let intervals = [];
+  const isMoving = () => viewer.scene.interactor.isAnimating();
   const tell = coalesced(() => {
     const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
-    byId('shown-fps').textContent = intervals.length > 2 ? `${Math.round(rate)} /s` : '–';
+    byId('shown-fps').textContent = intervals.length > 2 ? `${rate < 9.5 ? significant(rate, 2) : Math.round(rate)} /s` : '–';
   });
   viewer.scene.addEventListener('render', () => {
     const now = performance.now();
-    if (now - last < 250) intervals = [...intervals.slice(-30), now - last];
+    if (now - last < 250 || (moving && isMoving())) intervals = [...intervals.slice(-30), now - last];
     last = now;
+    moving = isMoving();
   });
   setInterval(tell, 500);
 }
@@ -104,13 +101,14 @@ function countFrames() {
 // ---- from the stream
 
 function listen() {
-  viewer.addEventListener('progress', tellShown);
   viewer.addEventListener('level', tellShown);
   viewer.addEventListener('pictures', ({ detail: { t, level, zones } }) => {
     if (t === 1) controls.setZones({ zones, level });
     if (t === 1) probe.look();
     if (level !== told) tellShown();
   });
+  const tellSoon = coalesced(tellShown);
+  for (const event of ['progress', 'fetched']) viewer.addEventListener(event, tellSoon);
   for (const event of ['step', 'cells']) viewer.addEventListener(event, tellShown);
   viewer.addEventListener('colors', ({ detail }) => controls.setColors(detail));
 }
@@ -145,8 +143,7 @@ function watchScene() {
     compass.draw(scene.axes());
     handles.update();
     axes.update();
-    line.update();
-    pins.update();
+    tools?.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -173,8 +170,8 @@ function viewNormal() {
   return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
 }
 
-// The level that is there is what is asked for from now on.
-const stop = () => store.set({ maxTets: viewer.info.levels[viewer.level].tets });
+// What is there is asked for from now on: its error, which the panel shows and the link has.
+const stop = () => controls.chooseLevel(viewer.level);
 
 function togglePanel() {
   const closed = document.body.classList.toggle('closed');
@@ -185,7 +182,7 @@ const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullsc
 const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
 const textsOfPicture = () => ({
   Title: name,
-  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.info, viewer.level)}; content ${viewer.info.cid}`,
+  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.told, viewer.level)}; content ${viewer.info.cid}`,
   Source: new URL(location.pathname + location.search + viewer.fragment, location).href,
   Software: 'tetlod',
 });
@@ -193,7 +190,7 @@ const drawOver = () => {
   viewer.drawBarNow();
   compass.draw(viewer.scene.axes());
 };
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver, layers: [axes, line, pins] });
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: tools?.pictureSize() ?? null, texts: textsOfPicture(), redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
 const saveAs = (ending, blob) => saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
@@ -228,7 +225,7 @@ function bindActions() {
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
     n: () => store.set({ axes: !store.state.axes }),
     k: () => controls.toggleLine(),
-    o: () => pins.add(),
+    o: () => tools?.addPin(),
     v: () => controls.setInner({ volume: !store.state.volume }),
     m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
@@ -247,6 +244,17 @@ function bindActions() {
   });
 }
 
+// What is not needed at first comes when everything else is there.
+async function openTools() {
+  try {
+    const { Tools } = await import('./tools.js');
+    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, pointer: () => probe.at, canOpenAnother: typeof source === 'string' });
+    tools.update();
+  } catch (error) {
+    notice('tools', `Some of the controls cannot be loaded: ${error.message}`, { failed: true, seconds: 0 });
+  }
+}
+
 // Everything around the picture, in pieces that let others in between.
 export async function openPanel() {
   const { scene, stream, info } = viewer;
@@ -254,8 +262,6 @@ export async function openPanel() {
   compass = new Compass(byId('compass'), look);
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
-  line = new LinePlot(viewer, byId('handles'), saveAs);
-  pins = new Pins(viewer, byId('handles'), () => probe.at);
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
   await pause();
@@ -273,12 +279,12 @@ export async function openPanel() {
   const offerSteps = () => { player ??= new Player(viewer, byId('stage')); };
   viewer.addEventListener('series', offerSteps);
   if (viewer.series) offerSteps();
-  bindExports(viewer, saveAs);
-  bindSecondView(viewer, typeof source === 'string');
   countFrames();
   tellShown();
   byId('download').hidden = !id;
   byId('controls').inert = false;
+  performance.mark('tetlod-panel');
+  await openTools();
   // what tests and a second view look at
   window.tetlod = {
     viewer,

@@ -98,7 +98,7 @@ export class Pins {
 
   async #ask() {
     const { viewer, marks } = this;
-    const { info, level, store: { state }, stream } = viewer;
+    const { told: info, level, store: { state }, stream } = viewer;
     if (level < 0 || !stream.fields.includes(state.field)) return;
     const { field: { name }, cells, component } = colouredOf(info, viewer.coloredState);
     for (const { place, mark, value } of marks) {

@@ -6,7 +6,7 @@ import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
-import { colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
+import { colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, wantedLevel } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
@@ -42,6 +42,7 @@ export class Viewer extends EventTarget {
   #closing = new AbortController();
   #asked = 0;      // changes of what the worker is to make
   #spec = '';      // what it was asked to make last
+  #told = null; #toldAt = null; // the step that the errors are told of
   #early = null;   // pictures that came before there was where to draw them
   #most = 0;       // tetrahedra of the finest level since memory was given back
   #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
@@ -49,7 +50,7 @@ export class Viewer extends EventTarget {
   /**
    * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
    * canvas; `below()`: pixels that the player of a series takes above that. `fragment`: the state at first. Events: 'retry',
-   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' and 'info' when
+   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered', 'cells' and 'fetched' as of the stream; 'colors' and 'info' when
    * they changed, 'joining' and 'joined' {fields}, 'waiting' {step, retry} and 'waited', 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
@@ -101,6 +102,14 @@ export class Viewer extends EventTarget {
     const { step } = this.store.state;
     const level = this.#inTime ? this.series.bands[this.wantedBand].level : wantedLevel(this.info, this.store.state);
     return this.level === level && this.#drawn === this.level && (!this.#inTime || (this.at?.step === step && this.at.band === this.wantedBand));
+  }
+
+  /** The index with the errors of what is shown: at a step that stays they are the step's own, which the band's promise covers. */
+  get told() {
+    if (!this.at || this.playing) return this.info;
+    if (this.#toldAt !== this.at) this.#told = infoOfSteps(this.#index, this.series, this.at.band, this.at.errors);
+    this.#toldAt = this.at;
+    return this.#told;
   }
 
   get #inTime() {
@@ -196,6 +205,7 @@ export class Viewer extends EventTarget {
       this.level = detail.level;
       this.#tell('level', detail);
     });
+    this.stream.addEventListener('fetched', () => this.#tell('fetched'));
     this.stream.addEventListener('series', ({ detail }) => {
       this.series = detail;
       this.#tell('series', detail);
@@ -300,7 +310,7 @@ export class Viewer extends EventTarget {
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: titleOf(this.info, this.coloredState) + unitOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      title: titleWithUnit(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
       marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
     });
   }

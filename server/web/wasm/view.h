@@ -179,6 +179,9 @@ VIEW_EXPORT(view_series) uint32_t view_series(struct view *view, const uint32_t 
 VIEW_EXPORT(view_describe_series) const char *view_describe_series(struct view *view);
 /* Offset and size of the bytes that a step needs in a band, of the series' field number `field`. */
 VIEW_EXPORT(view_span) const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32_t step);
+/* A bound of that field's error there, a fraction of its range. */
+VIEW_EXPORT(view_step_error)
+double view_step_error(const struct view *view, uint32_t field, uint32_t band, uint32_t step);
 /* Moves the cursor to the band's level and shows a step, whose bytes are put. view_seek leaves the steps. */
 VIEW_EXPORT(view_step) uint32_t view_step(struct view *view, uint32_t band, uint32_t step);
 /* The same as a move from the step that is shown, of the same level: view_place. */

@@ -66,6 +66,11 @@ const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32
     return view->span;
 }
 
+double view_step_error(const struct view *view, uint32_t field, uint32_t band, uint32_t step)
+{
+    return tetlod_step_error(view->series, field, band, step);
+}
+
 /* Where the points are at the step, if they move. The cursor's mesh is at hand. */
 static enum tetlod_status take_points(struct view *view)
 {
