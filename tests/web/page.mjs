@@ -170,7 +170,8 @@ async function the_base_mesh_is_a_target() {
   await coarse.context().close();
 }
 
-// The server whose streams any origin may read shows the element; that of the other one gives way to what stands in it, the server's page.
+// The server whose streams any origin may read shows the element; that of the other one gives way to what stands in it,
+// the server's page.
 async function showsCells(url) {
   const notebook = await openPage(browser, origin);
   await notebook.route(/^https:/, (route) => route.fulfill({ contentType: 'text/javascript', body: '' })); // what nbconvert's pages load from elsewhere
@@ -247,6 +248,10 @@ async function what_is_loaded_is_small() {
   await all.context().close();
 }
 
-await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
-  lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  the_base_mesh_is_a_target, notebook_cells_show_the_stream, notebook_cells_of_a_file_show_the_stream, a_cell_says_what_it_needs, a_frame_that_is_shown_later, what_is_loaded_is_small]);
+await run([
+  catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged,
+  the_value_under_the_pointer, lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said,
+  every_control_has_a_name, nothing_went_wrong, the_base_mesh_is_a_target, notebook_cells_show_the_stream,
+  notebook_cells_of_a_file_show_the_stream, a_cell_says_what_it_needs, a_frame_that_is_shown_later,
+  what_is_loaded_is_small,
+]);

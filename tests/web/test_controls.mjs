@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Every control but those of layers does what it says: detail and colours, the camera, what leaves the page, values at places.
+// Every control but those of layers does what it says: detail and colours, the camera, what leaves the page, values at
+// places.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { firstPicture, noticed, openPage, settled } from './browser.mjs';
-import { becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, size, state, until } from './controls.mjs';
+import {
+  becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, size,
+  state, until,
+} from './controls.mjs';
 import { run } from './tap.mjs';
 
 async function the_error_has_a_slider_and_two_fields() {
@@ -502,7 +506,8 @@ async function values_are_probed() {
   await until(() => document.getElementById('probe').hidden);
 }
 
-// Probes that stay: their values are the mesh's at every level, within the bound, and the distance between them is a ruler's.
+// Probes that stay: their values are the mesh's at every level, within the bound, and the distance between them is a
+// ruler's.
 async function probes_stay() {
   await open('&pins=0.5,0.5,0.25');
   const first = page.locator('#pins .item').first();
@@ -559,7 +564,11 @@ async function fingers_turn_and_probe() {
   await touch.context().close();
 }
 
-await run([the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told, slow_frames_have_a_number, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
-  logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background, the_volume_fits_the_window, a_second_view_turns_along,
-  a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
-  values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of]);
+await run([
+  the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
+  slow_frames_have_a_number, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
+  logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
+  the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
+  surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
+  values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of,
+]);

@@ -366,6 +366,12 @@ async function a_silent_host_is_asked_again() {
   assert.match(retries[0], /a\.tetlod: no answer came for 30 s/);
 }
 
-await run([groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field, arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
-  polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
-  lines_are_seen_on_every_colour, numbers_as_people_read_them]);
+await run([
+  groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field,
+  arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment,
+  maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults,
+  a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed,
+  units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+  polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls, lines_are_seen_on_every_colour,
+  numbers_as_people_read_them,
+]);

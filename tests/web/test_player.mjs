@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The player of a series in time, in a browser: play, pause, loop, single steps, the time line, and a coarser band on a thin line.
+// The player of a series in time, in a browser: play, pause, loop, single steps, the time line, and a coarser band on a
+// thin line.
 import assert from 'node:assert/strict';
 import { execFileSync, spawnSync } from 'node:child_process';
 import { join } from 'node:path';
@@ -83,7 +84,8 @@ async function theRangeIsTheSeries() {
   assert.equal(await low(), before);
 }
 
-// What the state's fractions are of: over all steps at a step, of the first one at a level; as drawn, and as the panel says it.
+// What the state's fractions are of: over all steps at a step, of the first one at a level; as drawn, and as the panel
+// says it.
 async function valuesAreOfWhatIsShown() {
   await open('&isosurfaces=0.5&threshold=0.3,0.8&surface=solid&step=7');
   const checked = async () => {
@@ -136,7 +138,8 @@ async function playsAndLoops() {
 
 const groups = /bands\/(\d+)\/groups\/(\d+)/;
 
-// Groups of the wanted band and of finer ones but the first do not come until they are sent; the page plays from the last step that is there.
+// Groups of the wanted band and of finer ones but the first do not come until they are sent; the page plays from the
+// last step that is there.
 async function withoutTheNextGroups() {
   const { bands } = (await look()).series;
   const wanted = bands.findIndex(({ error }) => error === 0.01);
@@ -188,7 +191,8 @@ async function stepsThatDoNotComeAreCoarser() {
   assert.equal(await coarserForNow(await withoutTheNextGroups()), (await look()).series.group);
 }
 
-// A host that is silent: whoever waits is told so and can ask anew, which the host then answers; by single steps and while playing in the coarsest band.
+// A host that is silent: whoever waits is told so and can ask anew, which the host then answers; by single steps and
+// while playing in the coarsest band.
 async function aStepThatDoesNotComeIsAskedForAgain() {
   let silent;
   await page.route(groups, async (route) => {
@@ -236,5 +240,7 @@ async function pointsMove() {
   assert.deepEqual(page.complaints, []);
 }
 
-await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, valuesAreOfWhatIsShown, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser,
-  aStepThatDoesNotComeIsAskedForAgain]);
+await run([
+  stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, valuesAreOfWhatIsShown, playsAndLoops,
+  lateStepsAreCoarser, stepsThatDoNotComeAreCoarser, aStepThatDoesNotComeIsAskedForAgain,
+]);

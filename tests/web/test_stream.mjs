@@ -162,7 +162,8 @@ async function fieldsThatJoin() {
   host.close();
 }
 
-// Of several budgets a server's prefix takes one: the first levels come with the first answer, the others with the second.
+// Of several budgets a server's prefix takes one: the first levels come with the first answer, the others with the
+// second.
 // Whatever came is counted: of a file what its host sent, for a second worker, too; of a server also its description.
 async function everyByteIsCounted() {
   const host = await fileHost(bytes);
@@ -201,7 +202,8 @@ async function asksAhead() {
   let sent = null;
   let second;
   const asked = new Promise((resolve) => { second = resolve; });
-  // The first answer stops before its end until there is a second request; a client that waits for all of it gets it late.
+  // The first answer stops before its end until there is a second request; a client that waits for all of it gets it
+  // late.
   host.pace = (bytesSent) => (bytesSent >= 49152 ? Promise.race([asked, new Promise((resolve) => setTimeout(resolve, 60000).unref())]) : null);
   host.fault = (request, response, number) => {
     if (number === 2) {
@@ -646,6 +648,11 @@ async function aDecoderThatTraps() {
   host.close();
 }
 
-await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, everyByteIsCounted, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
-  waitsAsTheServerAsks, waitsNoLongerThanAMinute, framesBesideOtherPictures, aPictureOnTheWay, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
-  aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep, aDecoderThatTraps]);
+await run([
+  theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, everyByteIsCounted,
+  severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles,
+  brokenConnectionsLoseNothing, waitsAsTheServerAsks, waitsNoLongerThanAMinute, framesBesideOtherPictures,
+  aPictureOnTheWay, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream,
+  aStreamThatEndsTooEarly, aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep,
+  aDecoderThatTraps,
+]);

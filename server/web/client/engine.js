@@ -122,7 +122,10 @@ export class Engine {
     });
   }
 
-  /** The same for a step of a series, in a band or in the coarsest within an error; from the step before in `blend` milliseconds. */
+  /**
+   * The same for a step of a series, in a band or in the coarsest within an error; from the step before in `blend`
+   * milliseconds.
+   */
   async seekStep({ step, band, error = 0, blend = 0 }, id) {
     if (!this.#series) throw new RangeError('the stream is no series in time');
     const { times, bands } = await this.#series;
@@ -155,7 +158,10 @@ export class Engine {
     return this.#view.probe(point, this.#info.fields, this.#info.cellFields);
   }
 
-  /** The value that colours the pictures, along a segment: what is not drawn is a gap. `bounds`: the field's local bound at each end, if it is held. */
+  /**
+   * The value that colours the pictures, along a segment: what is not drawn is a gap. `bounds`: the field's local bound
+   * at each end, if it is held.
+   */
   line([from, to]) {
     if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0)) throw new RangeError('a line needs pictures with a field');
     this.#filter();
@@ -320,7 +326,8 @@ export class Engine {
     return series;
   }
 
-  // Of the fields that are decoded, and the one that moves the points, each by an address of its own, which caches keep.
+  // Of the fields that are decoded, and the one that moves the points, each by an address of its own, which caches
+  // keep.
   #readGroup({ fields, group: size, displacement }, band, group, signal) {
     const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
       .filter(({ name }) => !this.#fields || name === displacement || this.#fields.some((f) => this.#base.fields[f].name === name));
@@ -360,7 +367,8 @@ export class Engine {
     return change;
   }
 
-  // Within a band, values may pass into those of the next step: each moment is as near to the moment between the original's steps.
+  // Within a band, values may pass into those of the next step: each moment is as near to the moment between the
+  // original's steps.
   async #goToStep({ bands, times, fields }, pieces) {
     const { band, step, blend } = this.#time;
     const { level, error } = bands[band];
@@ -459,7 +467,8 @@ export class Engine {
         else if (this.#dirty) await this.#present(1);
         else await this.#settle();
       } catch (error) {
-        // No memory for a picture, most likely: the level before may have room for it, and a later request may try again.
+        // No memory for a picture, most likely: the level before may have room for it, and a later request may try
+        // again.
         this.#emit('error', { message: error.message });
         this.#aim(this.#shown = this.#view.level);
         this.#dirty = false;
@@ -515,14 +524,16 @@ export class Engine {
     return !this.#time && this.#view.level < this.#within;
   }
 
-  // Is it time for a picture of a level on the way? One of a finer level takes longer than the last one did, but not in proportion.
+  // Is it time for a picture of a level on the way? One of a finer level takes longer than the last one did, but not in
+  // proportion.
   get #isDue() {
     const { time, tets } = this.#drawing;
     const growth = Math.min(2, this.#info.levels[this.#view.level].tets / tets);
     return this.#since >= Math.max(slice, (growth * time) / share);
   }
 
-  // Levels up: all that are here, or until a picture is due. After each one messages are heard: somebody may want another picture or goal.
+  // Levels up: all that are here, or until a picture is due. After each one messages are heard: somebody may want
+  // another picture or goal.
   async #refine() {
     const from = this.#shown;
     while (!this.#closed && !this.#dirty && this.#isBehind && this.#step()) {
@@ -682,7 +693,8 @@ export class Engine {
     };
   }
 
-  // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's in a move.
+  // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's
+  // in a move.
   #drawZone({ field, component, value }, t) {
     const at = (level) => boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
     const { bound: fine, certified } = at(this.#shown);
@@ -696,7 +708,8 @@ export class Engine {
     return { bound, certified: certified && near, sides };
   }
 
-  // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is wanted.
+  // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is
+  // wanted.
   #drawVolume(t) {
     const { volume, shade, component, cellShade, cellComponent, threshold, regions, clip } = this.#spec;
     if (!volume) return null;

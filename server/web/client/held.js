@@ -10,7 +10,9 @@ export class Held {
   cid = '';
   levels = null;
 
-  /** `read(from, to, signal)`: bytes from `from` on, at least one and none from `to` on, or none at the stream's end. */
+  /**
+   * `read(from, to, signal)`: bytes from `from` on, at least one and none from `to` on, or none at the stream's end.
+   */
   constructor(read, { onBytes = () => {} } = {}) {
     this.#read = async (...range) => {
       const bytes = await read(...range);

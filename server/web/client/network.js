@@ -62,8 +62,10 @@ function parsed(bytes, url) {
 // Is it a stream of a server, which has a description and immutable URLs? Everything else is a file.
 const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
 
-// An answer that is fine, or why it is not. A browser does not say that a host forbids other origins: the message has to.
-// `signals`, of which some may be undefined, end the request, and so does a host that does not answer. Where signals cannot be
+// An answer that is fine, or why it is not. A browser does not say that a host forbids other origins: the message has
+// to.
+// `signals`, of which some may be undefined, end the request, and so does a host that does not answer. Where signals
+// cannot be
 // joined, in older browsers, a request that nobody waits for ends with the worker.
 async function ask(url, { signals, ...options }) {
   const stop = new AbortController();
@@ -135,7 +137,9 @@ export class Source {
     this.#early.catch(() => {}); // whoever needs it hears of it
   }
 
-  /** The next bytes from `position` on, of which those before `until` are needed: at least one, or none after pause(). */
+  /**
+   * The next bytes from `position` on, of which those before `until` are needed: at least one, or none after pause().
+   */
   read(position, until) {
     this.#paused = false;
     return this.#persist(async () => {
@@ -149,7 +153,10 @@ export class Source {
     });
   }
 
-  /** Bytes from elsewhere in the stream: by an address that a server has for just these, a function of its routes, else as a range. */
+  /**
+   * Bytes from elsewhere in the stream: by an address that a server has for just these, a function of its routes, else
+   * as a range.
+   */
   apart(offset, size, { addressOf = () => null, signal } = {}) {
     return this.#persist(async () => {
       if (this.#whole) return this.#whole.subarray(offset, offset + size);
@@ -184,7 +191,10 @@ export class Source {
     return bytes;
   }
 
-  /** Ends the requests under way, unless little is left of them or their bytes would have to be asked for from the start. */
+  /**
+   * Ends the requests under way, unless little is left of them or their bytes would have to be asked for from the
+   * start.
+   */
   pause() {
     const { at, end } = this.#answer ?? {};
     if (end !== Infinity && !(end - at <= OPENING)) {
@@ -314,7 +324,8 @@ export class Source {
     return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream), group: links.group && absolute(links.group) } };
   }
 
-  // The field by the description, which also knows the level of a target: the answer then has all that it takes. Where the
+  // The field by the description, which also knows the level of a target: the answer then has all that it takes. Where
+  // the
   // description cannot be had, or does not say which fields there are, all of them are wanted.
   async #chooseFirst() {
     const early = this.#early ??= this.#askDescription();

@@ -38,13 +38,19 @@ export class Groups {
   #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = new Map(); // of bands: {group, stop}
   received = 0; // bytes, of groups that were dropped, too
 
-  /** `read(band, group, signal)` resolves to pieces [{offset, bytes}]; `heard(band, error)` is called when they are there, or why they are not. */
+  /**
+   * `read(band, group, signal)` resolves to pieces [{offset, bytes}]; `heard(band, error)` is called when they are
+   * there, or why they are not.
+   */
   constructor(read, heard) {
     this.#read = read;
     this.#heard = heard;
   }
 
-  /** The pieces of the first of some groups, or null; what is missing of all of them is read from now on, and nothing else of their band. */
+  /**
+   * The pieces of the first of some groups, or null; what is missing of all of them is read from now on, and nothing
+   * else of their band.
+   */
   take(band, groups) {
     const reading = this.#reading.get(band)?.group;
     if (reading !== undefined && !groups.includes(reading)) this.#drop(band);

@@ -28,7 +28,8 @@ async function startForeign(cause) {
   return { worker: ofText(`import ${JSON.stringify(new URL('./worker.js', url).href)};`) };
 }
 
-// Where the worker's file is not to be had (a bundler that does not know it, a server for development), the copy in a module of ours is run.
+// Where the worker's file is not to be had (a bundler that does not know it, a server for development), the copy in a
+// module of ours is run.
 async function startCopy(cause) {
   const { source, wasm } = await import('./inline.js').catch(() => { throw cause; });
   return { worker: ofText(source), module: await WebAssembly.compile(wasm()) };
@@ -351,7 +352,8 @@ export class TetlodStream extends EventTarget {
     return this.#topologies.length ? { ...series, times: this.#topologies.flatMap(({ times }) => times) } : series;
   }
 
-  // What a worker says of its group's steps, in numbers that count through all groups; `steps`: from and to of those that are there.
+  // What a worker says of its group's steps, in numbers that count through all groups; `steps`: from and to of those
+  // that are there.
   #ofAll(detail, { topology = 0, series: { group, times } }) {
     const before = this.#stepsBefore(topology);
     const steps = detail.groups.map((g) => [before + g * group, before + Math.min((g + 1) * group, times.length)]);
@@ -411,17 +413,26 @@ export class TetlodStream extends EventTarget {
     return this.#call('mesh');
   }
 
-  /** Fetches the values of a field of cells, which are there from the event `cells` on. show() does so, too, for those that it needs. */
+  /**
+   * Fetches the values of a field of cells, which are there from the event `cells` on. show() does so, too, for those
+   * that it needs.
+   */
   loadCells(name) {
     return this.#call('loadCells', name);
   }
 
-  /** The values of a field of cells, of all the original's tetrahedra: a level's are the first. They come when they are first asked for. */
+  /**
+   * The values of a field of cells, of all the original's tetrahedra: a level's are the first. They come when they are
+   * first asked for.
+   */
   cells(name) {
     return this.#call('cells', name);
   }
 
-  /** {values: {field: [components]}, cells: {field: [components]}, tet} at a point of the mesh that is shown, or null outside of it. */
+  /**
+   * {values: {field: [components]}, cells: {field: [components]}, tet} at a point of the mesh that is shown, or null
+   * outside of it.
+   */
   probe(point) {
     return this.#call('probe', point);
   }

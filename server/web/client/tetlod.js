@@ -170,7 +170,10 @@ export class View {
     this.#code.view_forget(this.#view);
   }
 
-  /** Reads the table of steps, which is put. `fields`: as of open. {group, times, bands: [{error, level}], fields: [{name, range}]}. */
+  /**
+   * Reads the table of steps, which is put. `fields`: as of open. {group, times, bands: [{error, level}], fields:
+   * [{name, range}]}.
+   */
   series(fields) {
     const list = Uint32Array.from(fields ?? []);
     this.#check(this.#lend(list, (address) => this.#code.view_series(this.#view, address, fields ? list.length : NONE)));
@@ -188,7 +191,9 @@ export class View {
     return this.#code.view_step_error(this.#view, field, band, step);
   }
 
-  /** Shows a step in a band, at the band's level; with `move` on the way from the step that is shown, of the same level. */
+  /**
+   * Shows a step in a band, at the band's level; with `move` on the way from the step that is shown, of the same level.
+   */
   step(band, step, move = false) {
     this.#check((move ? this.#code.view_step_move : this.#code.view_step)(this.#view, band, step));
   }
@@ -244,7 +249,8 @@ export class View {
     return [...this.#doubles(this.#code.view_shade_range(this.#view), 2)];
   }
 
-  // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines; `margin`: WITH_MARGIN.
+  // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines;
+  // `margin`: WITH_MARGIN.
   #part({ lines = false, normals = false, keep = false, margin = false } = {}, make) {
     this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0) | (margin ? 4 : 0)));
     const [points, triangles, edges, ...at] = this.#words(this.#code.view_part(this.#view), 10);
@@ -336,7 +342,9 @@ export class View {
     return four;
   }
 
-  /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. `lengthOf`: as of flow(). */
+  /**
+   * What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. `lengthOf`: as of flow().
+   */
   rays({ keep = false, lengthOf = null } = {}) {
     const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes, ofTets, hasOfTets] = this.#rayData();
     const placed = {

@@ -4,7 +4,10 @@
 import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
+import {
+  colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf,
+  measuresOf, spanOf, targetFieldOf, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
+} from './levels.js';
 import { notice } from './notices.js';
 import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
@@ -203,7 +206,8 @@ export class Controls {
 
   // ---- layers
 
-  // What lies inside is hidden by a solid boundary: the first such layer opens it, or takes it away; the last one brings it back.
+  // What lies inside is hidden by a solid boundary: the first such layer opens it, or takes it away; the last one
+  // brings it back.
   setInner(patch) {
     const before = this.store.state;
     const inner = (s) => s.slices.length + s.isosurfaces.length + (s.volume ? 1 : 0) + (s.vectors === 'off' ? 0 : 1);

@@ -12,8 +12,10 @@ export const measureNames = {
 
 export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) => info.levels[0].errors[field]?.[m] !== undefined);
 
-// The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it (of a local
-// bound the one that it bounds), else the first controlled one. A field that is only drawn changes no level: what it would cost
+// The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it (of
+// a local
+// bound the one that it bounds), else the first controlled one. A field that is only drawn changes no level: what it
+// would cost
 // is asked first.
 export function targetFieldOf(info, { field, errorField }) {
   if (fieldOf(info, errorField)) return errorField;
@@ -29,7 +31,8 @@ function measureOf(info, field, measure) {
 
 export const measureFor = (info, state) => measureOf(info, targetFieldOf(info, state), state.measure);
 
-// The field whose error the panel shows: the drawn field, or the field that a drawn local bound bounds. And which error is known of it.
+// The field whose error the panel shows: the drawn field, or the field that a drawn local bound bounds. And which error
+// is known of it.
 export const shownField = (info, { field }) => fieldOf(info, field)?.bounds ?? field;
 export const shownMeasure = (info, state) => measureOf(info, shownField(info, state), state.measure);
 
@@ -107,7 +110,8 @@ export function colouredOf(info, state) {
 // The field that bounds the error of this one at every point, if the stream has it.
 export const localBoundOf = (info, name) => info.fields.find((f) => f.bounds === name)?.name;
 
-// How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser level has no bound: null.
+// How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser
+// level has no bound: null.
 // `local`: what the local bound says there, if it is known.
 export function boundShown(info, level, state, local) {
   const { field, cells, component } = colouredOf(info, state);

@@ -8,7 +8,10 @@ import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
 
-/** For each end of a piece: its distance, place, value, and the bounds of the original's: `bounds` has how far that may be off. */
+/**
+ * For each end of a piece: its distance, place, value, and the bounds of the original's: `bounds` has how far that may
+ * be off.
+ */
 export function rowsOf(from, to, ends, bounds) {
   const whole = length(add(to, from, -1));
   return Array.from({ length: ends.length / 2 }, (_, i) => {

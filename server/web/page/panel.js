@@ -8,7 +8,10 @@ import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownField, shownMeasure, spanOf, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
+import {
+  defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownField, shownMeasure, spanOf, targetFieldOf,
+  titleOf, unitOf, wantedLevel,
+} from './levels.js';
 import { button, clear, notice } from './notices.js';
 import { bytes, count, percent, roundedUp, significant } from './numbers.js';
 import { id, name, source, viewer } from './opened.js';
@@ -79,7 +82,8 @@ function tellShown() {
   byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;
 }
 
-// Frames a second while the picture moves. A pause of a quarter of a second is none, unless the camera is being moved meanwhile.
+// Frames a second while the picture moves. A pause of a quarter of a second is none, unless the camera is being moved
+// meanwhile.
 function countFrames() {
   let last = 0;
   let moving = false;

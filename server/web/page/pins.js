@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Probes that stay: values at places of the volume with what the level's error allows, and how far apart the places are.
+// Probes that stay: values at places of the volume with what the level's error allows, and how far apart the places
+// are.
 
 import { byId, coalesced, element } from './dom.js';
 import { add, length } from './geometry.js';
@@ -7,7 +8,8 @@ import { boundShown, colouredOf, localBoundOf, titleOf } from './levels.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
-// A line of text on its background, where the screen has it: `left` and the half of its height from the point that it marks.
+// A line of text on its background, where the screen has it: `left` and the half of its height from the point that it
+// marks.
 function drawLabel(context, part, left, origin) {
   const box = part.getBoundingClientRect();
   const { backgroundColor, borderRadius, color, font } = getComputedStyle(part);

@@ -9,7 +9,10 @@ import { bindSecondView } from './second_view.js';
 export class Tools {
   pictureSize = pictureSize;
 
-  /** `layer`: the element over the picture; `save(ending, blob)`; `pointer()`: where the pointer is in the picture, or null. */
+  /**
+   * `layer`: the element over the picture; `save(ending, blob)`; `pointer()`: where the pointer is in the picture, or
+   * null.
+   */
   constructor(viewer, { layer, save, pointer, canOpenAnother }) {
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);

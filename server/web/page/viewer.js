@@ -6,7 +6,9 @@ import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
-import { colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, wantedLevel } from './levels.js';
+import {
+  colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, wantedLevel,
+} from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
@@ -104,7 +106,10 @@ export class Viewer extends EventTarget {
     return this.level === level && this.#drawn === this.level && (!this.#inTime || (this.at?.step === step && this.at.band === this.wantedBand));
   }
 
-  /** The index with the errors of what is shown: at a step that stays they are the step's own, which the band's promise covers. */
+  /**
+   * The index with the errors of what is shown: at a step that stays they are the step's own, which the band's promise
+   * covers.
+   */
   get told() {
     if (!this.at || this.playing) return this.info;
     if (this.#toldAt !== this.at) this.#told = infoOfSteps(this.#index, this.series, this.at.band, this.at.errors);
@@ -121,7 +126,10 @@ export class Viewer extends EventTarget {
     return chooseBand(this.series, this.store.state.error, wantedLevel(this.info, { ...this.store.state, error: 0 }));
   }
 
-  /** Shows a step in a band; false: another one is shown instead. Of one that does not come 'waiting' tells, and 'waited' when that is over. */
+  /**
+   * Shows a step in a band; false: another one is shown instead. Of one that does not come 'waiting' tells, and
+   * 'waited' when that is over.
+   */
   async showStep(step, options) {
     for (;;) {
       const again = new AbortController();
@@ -164,7 +172,8 @@ export class Viewer extends EventTarget {
     return TetlodStream.open(source, { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
   }
 
-  // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field that is not there.
+  // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field
+  // that is not there.
   async #openStream(source, started) {
     const { field, isosurfaceField, vectorField } = this.store.state;
     const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field])] : 'first';
@@ -400,7 +409,8 @@ export class Viewer extends EventTarget {
 
   // ---- from the stream
 
-  // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
+  // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do
+  // not flicker.
   #takeShade({ field, cells, component, range: [low, high], sample }) {
     const fresh = !this.#isShade({ field, cells, component });
     const [least, most] = fresh ? [Infinity, -Infinity] : this.shade.range;
