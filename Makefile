@@ -86,7 +86,9 @@ PACKAGE_CFLAGS := $(shell $(PKG_CONFIG) --cflags $(PACKAGES) 2>/dev/null) $(OPTI
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES) 2>/dev/null) $(if $(filter 1,$(CGNS)),-lcgns) -lm
 
 # ---- sources and what is made of them
-FORMAT_SRC := $(sort $(wildcard format/*.c))
+FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
+# What no reader of levels needs: what writes, and what only this program asks of a stream
+WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary)
 LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
 BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/%,$(LIBRARY_SRC))
@@ -119,10 +121,11 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -lc-printscan-no-floating-point -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/lineage.c format/container.c format/prefix.c format/summary.c,$(FORMAT_SRC)) $(CUT_SRC)
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
 WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_steps) src/cut/line.c src/cut/normals.c \
-    $(patsubst %,format/%.c,base cell_steps cells feed header index parts section series series_cells spans status tail time_table topologies views cursor reader checksum)
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index section tail time_table topologies) \
+    $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -170,7 +173,7 @@ $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
 	@echo "  NPM $(WEB_DIR)"
 	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --loglevel=error >/dev/null && touch node_modules/.package-lock.json
 
-$(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefile
+$(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h format/*/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D)
 	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps)" >&2; exit 1; }
 	@echo "  WASM $@"
@@ -537,7 +540,6 @@ install-doc:
 
 ## amalgamation: the reader as two files, build/amalgamation/tetlod.c and tetlod.h, to be copied into another program
 .PHONY: amalgamation
-WRITING := $(addprefix format/,cells_write.c container.c grids.c lineage.c parts.c prefix.c summary.c writer.c)
 amalgamation:
 	$(Q)python3 format/amalgamate.py build/amalgamation $(filter-out $(WRITING),$(FORMAT_SRC))
 	@ls build/amalgamation/tetlod.[ch]

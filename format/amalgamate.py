@@ -6,12 +6,13 @@ In: the sources of format/ that read. Out: one file in which each header stands 
 as it is. Names that several sources keep to themselves get the source's name in front. Casts are added for C++.
 """
 import collections
+import glob
 import os
 import re
 import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"format/([\w.]+)"[^\n]*\n', re.M)
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"format/([\w./]+)"[^\n]*\n', re.M)
 TEXT = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'', re.S)
 POINTER = re.compile(r'^(\s+)((?:const )?(?:struct )?\w+ (?:const )?\*+(?:const )?)(\w+ = )(\w+;)', re.M)
 STATIC = re.compile(r'^(?:static|TETLODI_INLINE) [^;={(]*?\b(\w+)(?:\[[^\]]*\])*(?=\s*[(=;])', re.M)
@@ -111,15 +112,16 @@ def emit(name, text, done):
 
 
 def main():
-    out, sources = sys.argv[1], [os.path.basename(path) for path in sys.argv[2:]]
+    out, sources = sys.argv[1], [os.path.relpath(path, HERE) for path in sys.argv[2:]]
     texts = {name: read(name) for name in sources}
-    shared = own_names(''.join(read(name) for name in os.listdir(HERE) if name.endswith('.h')))
+    headers = glob.glob(os.path.join(HERE, '**', '*.h'), recursive=True)
+    shared = own_names(''.join(read(name) for name in headers))
     counts = collections.Counter(name for text in texts.values() for name in own_names(text))
     version = re.search(r'TETLOD_VERSION_STRING "(.*?)"', read('tetlod.h'))[1]
     done, parts = set(), [HEAD % version]
     for name, text in texts.items():
         clash = {own for own in own_names(text) if counts[own] > 1 or own in shared}
-        parts.append(emit(name, both_languages(renamed(text, clash, name[:-2] + '_')), done))
+        parts.append(emit(name, both_languages(renamed(text, clash, os.path.basename(name)[:-2] + '_')), done))
     os.makedirs(out, exist_ok=True)
     for name, text in (('tetlod.c', ''.join(parts)), ('tetlod.h', read('tetlod.h'))):
         with open(os.path.join(out, name), 'w', encoding='utf-8') as file:

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/prefix.h"
+#include "format/write/prefix.h"
 #include "src/forest/forest.h"
 #include "src/forest/region.h"
 #include "src/level/level_mesh.h"

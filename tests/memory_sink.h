@@ -3,7 +3,7 @@
 #ifndef TETLOD_MEMORY_SINK_H
 #define TETLOD_MEMORY_SINK_H
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 
 struct memory_sink {
     unsigned char *bytes; /* owned; free() */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/reader.h"
+#include "format/read/reader.h"
 
 struct reader {
     struct recode *out;

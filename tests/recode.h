@@ -4,7 +4,7 @@
 #ifndef TETLOD_RECODE_H
 #define TETLOD_RECODE_H
 
-#include "format/writer.h"
+#include "format/write/writer.h"
 
 struct recode {
     struct tetlodi_write_input input; /* its arrays are owned by this */

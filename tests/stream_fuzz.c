@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/index.h"
-#include "format/time_table.h"
+#include "format/coding/index.h"
+#include "format/coding/time_table.h"
 #include "tests/level_fuzz.h"
 
 static void demand(int condition)

@@ -3,7 +3,7 @@
 #ifndef TETLOD_SERVER_BUFFER_H
 #define TETLOD_SERVER_BUFFER_H
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 #include "server/http/coding.h"
 
 struct buffer {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 
 static int hex_digit(char c)
 {

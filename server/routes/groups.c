@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/reader.h"
+#include "format/read/reader.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/stored.h"

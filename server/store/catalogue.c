@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
 #include "src/util/hash.h"

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "format/parts.h"
+#include "format/read/parts.h"
 #include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"

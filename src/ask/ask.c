@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/summary.h"
+#include "format/read/summary.h"
 #include "src/util/array.h"
 
 /* A question about one stream. */

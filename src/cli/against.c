@@ -15,7 +15,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/grids.h"
+#include "format/read/grids.h"
 #include "src/cli/tolerance.h"
 #include "src/log/coarsening.h"
 #include "src/measure/boundary_check.h"

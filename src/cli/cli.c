@@ -16,7 +16,7 @@
 #endif
 
 #include "format/fail.h"
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 #include "src/io/io.h"
 #include "src/stream/selection.h"
 #include "src/util/number_text.h"

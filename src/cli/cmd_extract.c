@@ -6,7 +6,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "format/prefix.h"
+#include "format/write/prefix.h"
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/cli/mail.h"
 
-#include "format/prefix.h"
+#include "format/write/prefix.h"
 #include "format/fail.h"
 
 static const double FIELD_SHARE = 0.1;

@@ -4,8 +4,8 @@
 #ifndef TETLOD_MAIL_H
 #define TETLOD_MAIL_H
 
-#include "format/bytes.h"
-#include "format/writer.h"
+#include "format/common/bytes.h"
+#include "format/common/sink.h"
 #include "src/pipeline/quantise.h"
 
 #define MAIL_ERROR 0.01

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 #include "src/io/io.h"
 #include "src/util/file.h"
 #include "src/util/put.h"

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "format/grids.h"
+#include "format/read/grids.h"
 #include "src/level/metadata.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"

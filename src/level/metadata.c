@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 #include "src/util/json_text.h"
 
 static char *put_character(char *out, uint32_t code)

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 

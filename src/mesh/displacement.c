@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/mesh/tet_geom.h"
 
 /* The same tetrahedron, or the one with its last corners exchanged, as reading turns inverted cells (cell_tet_turn). */

@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-#include "format/round.h"
+#include "format/common/round.h"
 #include "format/tetlod.h"
 
 struct grid {

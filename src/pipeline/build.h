@@ -3,7 +3,7 @@
 #ifndef TETLOD_BUILD_H
 #define TETLOD_BUILD_H
 
-#include "format/writer.h"
+#include "format/write/writer.h"
 #include "src/log/contraction_log.h"
 #include "src/pipeline/field_cost.h"
 #include "src/pipeline/quantise.h"

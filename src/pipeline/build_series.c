@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/time_table.h"
+#include "format/coding/time_table.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/series_parts.h"

@@ -8,7 +8,7 @@
 #ifndef TETLOD_BUILD_SERIES_H
 #define TETLOD_BUILD_SERIES_H
 
-#include "format/writer.h"
+#include "format/write/writer.h"
 #include "src/log/contraction_log.h"
 #include "src/pipeline/build.h"
 #include "src/simplify/simplify.h"

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/allowance.h"
+#include "format/common/allowance.h"
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/series_parts.h"

@@ -2,7 +2,7 @@
 /*
  * In batches of whole groups the steps are retraced. At the mark of each band the living nodes have L and U of every
  * step: the values that are stored lie where both are within the band's error, on the band's grid, and cost least to
- * tell (format/step_code.h). Frames wait in a file for each control and band, so that memory does not grow with the
+ * tell (format/coding/step_code.h). Frames wait in a file for each control and band, so that memory does not grow with the
  * steps.
  */
 #include <float.h>
@@ -12,8 +12,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/step_code.h"
-#include "format/time_table.h"
+#include "format/coding/step_code.h"
+#include "format/coding/time_table.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"

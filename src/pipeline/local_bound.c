@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/writer.h"
+#include "format/write/writer.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 

@@ -3,7 +3,7 @@
 #ifndef TETLOD_MAKE_SUMMARY_H
 #define TETLOD_MAKE_SUMMARY_H
 
-#include "format/summary.h"
+#include "format/read/summary.h"
 #include "src/log/contraction_log.h"
 #include "src/mesh/tetmesh.h"
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/util/array.h"
 
 /* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error

@@ -3,7 +3,7 @@
 #ifndef TETLOD_SERIES_PARTS_H
 #define TETLOD_SERIES_PARTS_H
 
-#include "format/cell_steps.h"
+#include "format/coding/cell_steps.h"
 #include "src/pipeline/build_series.h"
 #include "src/simplify/retrace.h"
 #include "src/util/spool.h"

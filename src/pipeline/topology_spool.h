@@ -4,8 +4,9 @@
 #ifndef TETLOD_TOPOLOGY_SPOOL_H
 #define TETLOD_TOPOLOGY_SPOOL_H
 
-#include "format/topologies.h"
-#include "format/writer.h"
+#include "format/coding/topologies.h"
+#include "format/common/sink.h"
+#include "format/write/write_input.h"
 #include "src/util/spool.h"
 
 struct topology_spool {

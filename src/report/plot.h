@@ -4,7 +4,7 @@
 #ifndef TETLOD_PLOT_H
 #define TETLOD_PLOT_H
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 
 /* Every measure of the field that the index has is a line; errors of 0 have no place on a logarithmic axis and are left
  * out. `id` names the stream. The same index gives the same bytes. ERR_NOMEM, or what the sink returned. */

@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 
 /* Reads a regular file into an exact-size heap block that the caller frees. ERR_IO names path and reason. */
 TETLOD_CHECKED enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size,

@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 
 enum { MAX_DEPTH = 1024 }; /* of objects and arrays in each other: the stack is finite */
 

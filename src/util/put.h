@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 
 struct put {
     const struct tetlodi_sink *sink;

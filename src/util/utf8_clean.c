@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "format/utf8.h"
+#include "format/common/utf8.h"
 
 void utf8_clean(char *text)
 {

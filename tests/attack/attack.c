@@ -17,7 +17,7 @@
 #include <sys/wait.h>
 
 #include "format/tetlod.h"
-#include "format/writer.h"
+#include "format/write/writer.h"
 #include "tests/attack/falsify.h"
 #include "tests/attack/oracle.h"
 #include "tests/attack/boxed.h"

@@ -11,11 +11,11 @@
 static void count_bit(const void *model, unsigned chance, unsigned plain);
 #define TETLODI_COUNT(model, chance, plain) count_bit(model, chance, plain)
 
-#include "format/base.c"
-#include "format/cursor.c"
-#include "format/record.c"
-#include "format/record_fields.c"
-#include "format/tail.c"
+#include "format/coding/base.c"
+#include "format/read/cursor.c"
+#include "format/coding/record.c"
+#include "format/coding/record_fields.c"
+#include "format/coding/tail.c"
 
 enum { SLOTS = 1 << 20 }; /* more than there are models */
 

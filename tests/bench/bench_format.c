@@ -12,7 +12,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "format/reader.h"
+#include "format/read/reader.h"
 #include "tests/memory_sink.h"
 #include "tests/recode.h"
 

@@ -10,8 +10,8 @@ import subprocess
 from tap import finish, report
 
 ROOT = os.environ.get('ROOT', '.')
-SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '*.c'))) + [os.path.join(ROOT, 'tests', 'unit',
-                                                                                 'test_golden.c')]
+SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '**', '*.c'), recursive=True))
+SOURCES.append(os.path.join(ROOT, 'tests', 'unit', 'test_golden.c'))
 
 
 def build(name, compiler, *flags):
@@ -44,7 +44,7 @@ for flag in ('-ffast-math', '-fassociative-math -fno-signed-zeros -fno-trapping-
     for compiler in ('gcc', 'clang'):
         if shutil.which(compiler) and (compiler == 'gcc' or flag == '-ffast-math'):
             said = subprocess.run([compiler, *flag.split(), '-I', ROOT, '-fsyntax-only',
-                                   os.path.join(ROOT, 'format', 'record.c')],
+                                   os.path.join(ROOT, 'format', 'coding', 'record.c')],
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
             report('%s %s is refused' % (compiler, flag), said.returncode and
                    'tetlod must not be compiled' in said.stdout, said.stdout)

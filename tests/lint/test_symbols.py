@@ -30,8 +30,8 @@ def complaint(compiler, language, standard, header):
 
 
 def check_headers():
-    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'src/*/*',
-                                                                                      'server', 'server/*', 'server/web/wasm')), []))
+    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in (
+        'format', 'format/*', 'src/*', 'src/*/*', 'server', 'server/*', 'server/web/wasm')), []))
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         found = sum(pool.map(lambda h: complaint('cc', 'c', 'c11', h), headers), [])
     report('each of %d headers compiles alone' % len(headers), found if headers else ['there are none'])
@@ -68,9 +68,8 @@ def check_exports():
 
 def check_data():
     found = []
-    for path in glob.glob(os.path.join(BUILT, 'format/*.o')) + glob.glob(os.path.join(BUILT, 'src/**/*.o'),
-                                                                         recursive=True) + \
-            glob.glob(os.path.join(BUILT, 'server/**/*.o'), recursive=True):
+    for path in [path for top in ('format', 'src', 'server')
+                 for path in glob.glob(os.path.join(BUILT, top, '**/*.o'), recursive=True)]:
         source = os.path.join(ROOT, os.path.relpath(path, BUILT)[:-2] + '.c')
         if os.path.basename(path) in MUTABLE or not os.path.exists(source):
             continue

@@ -227,7 +227,7 @@ mutant('rounding is outside the limit', 'src/pipeline/limits.c', '*limit -= lost
        'a limit holds with what rounding takes', 'cli/test_promise.py')
 mutant('a vector without its share', 'src/pipeline/control.c', 'return (own > 0 && whole > 0 ? smaller(own / whole, 1) : 1) / sqrt(mesh->fields[vector].components);',
        '(void)own;\n    (void)whole;\n    return 1;', "a magnitude's promise holds for the vector", 'cli/test_promise.py')
-mutant('one range for all fields', 'format/reader.c', 'info->fields[f].range[1] - info->fields[f].range[0] : 1;', 'info->fields[0].range[1] - info->fields[0].range[0] : 1;',
+mutant('one range for all fields', 'format/read/reader.c', 'info->fields[f].range[1] - info->fields[f].range[0] : 1;', 'info->fields[0].range[1] - info->fields[0].range[0] : 1;',
        'an absolute error is of every field in its own range', 'unit/test_choices')
 
 # ---- verify

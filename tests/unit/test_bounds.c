@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "format/allowance.h"
-#include "format/cursor.h"
-#include "format/reader.h"
+#include "format/common/allowance.h"
+#include "format/read/cursor.h"
+#include "format/read/reader.h"
 #include "tests/gen.h"
 #include "tests/heap.h"
 #include "tests/memory_sink.h"

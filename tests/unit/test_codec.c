@@ -3,11 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/allowance.h"
-#include "format/cursor.h"
+#include "format/common/allowance.h"
+#include "format/read/cursor.h"
 #include "format/fail.h"
-#include "format/reader.h"
-#include "format/writer.h"
+#include "format/read/reader.h"
+#include "format/write/writer.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"

@@ -3,10 +3,10 @@
 #include <float.h>
 #include <stdlib.h>
 
-#include "format/checksum.h"
-#include "format/coder.h"
-#include "format/pack.h"
-#include "format/values.h"
+#include "format/common/checksum.h"
+#include "format/common/coder.h"
+#include "format/common/pack.h"
+#include "format/common/values.h"
 #include "tests/gen.h"
 #include "tests/test.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/checksum.h"
+#include "format/common/checksum.h"
 #include "tests/test.h"
 
 #include "format/tetlod.h"

@@ -9,7 +9,7 @@
 
 #include <stdbool.h>
 
-#include "format/bytes.h"
+#include "format/common/bytes.h"
 #include "src/cut/cut.h"
 #include "src/cut/line.h"
 #include "src/cut/rays.h"

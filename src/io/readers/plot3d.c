@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/io/services/file_values.h"
 #include "src/io/readers/readers.h"
 #include "src/util/array.h"

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/io/services/assemble.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/cell_lattice.h"

@@ -3,7 +3,7 @@
 #ifndef TETLOD_IO_WRITERS_H
 #define TETLOD_IO_WRITERS_H
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 #include "src/mesh/tetmesh.h"
 
 /* A unit in the XML of an array of VTK's: the text between. */

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "format/round.h"
+#include "format/common/round.h"
 #include "src/mesh/tet_geom.h"
 
 double field_middle(const double range[2])

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A cursor, as what moves it and what looks at it see it. Not installed. */
+#ifndef TETLOD_CURSOR_H
+#define TETLOD_CURSOR_H
+
+#include "format/coding/record.h"
+#include "format/common/threads.h"
+#include "format/read/reader.h"
+
+struct tetlod_cursor {
+    struct tetlod_file *file; /* borrowed */
+    struct tetlodi_memory memory;
+    struct tetlodi_column *columns; /* positions, then the selected fields */
+    uint32_t *parts;                /* [column] the part of each level that holds it */
+    const double **fields;          /* [field_count] for tetlod_cursor_mesh */
+    struct tetlodi_replay replay;
+    struct tetlodi_recorder recorder;
+    uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
+    uint32_t loading;  /* the level whose frames are being read */
+    uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
+    struct tetlodi_helpers *helpers; /* while tetlod_cursor_seek decodes; NULL: none */
+    struct tetlodi_field_log *decoding; /* what fields are being decoded from; NULL: nothing, and both logs are empty */
+    struct tetlod_error *errors;     /* [column] of tasks */
+    uint8_t **frames;          /* [column] of the level that is being decoded, if any */
+    uint64_t frame_bytes;      /* theirs */
+    int exact;               /* fields have the tail's values: level is the last */
+    enum tetlod_status broken; /* why no level above `decoded` can be had */
+    struct tetlod_error damage;
+};
+
+static inline int is_tail(const struct tetlod_cursor *cursor, uint32_t level)
+{
+    return cursor->file->index.tail && level + 1 == cursor->file->index.info.level_count;
+}
+
+#endif

@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A stream that arrives in pieces: what has come is kept, and is a prefix of the stream that a file reads from. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "format/read/reader.h"
+
+/* Bytes of the stream that came out of turn. */
+struct piece {
+    struct piece *next;
+    uint64_t offset;
+    size_t size;
+    uint8_t bytes[];
+};
+
+struct tetlod_feed {
+    struct tetlodi_buffer bytes; /* what was added */
+    uint64_t dropped;            /* bytes that were added before those */
+    uint64_t end;                /* of the stream as far as it is there; further on if frames are left out */
+    struct tetlod_options options;
+    struct tetlod_file *file;
+    bool selects;
+    struct tetlodi_buffer names; /* of the selected fields, each ended by NUL */
+    bool *skipped;               /* [1 + field_count], if it selects: what is left out of every level */
+    uint64_t *left_out;          /* [frames + 1] bytes that are left out before each */
+    size_t frame;                /* that the next byte belongs to */
+    struct piece *pieces;
+};
+
+enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod_options *options,
+                                   struct tetlod_error *error)
+{
+    *out = calloc(1, sizeof **out);
+    if (!*out)
+        return tetlodi_fail_nomem(error, "a stream", sizeof **out);
+    (*out)->options = tetlodi_options(options);
+    return TETLOD_OK;
+}
+
+static void close_file(struct tetlod_feed *feed)
+{
+    tetlod_close(feed->file);
+    free(feed->skipped);
+    free(feed->left_out);
+    feed->file = NULL;
+    feed->skipped = NULL;
+    feed->left_out = NULL;
+}
+
+void tetlod_feed_free(struct tetlod_feed *feed)
+{
+    if (!feed)
+        return;
+    tetlod_feed_forget(feed);
+    close_file(feed);
+    tetlodi_buffer_fini(&feed->bytes);
+    tetlodi_buffer_fini(&feed->names);
+    free(feed);
+}
+
+/* The first frame that ends behind one of the stream's bytes. */
+static size_t frame_at(const struct tetlodi_index *index, uint64_t offset)
+{
+    size_t low = 0, high = index->info.level_count * (1 + (size_t)index->info.field_count);
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (index->frames[middle].offset + index->frames[middle].size <= offset)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+static const struct piece *find_piece(const struct tetlod_feed *feed, uint64_t offset, size_t size)
+{
+    const struct piece *piece = feed->pieces;
+    while (piece && (offset < piece->offset || size > piece->size || offset - piece->offset > piece->size - size))
+        piece = piece->next;
+    return piece;
+}
+
+/* A part of the stream that is there, if it is not left out. */
+static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct tetlod_feed *feed = opaque;
+    const struct piece *piece = find_piece(feed, offset, size);
+    if (piece) {
+        memcpy(buffer, piece->bytes + (offset - piece->offset), size);
+        return TETLOD_OK;
+    }
+    if (feed->left_out) {
+        const struct tetlodi_index *index = &feed->file->index;
+        size_t frame = frame_at(index, offset), part = frame % (1 + (size_t)index->info.field_count);
+        if (feed->skipped[part] && size)
+            return TETLOD_ERR_FIELD;
+        offset -= feed->left_out[frame];
+    }
+    if (size && (offset < feed->dropped || offset - feed->dropped > feed->bytes.size ||
+                 size > feed->bytes.size - (offset - feed->dropped)))
+        return TETLOD_ERR_TRUNCATED;
+    if (size)
+        memcpy(buffer, feed->bytes.bytes + (offset - feed->dropped), size);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *const *names, uint32_t count,
+                                      struct tetlod_error *error)
+{
+    feed->selects = true;
+    for (uint32_t i = 0; i < count; i++)
+        tetlodi_put_block(&feed->names, names[i], strlen(names[i]) + 1);
+    return feed->names.failed ? tetlodi_fail_nomem(error, "the names of fields", feed->names.size) : TETLOD_OK;
+}
+
+/* Which frames of a level are left out, and how many bytes before each frame of the stream. */
+static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &feed->file->index;
+    size_t parts = 1 + (size_t)index->info.field_count, frames = index->info.level_count * parts;
+    feed->skipped = malloc(parts * sizeof *feed->skipped);
+    feed->left_out = malloc((frames + 1) * sizeof *feed->left_out);
+    if (!feed->skipped || !feed->left_out)
+        return tetlodi_fail_nomem(error, "a selection of fields", frames * sizeof *feed->left_out);
+    for (size_t part = 0; part < parts; part++)
+        feed->skipped[part] = part > 0;
+    for (size_t at = 0; at < feed->names.size; at += strlen((const char *)feed->names.bytes + at) + 1) {
+        const char *name = (const char *)feed->names.bytes + at;
+        uint32_t field = tetlod_field_index(&index->info, name);
+        if (field == TETLOD_NONE)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "the stream has no field '%.128s'", name);
+        feed->skipped[1 + field] = false;
+    }
+    feed->left_out[0] = 0;
+    for (size_t i = 0; i < frames; i++)
+        feed->left_out[i + 1] = feed->left_out[i] + (feed->skipped[i % parts] ? index->frames[i].size : 0);
+    return TETLOD_OK;
+}
+
+/* Bytes from the beginning that are sure to be wanted before the file can be opened: the header, then all before level
+ * 0. */
+static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, struct tetlod_error *error)
+{
+    struct tetlodi_header header;
+    *out = HEADER_SIZE;
+    if (feed->bytes.size < HEADER_SIZE)
+        return TETLOD_OK;
+    TETLOD_TRY(tetlodi_header_decode(&header, feed->bytes.bytes, error));
+    *out = tetlodi_header_head(&header);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status put(struct tetlod_feed *feed, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+{
+    uint64_t most = feed->options.max_bytes;
+    if (size > most - (feed->bytes.size < most ? feed->bytes.size : most))
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the stream is longer than the %llu bytes allowed",
+                            (unsigned long long)most);
+    tetlodi_put_block(&feed->bytes, bytes, size);
+    if (feed->bytes.failed)
+        return tetlodi_fail_nomem(error, "the stream", feed->bytes.size + (uint64_t)size);
+    feed->end += size;
+    return TETLOD_OK;
+}
+
+/* Takes what belongs to header and index, and opens the file when that is all. */
+static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **bytes, size_t *size,
+                                     struct tetlod_error *error)
+{
+    for (;;) {
+        uint64_t end;
+        TETLOD_TRY(wanted(feed, &end, error));
+        if (feed->bytes.size == end)
+            break;
+        size_t taken = end - feed->bytes.size < *size ? (size_t)(end - feed->bytes.size) : *size;
+        if (!taken)
+            return TETLOD_MORE;
+        TETLOD_TRY(put(feed, *bytes, taken, error));
+        *bytes += taken;
+        *size -= taken;
+    }
+    const struct tetlod_source source = {read_fed, feed, feed->end};
+    TETLOD_TRY(tetlod_open(&feed->file, &source, &feed->options, error));
+    enum tetlod_status status = feed->selects ? find_skipped(feed, error) : TETLOD_OK;
+    if (status != TETLOD_OK)
+        close_file(feed);
+    return status;
+}
+
+/* Takes bytes for the frames that they are of, and passes those between. */
+static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *bytes, size_t size,
+                                      struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &feed->file->index;
+    size_t parts = 1 + (size_t)index->info.field_count;
+    for (; feed->frame < index->info.level_count * parts; feed->frame++) {
+        const struct tetlodi_frame *frame = &index->frames[feed->frame];
+        uint64_t rest = frame->offset + frame->size - feed->end;
+        if (feed->skipped[feed->frame % parts]) {
+            feed->end += rest;
+            continue;
+        }
+        size_t taken = rest < size ? (size_t)rest : size;
+        TETLOD_TRY(put(feed, bytes, taken, error));
+        bytes += taken;
+        size -= taken;
+        if (taken < rest)
+            return TETLOD_OK;
+    }
+    return put(feed, bytes, size, error);
+}
+
+/* What the file believes to be there: read_fed knows better. */
+static void set_size(struct tetlod_feed *feed)
+{
+    uint64_t end = feed->end;
+    for (const struct piece *piece = feed->pieces; piece; piece = piece->next)
+        end = piece->offset + piece->size > end ? piece->offset + piece->size : end;
+    feed->file->source.size = end;
+}
+
+enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, size_t size, struct tetlod_error *error)
+{
+    const uint8_t *at = bytes;
+    if (!feed->file)
+        TETLOD_TRY(take_index(feed, &at, &size, error));
+    TETLOD_TRY(feed->selects ? take_frames(feed, at, size, error) : put(feed, at, size, error));
+    if (feed->end > feed->file->index.info.bytes)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",
+                            (unsigned long long)(feed->end - feed->file->index.info.bytes));
+    set_size(feed);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size,
+                                   struct tetlod_error *error)
+{
+    uint64_t whole = feed->file ? feed->file->index.info.bytes : 0;
+    if (offset > whole || size > whole - offset)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream has no %zu bytes at %llu", size,
+                            (unsigned long long)offset);
+    struct piece *piece = malloc(sizeof *piece + size);
+    if (!piece)
+        return tetlodi_fail_nomem(error, "a part of the stream", size);
+    *piece = (struct piece){feed->pieces, offset, size};
+    if (size)
+        memcpy(piece->bytes, bytes, size);
+    feed->pieces = piece;
+    set_size(feed);
+    return TETLOD_OK;
+}
+
+void tetlod_feed_forget(struct tetlod_feed *feed)
+{
+    while (feed->pieces) {
+        struct piece *next = feed->pieces->next;
+        free(feed->pieces);
+        feed->pieces = next;
+    }
+    if (feed->file)
+        set_size(feed);
+}
+
+struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed)
+{
+    return feed->file;
+}
+
+uint32_t tetlod_feed_level(const struct tetlod_feed *feed)
+{
+    uint32_t level = TETLOD_NONE;
+    const struct tetlod_info *info = feed->file ? tetlod_info(feed->file) : NULL;
+    for (uint32_t k = 0; info && k < info->level_count && info->levels[k].end <= feed->end; k++)
+        level = k;
+    return level;
+}
+
+uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level)
+{
+    const struct tetlod_info *info = tetlod_info(feed->file);
+    size_t frames = (level + (size_t)1) * (1 + (size_t)info->field_count);
+    return info->levels[level].end - (feed->left_out ? feed->left_out[frames] : 0);
+}
+
+void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level)
+{
+    uint64_t end = tetlod_feed_bytes(feed, level);
+    if (end <= feed->dropped || end - feed->dropped > feed->bytes.size)
+        return;
+    struct tetlodi_buffer rest = {0};
+    size_t gone = (size_t)(end - feed->dropped);
+    tetlodi_put_block(&rest, feed->bytes.bytes + gone, feed->bytes.size - gone);
+    if (rest.failed)
+        return; // what was to give back memory stays without harm
+    tetlodi_buffer_fini(&feed->bytes);
+    feed->bytes = rest;
+    feed->dropped = end;
+}

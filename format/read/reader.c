@@ -1,0 +1,362 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/read/reader.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/coding/cells.h"
+#include "format/coding/order.h"
+#include "format/coding/topologies.h"
+#include "format/common/allowance.h"
+#include "format/common/arithmetic.h"
+#include "format/common/checksum.h"
+#include "format/common/pack.h"
+#include "format/fail.h"
+
+static const uint64_t DEFAULT_BYTES = (uint64_t)16 << 30;
+
+struct tetlod_options tetlodi_options(const struct tetlod_options *options)
+{
+    struct tetlod_options all = {0};
+    if (options)
+        memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
+    all.struct_size = sizeof all;
+    all.max_bytes = all.max_bytes ? all.max_bytes : DEFAULT_BYTES;
+    return all;
+}
+
+uint64_t tetlodi_memory_limit(const struct tetlod_file *file)
+{
+    uint64_t most = limit_of(MEMORY_FREE, MEMORY_PER_BYTE, file->index.info.bytes);
+    return most < file->options.max_bytes ? most : file->options.max_bytes;
+}
+
+/* Stored bytes of the source, in a block that the caller frees. */
+static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t offset, uint64_t stored, uint8_t **out,
+                                      struct tetlod_error *error)
+{
+    size_t size = (size_t)stored;
+    *out = NULL;
+    if (stored > file->options.max_bytes || stored > SIZE_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "a part of the stream has %llu bytes, more than the memory allowed",
+                            (unsigned long long)stored);
+    if (offset > file->source.size || size > file->source.size - offset) {
+        enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
+                                                 "the stream ends at byte %llu, before byte %llu that it should have",
+                                                 (unsigned long long)file->source.size,
+                                                 (unsigned long long)(offset + size));
+        if (error)
+            error->offset = file->source.size;
+        return status;
+    }
+    *out = malloc(size ? size : 1);
+    if (!*out)
+        return tetlodi_fail_nomem(error, "a part of the stream", size);
+    enum tetlod_status status = size ? file->source.read(file->source.opaque, offset, *out, size) : TETLOD_OK;
+    if (status != TETLOD_OK) {
+        free(*out);
+        *out = NULL;
+        return tetlodi_fail(error, status, "cannot read %zu bytes at %llu of the stream", size,
+                            (unsigned long long)offset);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status fail_digest(const struct tetlodi_frame *frame, const char *what, struct tetlod_error *error)
+{
+    tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "%s, bytes %llu to %llu: the checksum does not match", what,
+                 (unsigned long long)frame->offset, (unsigned long long)(frame->offset + frame->size));
+    if (error)
+        error->offset = frame->offset;
+    return TETLOD_ERR_CHECKSUM;
+}
+
+enum tetlod_status tetlodi_read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
+                                     const char *what, uint8_t **out, struct tetlod_error *error)
+{
+    uint8_t digest[DIGEST_SIZE];
+    TETLOD_TRY(read_stored(file, frame->offset, frame->size, out, error));
+    tetlodi_digest(*out, (size_t)frame->size, digest);
+    if (memcmp(digest, frame->digest, sizeof digest) == 0)
+        return TETLOD_OK;
+    free(*out);
+    *out = NULL;
+    return fail_digest(frame, what, error);
+}
+
+enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part, uint8_t **out,
+                                      size_t *out_size, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    const struct tetlodi_frame *frame = &file->index.frames[(size_t)level * (info->field_count + 1) + part];
+    char what[96];
+    snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
+    *out_size = (size_t)frame->size;
+    return tetlodi_read_part(file, frame, what, out, error);
+}
+
+/* ---- sections */
+
+/* A section as it was before it was packed, with room for its bytes at `out`. */
+static enum tetlod_status read_section_into(const struct tetlod_file *file, const struct tetlodi_section *section,
+                                            uint8_t *out,
+                                            struct tetlod_error *error)
+{
+    char what[32];
+    uint8_t *stored;
+    enum tetlod_status status = TETLOD_OK;
+    snprintf(what, sizeof what, "section %s", section->tag);
+    TETLOD_TRY(tetlodi_read_part(file, &section->frame, what, &stored, error));
+    if (section->flags & SECTION_PACKED)
+        status = tetlodi_unpack(stored, (size_t)section->frame.size, out, (size_t)section->plain, error);
+    else
+        memcpy(out, stored, (size_t)section->plain);
+    free(stored);
+    return status;
+}
+
+/* The same with a NUL behind, in a block that the caller frees. */
+enum tetlod_status tetlodi_read_section(const struct tetlod_file *file, const struct tetlodi_section *section,
+                                        uint8_t **out, struct tetlod_error *error)
+{
+    *out = NULL;
+    if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "section %s has %llu bytes, more than the memory allowed",
+                            section->tag,
+                            (unsigned long long)section->plain);
+    uint8_t *bytes = malloc((size_t)section->plain + 1);
+    if (!bytes)
+        return tetlodi_fail_nomem(error, section->tag, section->plain);
+    enum tetlod_status status = read_section_into(file, section, bytes, error);
+    bytes[section->plain] = 0;
+    if (status == TETLOD_OK)
+        *out = bytes;
+    else
+        free(bytes);
+    return status;
+}
+
+enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out,
+                                       struct tetlod_error *error)
+{
+    if (section >= file->index.info.section_count)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no section number %u", section);
+    return read_section_into(file, &file->index.sections[section], (uint8_t *)out, error);
+}
+
+uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag)
+{
+    for (uint32_t i = 0; i < info->section_count; i++)
+        if (strcmp(info->sections[i].tag, tag) == 0)
+            return i;
+    return TETLOD_NONE;
+}
+
+enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets, uint8_t *corners,
+                                struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count, TAG_ORDER);
+    struct tetlodi_order order = {info->vertices, info->tets, vertices, tets, corners};
+    struct tetlodi_coder coder;
+    uint8_t *bytes;
+    if (!section)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "the stream does not keep the original order (build --keep-order does)");
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
+    tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
+    int good = tetlodi_order_code(&coder, &order);
+    while (good && coder.at < coder.end)
+        good = *coder.at++ == 0;
+    free(bytes);
+    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
+}
+
+/* ---- opening */
+
+static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_error *error)
+{
+    struct tetlod_info *info = &file->index.info;
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count,
+                                                                 TAG_METADATA);
+    uint8_t *bytes = NULL;
+    info->metadata = "";
+    if (!section)
+        return TETLOD_OK;
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
+    file->index.metadata = (char *)bytes;
+    info->metadata = file->index.metadata;
+    info->metadata_size = (size_t)section->plain;
+    return TETLOD_OK;
+}
+
+/* Decodes the first section with a tag, if there is one, into the index. */
+static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
+                                     enum tetlod_status (*decode)(struct tetlodi_index *, const uint8_t *, size_t,
+                                                                  struct tetlod_error *),
+                                     struct tetlod_error *error)
+{
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count,
+                                                                 tag);
+    uint8_t *bytes = NULL;
+    if (!section)
+        return TETLOD_OK;
+    TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
+    enum tetlod_status status = decode(&file->index, bytes, (size_t)section->plain, error);
+    free(bytes);
+    return status;
+}
+
+/* The index's bytes are checked by the content id, in which the header is as well. */
+static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
+                                     const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
+{
+    uint8_t *stored = NULL, *index = NULL, cid[DIGEST_SIZE];
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(read_stored(file, HEADER_SIZE, header->index_size, &stored, error));
+    tetlodi_content_id(raw_header, stored, header->index_size, cid);
+    if (memcmp(cid, header->cid, sizeof cid) != 0)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM,
+                                     "the index is damaged: the content id is not that of header and index"));
+    TETLOD_TRY_DONE(tetlodi_index_unpack(header, stored, &index, error));
+    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_plain,
+                                         HEADER_SIZE + (uint64_t)header->index_size, error));
+    if (file->index.info.bytes != header->file_size || file->index.info.levels[0].offset != tetlodi_header_head(header))
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about sizes"));
+    if (file->source.size > header->file_size)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",
+                                     (unsigned long long)(file->source.size - header->file_size)));
+    for (int i = 0; i < DIGEST_SIZE; i++)
+        snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
+    file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
+                        file->index.info.level_count * (1 +
+                                                        (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
+    TETLOD_TRY_DONE(read_metadata(file, error));
+    TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
+    status = read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error);
+done:
+    free(index);
+    free(stored);
+    return status;
+}
+
+enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_source *source,
+                               const struct tetlod_options *options, struct tetlod_error *error)
+{
+    struct tetlodi_header header;
+    uint8_t *bytes = NULL;
+    struct tetlod_file *file = calloc(1, sizeof *file);
+    *out = NULL;
+    if (!file)
+        return tetlodi_fail_nomem(error, "a stream", sizeof *file);
+    file->source = *source;
+    file->options = tetlodi_options(options);
+    enum tetlod_status status;
+    if (!tetlodi_arithmetic_holds())
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                     "this program rounds in its own way: compile tetlod without options such as "
+                                     "-ffp-contract=fast, and leave the rounding mode alone"));
+    if (source->size < HEADER_SIZE)
+        TETLOD_TRY_DONE(tetlodi_fail(error, source->size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,
+                                     "%llu bytes are less than a stream's header",
+                                     (unsigned long long)source->size));
+    TETLOD_TRY_DONE(read_stored(file, 0, HEADER_SIZE, &bytes, error));
+    TETLOD_TRY_DONE(tetlodi_header_decode(&header, bytes, error));
+    TETLOD_TRY_DONE(read_index(file, &header, bytes, error));
+    *out = file;
+done:
+    free(bytes);
+    if (status != TETLOD_OK)
+        tetlod_close(file);
+    return status;
+}
+
+static enum tetlod_status read_memory(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    memcpy(buffer, (const uint8_t *)opaque + offset, size);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *bytes, size_t size,
+                                      const struct tetlod_options *options, struct tetlod_error *error)
+{
+    union {
+        const void *in;
+        void *out;
+    } opaque = {bytes}; // the source's pointer is not const because other sources' is not; it is only read
+    struct tetlod_source source = {read_memory, opaque.out, size};
+    return tetlod_open(out, &source, options, error);
+}
+
+void tetlod_close(struct tetlod_file *file)
+{
+    if (!file)
+        return;
+    tetlodi_index_fini(&file->index);
+    free(file->part);
+    free(file);
+}
+
+/* ---- choosing */
+
+const struct tetlod_info *tetlod_info(const struct tetlod_file *file)
+{
+    return &file->index.info;
+}
+
+/* What an error is compared with: a fraction of the range, or in the field's units. */
+enum unit { FRACTION, FIELD_UNITS };
+
+static int level_holds(const struct tetlod_info *info, uint32_t level, double error, enum unit unit, uint32_t field,
+                       enum tetlod_measure measure)
+{
+    int any = 0;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        if (field == TETLOD_NONE ? !info->fields[f].controlled : f != field)
+            continue;
+        any = 1;
+        double range = unit == FIELD_UNITS ? info->fields[f].range[1] - info->fields[f].range[0] : 1;
+        if (!(info->levels[level].errors[f * TETLOD_MEASURES + measure] * range <= error))
+            return 0;
+    }
+    return any;
+}
+
+static uint32_t coarsest_within(const struct tetlod_info *info, double error, enum unit unit, uint32_t field,
+                                enum tetlod_measure measure)
+{
+    for (uint32_t k = 0; k < info->level_count; k++)
+        if (level_holds(info, k, error, unit, field, measure))
+            return k;
+    return TETLOD_NONE;
+}
+
+uint32_t tetlod_level_for_error(const struct tetlod_info *info, double error, uint32_t field,
+                                enum tetlod_measure measure)
+{
+    return coarsest_within(info, error, FRACTION, field, measure);
+}
+
+uint32_t tetlod_level_for_abs_error(const struct tetlod_info *info, double error, uint32_t field,
+                                    enum tetlod_measure measure)
+{
+    return coarsest_within(info, error, FIELD_UNITS, field, measure);
+}
+
+uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets)
+{
+    uint32_t k = info->level_count - 1;
+    while (k > 0 && info->levels[k].tets > tets)
+        k--;
+    return k;
+}
+
+uint32_t tetlod_level_for_bytes(const struct tetlod_info *info, uint64_t bytes)
+{
+    uint32_t k = info->level_count - 1;
+    while (k > 0 && info->levels[k].end > bytes)
+        k--;
+    return k;
+}

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* An open stream, as the cursor and the server see it. Not installed. */
+#ifndef TETLOD_READER_H
+#define TETLOD_READER_H
+
+#include "format/coding/index.h"
+
+/* A topology group's stream inside a source, and the times of the group's steps. */
+struct tetlodi_part {
+    struct tetlod_source whole;
+    uint64_t offset;
+    uint32_t step_count;
+    double times[];
+};
+
+struct tetlod_file {
+    struct tetlod_source source;
+    struct tetlod_options options; /* none is left out */
+    uint64_t index_bytes;          /* that the index takes */
+    struct tetlodi_part *part;     /* of a larger source that `source` is, or NULL */
+    struct tetlodi_index index;
+};
+
+/* Memory that a cursor or a series may take: no stream of an encoder needs as much for each of its bytes. */
+uint64_t tetlodi_memory_limit(const struct tetlod_file *file);
+
+/* A caller's options with defaults for what it does not have or leaves 0. */
+struct tetlod_options tetlodi_options(const struct tetlod_options *options);
+
+/* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field
+ * f. ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
+                                                     uint8_t **out, size_t *out_size, struct tetlod_error *error);
+
+/* Any part of the stream, checked: `what` is its name in messages. The caller frees *out. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
+                                                    const char *what, uint8_t **out, struct tetlod_error *error);
+
+/* What a section holds, as it was before it was packed. The caller frees *out. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_section(const struct tetlod_file *file,
+                                                       const struct tetlodi_section *section, uint8_t **out,
+                                                       struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,763 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The writer holds the same mesh as a cursor and walks it from the base mesh up, telling the recorder what the
+ * contraction forest says. A tetrahedron comes back with the split of the last of the nodes in which its corners meet.
+ */
+#include "format/write/writer.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/coding/base.h"
+#include "format/coding/index.h"
+#include "format/coding/order.h"
+#include "format/coding/record.h"
+#include "format/coding/record_fields.h"
+#include "format/coding/star_view.h"
+#include "format/coding/tail.h"
+#include "format/common/allowance.h"
+#include "format/fail.h"
+#include "format/write/cells_write.h"
+#include "format/write/container.h"
+#include "format/write/lineage.h"
+
+/* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
+enum { USUAL_SLOWEST = 6 };
+
+struct writer {
+    const struct tetlodi_write_input *in;
+    struct tetlod_error *error;
+    struct lineage lineage; /* `waiting` counts down to the split with which a tetrahedron is there */
+    uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
+    uint32_t *node_at;     /* [slot] */
+    uint32_t *original_of; /* [tet in order of arrival] */
+    uint32_t children[MAX_CHILDREN];
+    uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
+    uint32_t arrived_count;
+    size_t arrived_capacity;
+    struct tetlodi_column *columns; /* positions, then the fields */
+    struct tetlodi_memory memory;
+    struct tetlodi_replay replay;
+    struct tetlodi_recorder recorder;
+    struct tetlodi_encoder *encoders; /* [column] */
+    struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
+    struct tetlodi_buffer order;
+    struct tetlodi_cell_parts cells;
+    struct tetlodi_index index;
+    double begun, share; /* of all the work: what was done before this pass, and what this pass is */
+    uint32_t until_asked; /* records that are coded before the caller is asked again */
+};
+
+enum { RECORDS_UNASKED = 256 };
+
+static enum tetlod_status out_of_memory(struct writer *w)
+{
+    return tetlodi_fail_nomem(w->error, "the stream", (uint64_t)w->in->tets * 64);
+}
+
+/* ---- numbers */
+
+/* A component of a column at a node. */
+static double value_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
+{
+    const struct tetlodi_write_field *field = column ? &w->in->fields[column - 1] : NULL;
+    const double *values = !field ? w->in->positions : field->values ? field->values : field->exact,
+                 *node_values = field ? field->node_values : w->in->node_positions;
+    size_t n = w->columns[column].components, originals = n * w->in->vertices, at = node * n + component;
+    return at < originals ? values[at] : node_values[at - originals];
+}
+
+static unsigned axis_of(uint32_t column, size_t component)
+{
+    return column ? 0 : (unsigned)component;
+}
+
+/* Is the number that levels have there not the original's but the grid's nearest? */
+static bool is_rounded(const struct writer *w, uint32_t column, uint32_t node)
+{
+    return column && !w->in->fields[column - 1].values && node < w->in->vertices;
+}
+
+static int64_t code_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
+{
+    int64_t code = scale_code(&w->columns[column].scale, axis_of(column, component),
+                              value_of(w, column, node, component));
+    return is_rounded(w, column, node) && code > w->in->fields[column - 1].most ? w->in->fields[column - 1].most : code;
+}
+
+/* Has every number of a column a code? */
+static enum tetlod_status check_column(const struct writer *w, uint32_t c)
+{
+    const char *name = c ? w->in->fields[c - 1].name : "positions";
+    for (uint32_t node = 0; node < w->lineage.nodes; node++)
+        for (size_t k = 0; k < w->columns[c].components; k++) {
+            double value = value_of(w, c, node, k);
+            double back = scale_value(&w->columns[c].scale, axis_of(c, k), code_of(w, c, node, k));
+            if (!isfinite(value) || (!is_rounded(w, c, node) && memcmp(&back, &value, sizeof value) != 0))
+                return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name,
+                                    value);
+        }
+    return TETLOD_OK;
+}
+
+/* ---- base mesh */
+
+/* Gives a node a place among the living: its leaves' ancestor. */
+static void settle_node(struct writer *w, uint32_t node, uint32_t slot)
+{
+    w->node_at[slot] = node;
+    for (uint32_t p = w->lineage.range[node].begin; p < w->lineage.range[node].end; p++)
+        w->slot_at[p] = slot;
+}
+
+static uint32_t slot_of(const struct writer *w, uint32_t tet, int corner)
+{
+    return w->slot_at[w->lineage.position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
+}
+
+struct base {
+    struct tetlodi_base_guide guide;
+    uint32_t *corners, *roots, *tets, *vertex_order, *tet_order, *arrival;
+};
+
+/* The tetrahedra that are always there and the roots of the forest, in any numbering. */
+static enum tetlod_status gather_base(struct writer *w, struct base *base)
+{
+    uint32_t vertices = 0, tets = 0;
+    for (uint32_t t = 0; t < w->in->tets; t++)
+        tets += w->lineage.waiting[t] == 0;
+    for (uint32_t node = 0; node < w->lineage.nodes; node++)
+        vertices += w->lineage.parent[node] == TETLOD_NONE;
+    base->corners = malloc((4 * (size_t)tets + 1) * sizeof *base->corners);
+    base->tets = malloc((tets + (size_t)1) * sizeof *base->tets);
+    base->tet_order = malloc((tets + (size_t)1) * sizeof *base->tet_order);
+    base->roots = malloc(vertices * sizeof *base->roots);
+    base->vertex_order = malloc(vertices * sizeof *base->vertex_order);
+    base->arrival = malloc(vertices * sizeof *base->arrival);
+    if (!base->corners || !base->tets || !base->tet_order || !base->roots || !base->vertex_order || !base->arrival)
+        return out_of_memory(w);
+    vertices = tets = 0;
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        w->slot_at[v] = TETLOD_NONE;
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        if (w->slot_at[w->lineage.position[v]] == TETLOD_NONE) {
+            base->roots[vertices] = lineage_root(&w->lineage, v);
+            settle_node(w, base->roots[vertices], vertices);
+            vertices++;
+        }
+    for (uint32_t t = 0; t < w->in->tets; t++) {
+        if (w->lineage.waiting[t])
+            continue;
+        for (int c = 0; c < 4; c++)
+            base->corners[4 * (size_t)tets + (size_t)c] = slot_of(w, t, c);
+        base->tets[tets++] = t;
+    }
+    base->guide = (struct tetlodi_base_guide){vertices, tets, base->corners, base->vertex_order, base->tet_order,
+                                              base->arrival};
+    return TETLOD_OK;
+}
+
+static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
+{
+    for (uint32_t c = 0; c < w->replay.column_count; c++) {
+        size_t n = w->columns[c].components;
+        for (size_t k = 0; k < n; k++)
+            w->columns[c].codes[vertex * n + k] = code_of(w, c, node, k);
+    }
+}
+
+/* Components whose codes are those of an earlier one in all nodes. */
+static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied)
+{
+    size_t n = w->columns[column].components;
+    for (size_t c = 1; c < n; c++)
+        for (size_t source = 0; source < c && copied[c] == c; source++) {
+            uint32_t node = 0;
+            while (node < w->lineage.nodes && code_of(w, column, node, c) == code_of(w, column, node, source))
+                node++;
+            copied[c] = (uint8_t)(node == w->lineage.nodes ? source : c);
+        }
+}
+
+/* Room for all that is to come. Values of fields predict those of the base mesh alone. */
+static bool make_room(struct writer *w, size_t base_vertices)
+{
+    bool room = tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets);
+    for (uint32_t c = 0; c < w->replay.column_count && room; c++) {
+        struct tetlodi_column *column = &w->columns[c];
+        room = tetlodi_column_room(column, &w->memory, c ? base_vertices : w->in->vertices, 1) &&
+               TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity,
+                            (size_t)w->in->vertices * column->components);
+    }
+    return room;
+}
+
+static enum tetlod_status code_base(struct writer *w, struct base *base)
+{
+    struct tetlodi_recorder *recorder = &w->recorder;
+    TETLOD_TRY(gather_base(w, base));
+    if (!make_room(w, base->guide.vertices))
+        return tetlodi_no_room(&w->memory, w->error);
+    TETLOD_TRY(tetlodi_base_connectivity(recorder, base->guide.vertices, base->guide.tets, &base->guide, w->error));
+    for (uint32_t v = 0; v < base->guide.vertices; v++) {
+        uint32_t root = base->roots[base->vertex_order[v]];
+        settle_node(w, root, v);
+        set_codes(w, v, root);
+    }
+    for (uint32_t t = 0; t < base->guide.tets; t++)
+        w->original_of[t] = base->tets[base->tet_order[t]];
+    TETLOD_TRY(tetlodi_base_column(&w->replay, w->columns, recorder->coders, recorder->models->corner, NULL, w->error));
+    for (uint32_t c = 1; c < w->replay.column_count; c++) {
+        struct tetlodi_field_models *models = &recorder->field_models[c - 1];
+        find_copies(w, c, models->copied);
+        tetlodi_copies_code(&recorder->coders[c], models, w->columns[c].components);
+        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner,
+                                       models->copied,
+                                       w->error));
+        TETLODI_FREE(&w->memory, w->columns[c].values, w->columns[c].values_capacity);
+    }
+    return tetlodi_replay_base(&w->replay) ? TETLOD_OK : tetlodi_no_room(&w->memory, w->error);
+}
+
+/* ---- levels */
+
+static void start_coders(struct writer *w)
+{
+    for (uint32_t c = 0; c < w->replay.column_count; c++)
+        tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->encoders[c], &w->memory);
+}
+
+/* Zero bytes change nothing: a reader wants so many of them as go with what it has to make room for, and to do. */
+static bool goes_with(const struct writer *w, uint32_t level, uint32_t part, uint64_t bytes)
+{
+    return is_within(tetlodi_part_numbers(&w->index, level, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes) &&
+           tetlodi_labels_hold(&w->recorder, part, bytes);
+}
+
+/* Closes the level's coders and keeps what they have written. */
+static enum tetlod_status store_level(struct writer *w, uint32_t level)
+{
+    uint32_t parts = w->in->field_count + 1;
+    const struct tetlodi_write_level *in = &w->in->levels[level];
+    struct tetlod_level *out = &w->index.levels[level];
+    out->vertices = w->replay.vertices;
+    out->tets = w->replay.tets;
+    out->domain_error = in->domain_error;
+    memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
+           w->in->field_count * TETLOD_MEASURES * sizeof(double));
+    for (uint32_t part = 0; part < parts; part++) {
+        struct tetlodi_encoder *encoder = &w->encoders[part];
+        struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
+        tetlodi_encode_finish(&w->recorder.coders[part]);
+        tetlodi_put_block(stored, encoder->bytes, encoder->size);
+        while (!stored->failed && !goes_with(w, level, part, w->columns[part].frame_bytes + stored->size))
+            tetlodi_put(stored, 0, 1);
+        if (encoder->failed || stored->failed)
+            return out_of_memory(w);
+        w->columns[part].frame_bytes += stored->size;
+        w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
+    }
+    return TETLOD_OK;
+}
+
+/* Does the vertex at a slot split on the way to a level with that many contractions? */
+static bool splits(const struct writer *w, uint32_t slot, uint32_t contractions)
+{
+    uint32_t node = w->node_at[slot];
+    return node >= w->in->vertices && node - w->in->vertices >= contractions;
+}
+
+static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
+{
+    return code_of(w, 0, a, 0) == code_of(w, 0, b, 0) && code_of(w, 0, a, 1) == code_of(w, 0, b, 1) &&
+           code_of(w, 0, a, 2) == code_of(w, 0, b, 2);
+}
+
+/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y,
+ * z, so that the sign of where the second lies can be learned. */
+static uint32_t order_children(struct writer *w, uint32_t node)
+{
+    uint32_t count = lineage_child_count(&w->lineage, node), first = 0;
+    memcpy(w->children, lineage_children(&w->lineage, node), count * sizeof *w->children);
+    for (uint32_t c = 1; c < count; c++) {
+        uint32_t a = w->children[c], b = w->children[first];
+        size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0) ? 0 : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1 : 2;
+        if (!same_place(w, b, node) && (same_place(w, a, node) || code_of(w, 0, a, axis) < code_of(w, 0, b, axis)))
+            first = c;
+    }
+    uint32_t swap = w->children[0];
+    w->children[0] = w->children[first];
+    w->children[first] = swap;
+    return count;
+}
+
+/* Tetrahedra that wait for this record only. */
+static enum tetlod_status list_arrivals(struct writer *w, uint32_t node)
+{
+    uint32_t c = node - w->in->vertices, begin = w->lineage.meeting_begin[c], end = w->lineage.meeting_begin[c + 1];
+    if (!TETLODI_ROOM(&w->memory, w->arrived, w->arrived_capacity, end - begin))
+        return out_of_memory(w);
+    w->arrived_count = 0;
+    for (uint32_t i = begin; i < end; i++)
+        if (--w->lineage.waiting[w->lineage.meeting[i]] == 0)
+            w->arrived[w->arrived_count++] = w->lineage.meeting[i];
+    return TETLOD_OK;
+}
+
+static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
+{
+    unsigned swaps = 0;
+    uint32_t c[4] = {b[0], b[1], b[2], b[3]};
+    for (int i = 0; i < 4; i++)
+        for (int j = i + 1; j < 4 && c[i] != a[i]; j++)
+            if (c[j] == a[i]) {
+                c[j] = c[i];
+                c[i] = a[i];
+                swaps++;
+            }
+    return swaps % 2 == 0;
+}
+
+/* Corners of a waiting tetrahedron, if they are four by now and among them vertex and child. The other two go to x,
+ * y. */
+static bool is_there(const struct writer *w, uint32_t tet, uint32_t vertex, uint32_t child, uint32_t corners[4],
+                     uint32_t others[2])
+{
+    int count = 0;
+    for (int c = 0; c < 4; c++) {
+        corners[c] = slot_of(w, tet, c);
+        if (corners[c] != vertex && corners[c] != child && count < 2)
+            others[count++] = corners[c];
+        for (int d = 0; d < c; d++)
+            if (corners[c] == corners[d])
+                return false;
+    }
+    return true;
+}
+
+/* Takes a tetrahedron out of those that wait, into the order of arrival. */
+static void arrive(struct writer *w, uint32_t i, uint32_t *count)
+{
+    w->original_of[w->replay.tets + (*count)++] = w->arrived[i];
+    w->arrived[i] = w->arrived[--w->arrived_count];
+}
+
+/* Plans a waiting tetrahedron at a link edge, and in which orientation it comes back. */
+static void plan_edge(struct writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
+{
+    uint32_t child = w->replay.vertices, corners[4], others[2], implied[4];
+    uint32_t ends[2];
+    tetlodi_star_ends(star, e, ends);
+    uint32_t x = star->link[ends[0]], y = star->link[ends[1]];
+    for (uint32_t i = 0; i < w->arrived_count; i++) {
+        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others))
+            continue;
+        if ((others[0] != x || others[1] != y) && (others[0] != y || others[1] != x))
+            continue;
+        tetlodi_star_between(star, &w->replay, e, child, implied);
+        star->made[e] = is_even_permutation(corners, implied) ? MADE : MADE_FLIPPED;
+        arrive(w, i, count);
+        return;
+    }
+}
+
+static int plan_extras(struct writer *w, struct tetlodi_star_view *star, uint32_t *count)
+{
+    uint32_t child = w->replay.vertices, corners[4], others[2];
+    for (uint32_t i = 0; i < w->arrived_count;) {
+        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others)) {
+            i++;
+            continue;
+        }
+        uint32_t ordered[4] = {star->vertex, child, others[0], others[1]};
+        bool even = is_even_permutation(corners, ordered);
+        if (!TETLODI_ROOM(&w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
+            return 0;
+        star->extras[star->extra_count][0] = others[!even];
+        star->extras[star->extra_count++][1] = others[even];
+        arrive(w, i, count);
+    }
+    return 1;
+}
+
+/* The recorder asks how child number `number` parts from the rest. */
+static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
+{
+    struct writer *w = opaque;
+    uint32_t node = w->children[number], child = w->replay.vertices, count = 0;
+    for (uint32_t i = 0; i < star->size; i++) {
+        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
+        star->labels[i] = 0;
+        for (int c = 0; c < 4 && !star->labels[i]; c++)
+            star->labels[i] = lineage_below(&w->lineage, leaves[c], node);
+    }
+    settle_node(w, node, child);
+    for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
+        plan_edge(w, star, e, &count);
+    return plan_extras(w, star, &count);
+}
+
+/* Asks the caller whether to go on. */
+static enum tetlod_status ask(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    double done = w->begun + w->share * w->replay.vertices / in->vertices;
+    w->until_asked = RECORDS_UNASKED;
+    return !in->progress || in->progress(in->progress_opaque, done) ? TETLOD_OK : tetlodi_fail(w->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
+static enum tetlod_status write_record(struct writer *w, uint32_t slot)
+{
+    uint32_t node = w->node_at[slot];
+    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
+    int64_t(*codes)[4] = w->recorder.codes;
+    TETLOD_TRY(list_arrivals(w, node));
+    for (uint32_t i = 0; i < record.children; i++)
+        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
+    for (uint32_t c = 0; c < w->replay.column_count; c++)
+        for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
+            for (uint32_t i = 0; i < record.children; i++)
+                (*codes)[i] = code_of(w, c, w->children[i], k);
+    w->node_at[slot] = w->children[0];
+    TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, w->error));
+    w->replay.label = 0; // the writer never goes back
+    w->replay.records = w->replay.all_records = w->replay.splits = w->replay.all_splits = 0;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status write_level(struct writer *w, uint32_t level)
+{
+    uint32_t contractions = w->in->levels[level].contractions;
+    uint32_t vertices = w->in->vertices;
+    for (uint32_t c = 0; c < contractions; c++)
+        vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
+    tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
+    start_coders(w);
+    tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
+    while (w->replay.vertices < vertices) {
+        if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+            continue;
+        if (!w->until_asked--)
+            TETLOD_TRY(ask(w));
+        TETLOD_TRY(write_record(w, w->recorder.walk));
+    }
+    return store_level(w, level);
+}
+
+/* The exact values of a field, in the finest level's order. */
+static enum tetlod_status code_tail(struct writer *w, uint32_t field)
+{
+    const struct tetlodi_write_field *in = &w->in->fields[field];
+    size_t n = in->components;
+    double *exact = malloc((size_t)w->in->vertices * n * sizeof *exact);
+    if (!exact)
+        return out_of_memory(w);
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        memcpy(exact + v * n, in->exact + w->node_at[v] * n, n * sizeof *exact);
+    enum tetlod_status status =
+        tetlodi_tail_code(&w->recorder.coders[1 + field], &w->columns[1 + field], w->in->vertices, exact, w->error);
+    free(exact);
+    return status;
+}
+
+static enum tetlod_status write_tail(struct writer *w, uint32_t level)
+{
+    w->index.tail = 1;
+    tetlodi_lineage_fini(&w->lineage); // no record is left, and memory is at its peak here
+    tetlodi_replay_drop(&w->replay);
+    start_coders(w);
+    for (uint32_t f = 0; f < w->in->field_count; f++)
+        if (w->in->fields[f].exact) {
+            TETLOD_TRY(code_tail(w, f));
+            TETLOD_TRY(ask(w));
+        }
+    return store_level(w, level);
+}
+
+static enum tetlod_status write_levels(struct writer *w)
+{
+    struct base base = {0};
+    start_coders(w);
+    enum tetlod_status status = code_base(w, &base);
+    free(base.corners);
+    free(base.roots);
+    free(base.tets);
+    free(base.vertex_order);
+    free(base.tet_order);
+    free(base.arrival);
+    if (status == TETLOD_OK)
+        status = store_level(w, 0);
+    for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
+        status = w->in->levels[level - 1].contractions ? write_level(w, level) : write_tail(w, level);
+    return status;
+}
+
+/* ---- order */
+
+static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4])
+{
+    const uint32_t *ours = w->replay.corners + 4 * (size_t)tet;
+    const uint32_t *theirs = w->in->corners + 4 * (size_t)w->original_of[tet];
+    for (int c = 0; c < 4; c++)
+        for (uint8_t k = 0; k < 4; k++)
+            if (w->node_at[ours[k]] == theirs[c])
+                out[c] = k;
+}
+
+static enum tetlod_status write_order(struct writer *w)
+{
+    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of,
+                                  malloc(4 * (size_t)w->in->tets)};
+    struct tetlodi_coder coder;
+    struct tetlodi_encoder encoder = {0};
+    if (!order.corners)
+        return out_of_memory(w);
+    for (uint32_t t = 0; t < order.tet_count; t++)
+        order_of_corners(w, t, order.corners + 4 * (size_t)t);
+    tetlodi_encode_start(&coder, w->index.slowest, &encoder, &w->memory);
+    tetlodi_order_code(&coder, &order);
+    tetlodi_encode_finish(&coder);
+    tetlodi_put_block(&w->order, encoder.bytes, encoder.size);
+    int failed = encoder.failed || w->order.failed;
+    TETLODI_FREE(&w->memory, encoder.bytes, encoder.capacity);
+    free(order.corners);
+    return failed ? out_of_memory(w) : TETLOD_OK;
+}
+
+/* ---- the file */
+
+static enum tetlod_type original_type(const struct tetlodi_write_field *field)
+{
+    return field->was_float64 ? TETLOD_FLOAT64 : field->type;
+}
+
+static void fill_info(struct writer *w)
+{
+    struct tetlod_info *info = &w->index.info;
+    const struct tetlodi_write_input *in = w->in;
+    info->vertices = in->vertices;
+    info->tets = in->tets;
+    info->position_type = w->columns[0].scale.original;
+    info->lossless = in->position_bits == 0;
+    info->degenerate_tets = in->degenerate_tets;
+    info->inverted_tets = in->inverted_tets;
+    info->unused_points = in->unused_points;
+    for (int d = 0; d < 3; d++) {
+        info->bounds[0][d] = info->bounds[1][d] = in->positions[d];
+        for (size_t v = 1; v < in->vertices; v++) {
+            info->bounds[0][d] = fmin(info->bounds[0][d], in->positions[3 * v + (size_t)d]);
+            info->bounds[1][d] = fmax(info->bounds[1][d], in->positions[3 * v + (size_t)d]);
+        }
+    }
+    for (uint32_t f = 0; f < in->field_count; f++)
+        w->index.fields[f] = (struct tetlod_field){.name = in->fields[f].name,
+                                                   .components = in->fields[f].components,
+                                                   .type = original_type(&in->fields[f]),
+                                                   .range = {in->fields[f].range[0], in->fields[f].range[1]},
+                                                   .controlled = in->fields[f].controlled,
+                                                   // a flag in the index
+                                                   .bounds = in->fields[f].local_bound ? f : TETLOD_NONE};
+    for (uint32_t f = 0; f < in->field_count; f++)
+        info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
+}
+
+static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
+{
+    const struct tetlodi_write_input *in = w->in;
+    const struct tetlodi_write_section *late = NULL;
+    uint32_t count = 0, late_count = 0;
+    if (in->late)
+        TETLOD_TRY(in->late(in->late_opaque, w->node_at, w->original_of, &late, &late_count, w->error));
+    struct tetlodi_write_section *sections =
+        calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 3, sizeof *sections);
+    if (!sections)
+        return out_of_memory(w);
+    if (*in->metadata)
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = in->metadata,
+                                                           .size = strlen(in->metadata)};
+    if (in->keep_order)
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_ORDER, .bytes = w->order.bytes,
+                                                           .size = w->order.size};
+    count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
+    for (uint32_t i = 0; i < in->section_count; i++)
+        sections[count++] = in->sections[i];
+    for (uint32_t i = 0; i < late_count; i++)
+        sections[count++] = late[i];
+    enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
+    free(sections);
+    return status;
+}
+
+static bool has_tail(const struct tetlodi_write_input *in)
+{
+    bool wanted = false;
+    for (uint32_t f = 0; f < in->field_count; f++)
+        wanted |= in->fields[f].exact != NULL;
+    return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
+}
+
+/* Does an earlier field have this one's name? */
+static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
+{
+    for (uint32_t f = 0; f < field; f++)
+        if (strcmp(in->fields[f].name, in->fields[field].name) == 0)
+            return true;
+    return false;
+}
+
+static enum tetlod_status check_input(const struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    const char *wrong = NULL;
+    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MAX_FIELDS ||
+        in->level_count > MAX_LEVELS ||
+        in->vertices == UINT32_MAX || in->tets > MAX_TETS)
+        wrong = "there is nothing in it, or too much";
+    else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
+        wrong = "its levels do not lead from the base mesh to the original";
+    else if (in->section_count > MAX_SECTIONS - 3 - MAX_FIELDS)
+        wrong = "it has too many sections";
+    else if (tetlodi_metadata_wrong(in->metadata))
+        wrong = "its metadata is too large";
+    wrong = wrong ? wrong : tetlodi_cells_wrong(in->cells, in->cell_field_count, in->tets);
+    for (uint32_t k = 1; k < in->level_count && !wrong; k++)
+        if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
+            wrong = "its levels are not in order";
+    for (uint32_t f = 0; f < in->field_count && !wrong; f++)
+        if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
+            wrong = "a field is to be exact later without a grid or a level for it";
+        else if (names_before(in, f))
+            wrong = "two fields have one name";
+        else
+            wrong = tetlodi_field_wrong(in->fields[f].name, in->fields[f].components);
+    for (size_t t = 0; t < in->tets && !wrong; t++)
+        for (int c = 0; c < 4 && !wrong; c++) {
+            if (in->corners[4 * t + (size_t)c] >= in->vertices)
+                wrong = "a tetrahedron's corner is out of range";
+            for (int d = 0; d < c && !wrong; d++)
+                if (in->corners[4 * t + (size_t)c] == in->corners[4 * t + (size_t)d])
+                    wrong = "a tetrahedron lists a vertex twice";
+        }
+    return wrong ? tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: %s", wrong) : TETLOD_OK;
+}
+
+static void set_columns(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    w->columns[0].components = 3;
+    w->columns[0].scale.type = in->position_type;
+    w->columns[0].scale.original = in->positions_were_float64 ? TETLOD_FLOAT64 : in->position_type;
+    w->columns[0].scale.bits = in->position_bits;
+    memcpy(w->columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
+    memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
+    for (uint32_t f = 0; f < in->field_count; f++) {
+        const struct tetlodi_write_field *field = &in->fields[f];
+        w->columns[1 + f].components = w->index.fields[f].components = field->components;
+        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits,
+                                                         {field->origin}, {field->step}};
+        w->index.exact_later[f] = field->exact != NULL;
+    }
+    for (uint32_t c = 0; c <= in->field_count; c++)
+        w->index.scales[c] = w->columns[c].scale;
+}
+
+static enum tetlod_status allocate(struct writer *w, unsigned slowest)
+{
+    const struct tetlodi_write_input *in = w->in;
+    size_t parts = in->field_count + (size_t)1;
+    w->memory.most = UINT64_MAX;
+    w->slot_at = malloc(in->vertices * sizeof *w->slot_at);
+    w->node_at = malloc(in->vertices * sizeof *w->node_at);
+    w->original_of = malloc(in->tets * sizeof *w->original_of);
+    w->columns = calloc(parts, sizeof *w->columns);
+    w->encoders = calloc(parts, sizeof *w->encoders);
+    w->stored = calloc(parts * in->level_count, sizeof *w->stored);
+    w->index.info.field_count = in->field_count;
+    w->index.info.level_count = in->level_count;
+    w->index.slowest = slowest;
+    bool done = w->slot_at && w->node_at && w->original_of && w->columns && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
+    if (!done)
+        return out_of_memory(w);
+    set_columns(w);
+    tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
+    TETLOD_TRY(tetlodi_recorder_init(&w->recorder, &w->replay, w->error));
+    w->recorder.plan = plan_split;
+    w->recorder.opaque = w;
+    return TETLOD_OK;
+}
+
+static void release(struct writer *w)
+{
+    for (size_t i = 0; i < (w->in->field_count + (size_t)1) * w->in->level_count && w->stored; i++)
+        tetlodi_buffer_fini(&w->stored[i]);
+    for (size_t c = 0; c <= w->in->field_count && w->encoders; c++)
+        TETLODI_FREE(&w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
+    tetlodi_recorder_fini(&w->recorder);
+    if (w->replay.memory)
+        tetlodi_replay_fini(&w->replay);
+    tetlodi_lineage_fini(&w->lineage);
+    void *const owned[] = {w->slot_at, w->node_at, w->original_of, w->arrived, w->columns, w->stored, w->encoders};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+    tetlodi_cell_parts_fini(&w->cells);
+    tetlodi_buffer_fini(&w->order);
+    tetlodi_index_fini(&w->index);
+}
+
+/* All frames and the index, in memory. */
+static enum tetlod_status encode(struct writer *w, unsigned slowest)
+{
+    TETLOD_TRY(check_input(w));
+    TETLOD_TRY(allocate(w, slowest));
+    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->in, w->error));
+    for (uint32_t c = 0; c <= w->in->field_count; c++)
+        TETLOD_TRY(check_column(w, c));
+    TETLOD_TRY(write_levels(w));
+    TETLOD_TRY(ask(w));
+    if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))
+        return out_of_memory(w);
+    if (w->in->keep_order)
+        TETLOD_TRY(write_order(w));
+    fill_info(w);
+    return TETLOD_OK;
+}
+
+/* The rate of learning that makes the smallest frames: all are tried. */
+static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input, unsigned *out,
+                                         struct tetlod_error *error)
+{
+    uint64_t least = UINT64_MAX;
+    for (unsigned slowest = MIN_SLOWEST; slowest <= MAX_SLOWEST; slowest++) {
+        double share = 1.0 / (MAX_SLOWEST - MIN_SLOWEST + 2);
+        struct writer w = {.in = input, .error = error, .begun = (slowest - MIN_SLOWEST) * share, .share = share};
+        enum tetlod_status status = encode(&w, slowest);
+        // digests pack to some bytes more or less
+        uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE);
+        for (size_t i = 0; i < (input->field_count + (size_t)1) * input->level_count && status == TETLOD_OK; i++)
+            size += w.stored[i].size;
+        release(&w);
+        if (status != TETLOD_OK)
+            return status;
+        *out = size < least ? slowest : *out;
+        least = size < least ? size : least;
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
+                                 struct tetlod_error *error)
+{
+    struct writer w = {.in = input, .error = error, .share = 1};
+    unsigned slowest = USUAL_SLOWEST;
+    if (input->compression >= EFFORT_ALL_RATES) {
+        TETLOD_TRY(choose_slowest(input, &slowest, error));
+        w.share = 1.0 / (MAX_SLOWEST - MIN_SLOWEST + 2);
+        w.begun = 1 - w.share;
+    }
+    enum tetlod_status status = encode(&w, slowest);
+    if (status == TETLOD_OK)
+        status = write_file(&w, sink);
+    release(&w);
+    return status;
+}
