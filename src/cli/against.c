@@ -322,8 +322,8 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
-    // it is 0 or the whole, by the last bit of a number that has few
-    if (range[1] > range[0] && !range_has_scale(range))
+    // of a range without scale it is 0 or the whole, by the last bit of a number that has few
+    if (range[1] > range[0] && !range_has_scale(range) && (stored == 0 || stored == 1))
         return TETLOD_OK;
     if (stored >= low * (1 - TIE) - NOISE && stored <= high * (1 + TOO_LARGE) + NOISE)
         return TETLOD_OK;

@@ -641,6 +641,24 @@ static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_e
     return m->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the threads", m->threads * sizeof *m->workers);
 }
 
+/* A local bound may be 0 at the finest level, and then be as large as the range of the field that it bounds. */
+static void set_scales(struct measure_levels *m)
+{
+    const uint32_t vertices = m->original->vertex_count;
+    double least = INFINITY;
+    for (uint32_t f = 0; f < m->field_count; f++) {
+        struct point_field level = {.components = m->mesh->fields[f].components, .values = m->mesh->fields[f].values};
+        double ranges[2][2];
+        point_field_range(&m->original->fields[f], vertices, ranges[0]);
+        point_field_range(&level, vertices, ranges[1]);
+        bool zero = ranges[0][0] == 0 && ranges[0][1] == 0 && ranges[1][0] == 0 && ranges[1][1] == 0;
+        m->scales[f] = zero ? INFINITY : tally_scale(ranges[0], ranges[1]);
+        least = smaller(least, m->scales[f]);
+    }
+    for (uint32_t f = 0; f < m->field_count; f++)
+        m->scales[f] = m->scales[f] < INFINITY ? m->scales[f] : least < INFINITY ? least : 1;
+}
+
 enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original,
                                       struct coarsening *coarsening,
                                       unsigned threads, struct tetlod_error *error)
@@ -671,14 +689,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
     m->rounded = !m->displaced && is_rounded(original, coarsening);
     if (!m->bodies || !m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
-    for (uint32_t f = 0; f < original->field_count; f++) {
-        struct point_field level = {.components = coarsening->fields[f].components,
-                                    .values = coarsening->fields[f].values};
-        double ranges[2][2];
-        point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
-        point_field_range(&level, original->vertex_count, ranges[1]);
-        m->scales[f] = tally_scale(ranges[0], ranges[1]);
-    }
+    set_scales(m);
     sheets_bodies(original->corners, original->tet_count, original->vertex_count, m->bodies);
     place_samples(m);
     TETLOD_TRY_DONE(make_workers(m, error));

@@ -69,30 +69,33 @@ struct sample {
     bool held;
 };
 
-static void add_choice(struct worker *worker, uint32_t field, double difference, double doubt)
+static void add_choice(struct worker *worker, uint32_t field, double least, double most)
 {
-    worker->errors[2 * field] = smaller(worker->errors[2 * field], larger(0, difference - doubt));
-    worker->errors[2 * field + 1] = larger(worker->errors[2 * field + 1], difference + doubt);
+    worker->errors[2 * field] = smaller(worker->errors[2 * field], least);
+    worker->errors[2 * field + 1] = larger(worker->errors[2 * field + 1], most);
 }
 
-/* The sample takes the values of the level at a place, whose weights are wrong by `doubt` each at most. */
+/* The sample takes the values of the level at a place, whose weights are wrong by `doubt` each at most. It is no
+ * further off than the place's corner that is furthest off: a flat tetrahedron's weights say nothing. */
 static void add_place(const struct ranges *r, struct worker *worker, const struct sample *sample,
                       const struct place *place, double doubt)
 {
     for (uint32_t f = 0; f < r->original->field_count; f++) {
         const struct point_field *a = &r->original->fields[f], *b = &r->level->fields[f];
-        double worst = 0, off = 0;
+        double worst = 0, off = 0, corner = 0;
         for (uint32_t k = 0; k < a->components; k++) {
             double base = a->values[(size_t)sample->place.vertices[0] * a->components + k], spread = 0;
-            for (int c = 0; c < 4; c++)
-                if (doubt > 0)
-                    spread = larger(spread, fabs(b->values[(size_t)place->vertices[c] * a->components + k] -
-                                                 b->values[(size_t)place->vertices[0] * a->components + k]));
-            worst = larger(worst, fabs(place_rise(b->values, a->components, k, place, base) -
-                                       place_rise(a->values, a->components, k, &sample->place, base)));
-            off = larger(off, 4 * spread * doubt);
+            double own = place_rise(a->values, a->components, k, &sample->place, base);
+            for (int c = 0; c < 4 && doubt > 0; c++) {
+                double value = b->values[(size_t)place->vertices[c] * a->components + k];
+                spread = larger(spread, fabs(value - b->values[(size_t)place->vertices[0] * a->components + k]));
+                corner = larger(corner, fabs(value - base - own) + 4 * spread * ON_FACE);
+            }
+            worst = larger(worst, fabs(place_rise(b->values, a->components, k, place, base) - own));
+            off = larger(off, spread > 0 ? 4 * spread * doubt : 0);
         }
-        add_choice(worker, f, worst, off);
+        double most = doubt > 0 ? smaller(worst + off, corner) : worst, least = worst - off > 0 ? worst - off : 0;
+        add_choice(worker, f, smaller(least, most), most);
     }
 }
 
