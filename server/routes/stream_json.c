@@ -4,6 +4,7 @@
 #include <inttypes.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "server/http/params.h"
 #include "server/store/dataset.h"
@@ -67,6 +68,14 @@ json_t *describe_stream(const struct dataset *dataset, const char *id)
     return object;
 }
 
+static bool has_steps(const struct tetlod_info *info)
+{
+    for (uint32_t s = 0; s < info->section_count; s++)
+        if (!strcmp(info->sections[s].tag, "TIME"))
+            return true;
+    return info->topology_count > 0;
+}
+
 json_t *describe_in_catalogue(const struct tetlod_info *info, const char *name)
 {
     char id[3 * ID_CAPACITY], path[3 * ID_CAPACITY + 16];
@@ -76,7 +85,8 @@ json_t *describe_in_catalogue(const struct tetlod_info *info, const char *name)
     json_t *fields = json_array();
     for (uint32_t f = 0; f < info->field_count; f++)
         json_array_append_new(fields, json_string(info->fields[f].name));
-    return json_pack("{s:s, s:s, s:I, s:I, s:I, s:i, s:o, s:{s:s}}", "id", name, "cid", info->cid, "vertices",
-                     (json_int_t)info->vertices, "tets", (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "levels",
-                     (int)info->level_count, "fields", fields, "links", "self", path);
+    return json_pack("{s:s, s:s, s:I, s:I, s:I, s:i, s:b, s:o, s:{s:s}}", "id", name, "cid", info->cid, "vertices",
+                     (json_int_t)info->vertices, "tets", (json_int_t)info->tets, "bytes", (json_int_t)info->bytes,
+                     "levels", (int)info->level_count, "series", has_steps(info), "fields", fields, "links", "self",
+                     path);
 }

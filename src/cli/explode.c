@@ -180,7 +180,7 @@ enum tetlod_status explode(const struct explode_options *options, struct tetlod_
     }
     free(list);
     catalogue_close(catalogue);
-    json_t *object = json_pack("{s:o}", "meshes", meshes);
+    json_t *object = json_pack("{s:I, s:o}", "count", (json_int_t)count, "meshes", meshes);
     if (status == TETLOD_OK && options->viewer)
         status = write_page(&tree);
     if (status == TETLOD_OK)

@@ -102,6 +102,22 @@ def test_catalogue():
         assert server.json(urllib.parse.urljoin('/v1/meshes', mesh['links']['self']))['id'] == mesh['id']
 
 
+def test_pages_of_the_catalogue():
+    whole = server.json('/v1/meshes')
+    assert whole['count'] == 2 and 'next' not in whole and not whole['meshes'][0]['series']
+    seen, path = [], '/v1/meshes?limit=1'
+    while path:
+        page = server.json(path)
+        assert page['count'] == 2 and len(page['meshes']) == 1
+        seen += page['meshes']
+        path = page.get('next') and urllib.parse.urljoin('/v1/meshes', page['next'])
+    assert seen == whole['meshes']
+    assert server.json('/v1/meshes?after=fin')['meshes'] == whole['meshes'][1:]
+    assert server.json('/v1/meshes?after=zzz')['meshes'] == []
+    for query in ('limit=-1', 'limit=x', 'limit=10001', 'limit=1&limit=2', 'after=%00', 'page=2'):
+        assert server.get('/v1/meshes?' + query)[0] == 400, query
+
+
 def test_description():
     shown = json.loads(tetlod('info', '--json', FIN))
     for key in shown:
@@ -857,7 +873,7 @@ make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
 with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
-    run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error,
+    run([test_catalogue, test_pages_of_the_catalogue, test_names_of_downloads, test_description, test_level_for_error,
          test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,

@@ -62,6 +62,30 @@ export function cellStream() {
     'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)], '--field', 'heat', '--region', 'material');
 }
 
+/**
+ * A loaded beam as files of two formats, {name: text}: ids of its points and a constant come before what one wants to see,
+ * a displacement and its stresses.
+ */
+export function beam() {
+  const { points, tets, text } = block(4);
+  const bend = ([x, , z]) => [0.2 * x * (z - 0.5), 0, -0.3 * x * x];
+  const stress = ([x, , z]) => [100 * (1 - x) * (z - 0.5), 0, 0, 0, 0, 5 * (0.25 - (z - 0.5) ** 2)];
+  const tensor = (p) => {
+    const [xx, yy, zz, xy, yz, xz] = stress(p);
+    return [xx, xy, xz, xy, yy, yz, xz, yz, zz];
+  };
+  const vtk = [...text, 'SCALARS GlobalNodeId double 1', 'LOOKUP_TABLE default', ...points.keys(),
+    'SCALARS Zero double 1', 'LOOKUP_TABLE default', ...points.map(() => 0),
+    'VECTORS Displacement double', ...points.map((p) => bend(p).join(' ')),
+    'TENSORS Stress double', ...points.map((p) => tensor(p).join(' '))];
+  const msh = ['$MeshFormat', '2.2 0 8', '$EndMeshFormat', '$Nodes', points.length,
+    ...points.map((p, i) => `${i + 1} ${p.join(' ')}`), '$EndNodes', '$Elements', tets.length,
+    ...tets.map(({ corners }, i) => `${i + 1} 4 2 1 1 ${corners.map((c) => c + 1).join(' ')}`), '$EndElements',
+    '$NodeData', 1, '"Displacement"', 1, 0, 3, 0, 3, points.length,
+    ...points.map((p, i) => `${i + 1} ${bend(p).join(' ')}`), '$EndNodeData', ''];
+  return { 'beam.vtk': vtk.join('\n'), 'beam.msh': msh.join('\n') };
+}
+
 /** A stream with a field whose vectors turn by almost a radian within a tetrahedron, and a scalar. */
 export function turningStream() {
   const { points, text } = block(6);

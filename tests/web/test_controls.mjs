@@ -71,7 +71,7 @@ async function received_is_told() {
   const [value, fetched, own] = await page.evaluate(() => [document.getElementById('progress').value, window.tetlod.stream.fetched, window.tetlod.stream.received]);
   assert.equal(value, 1);
   assert.ok(fetched > own, `${fetched} bytes came, ${own} of levels`);
-  assert.match(await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB stream`));
+  assert.match(await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB`));
 }
 
 // Frames that take half a second are two a second.

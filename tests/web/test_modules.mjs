@@ -156,7 +156,7 @@ function a_broken_fragment_gives_defaults() {
 
 // What a stream's first view shows is its default: a link holds what differs from that, and what was taken away.
 function a_link_is_of_what_differs_from_the_first_view() {
-  const base = { ...defaults, ...firstView({ bounds: [[0, 0, 0], [3, 1, 2]] }) };
+  const base = { ...defaults, ...firstView({ bounds: [[0, 0, 0], [3, 1, 2]], fields: [] }) };
   assert.deepEqual([base.surface, base.slices], ['inside', [{ normal: [0, 1, 0], at: 0.5 }]]);
   assert.equal(toFragment(base, base), '');
   assert.deepEqual(fromFragment('', base), base);

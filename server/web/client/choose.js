@@ -13,6 +13,17 @@ function fieldsOf(info, name) {
   return [field];
 }
 
+// NodeId, GlobalIds, node_id, ID; but neither grid nor FLUID.
+const saysIds = (name) => /^ids?$/i.test(name) || /Ids?$/.test(name) || /[^A-Z]IDs?$/.test(name) || /[^a-zA-Z]ids?$/.test(name);
+const isConstant = ({ range }) => range && !(range[1] > range[0]);
+
+/** The field that is shown first: one that drove the contraction, but neither numbers of things nor a constant. */
+export const firstField = (fields) => {
+  const telling = fields.filter((field) => !saysIds(field.name) && !isConstant(field));
+  const choice = telling.length ? telling : fields;
+  return choice.find(({ controlled }) => controlled) ?? choice[0];
+};
+
 function atLeast0(name, value) {
   if (!(value >= 0)) throw new RangeError(`${name} is a number of at least 0, not ${value}`);
   return value;

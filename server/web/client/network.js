@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
 
-import { chooseLevel } from './choose.js';
+import { chooseLevel, firstField } from './choose.js';
 
 const OPENING = 32768;  // header, index and first levels of most streams, if more is not needed yet
 const FIRST = 65536;    // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
@@ -334,7 +334,7 @@ export class Source {
       if (error instanceof FetchError) return { fields: [] };
       throw error;
     });
-    const { name } = fields.find((field) => field.controlled) ?? fields[0] ?? {};
+    const { name } = firstField(fields) ?? {};
     this.fields = fields.length > 1 && canList([name]) ? [name] : undefined;
     try {
       return fields.length && this.#target ? { level: chooseLevel({ fields, levels }, this.#target) } : this.#target;

@@ -9,7 +9,7 @@ import {
   measuresOf, spanOf, targetFieldOf, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
 } from './levels.js';
 import { notice } from './notices.js';
-import { clamp, parseNumber, percent, significant } from './numbers.js';
+import { bytes, clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
 import { bindRegions } from './regions.js';
@@ -435,6 +435,7 @@ export class Controls {
     const size = info.bounds[1].map((h, i) => significant(h - info.bounds[0][i], 3)).join(' × ');
     const rows = [
       ['Vertices', info.vertices.toLocaleString('en-US').replaceAll(',', '\u202f')],
+      ['Bytes', bytes(this.viewer.stream.bytes)],
       ['Levels', String(info.levels.length)],
       ['Size', size],
       ['Fields', info.fields.map((f) => f.name).join(', ')],

@@ -4,8 +4,19 @@
 // A field whose values lie on both sides of zero, neither side being negligible.
 const isSigned = ([low, high]) => low < 0 && high > 0 && Math.min(-low, high) > 0.1 * Math.max(-low, high);
 
-/** What replaces the defaults: one slice across the shortest side, within far walls. */
-export function firstView({ bounds: [low, high] }) {
+// Fields of solids: what one looks at is on their surface.
+const solidFields = /displ|deform|stress|strain|mises|plastic|damage/i;
+const flowFields = [/veloc|momentum|^u$/i, /press|mach|vortic|^p$/i]; // that flows have both kinds of, with stresses or not
+
+/** Whether the stream shows a body, not what flows or spreads within walls. */
+export function isSolid({ fields, cellFields = [] }) {
+  const has = (words) => [...fields, ...cellFields].some(({ name }) => words.test(name));
+  return has(solidFields) && !flowFields.every(has);
+}
+
+/** What replaces the defaults: solids are closed and lit; else one slice across the shortest side, within far walls. */
+export function firstView({ bounds: [low, high], fields, cellFields }) {
+  if (isSolid({ fields, cellFields })) return { surface: 'solid', shading: 'all' };
   const sides = low.map((l, i) => high[i] - l);
   const shortest = sides.lastIndexOf(Math.min(...sides));
   return { surface: 'inside', slices: [{ normal: [0, 1, 2].map((i) => Number(i === shortest)), at: 0.5 }] };

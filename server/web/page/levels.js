@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels and their errors, as the stream's index has them.
 
-import { boundOf } from '../client/choose.js';
+import { boundOf, firstField } from '../client/choose.js';
 import { percent, roundedUp, significant } from './numbers.js';
 
 export const measureNames = {
@@ -20,7 +20,7 @@ export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) 
 export function targetFieldOf(info, { field, errorField }) {
   if (fieldOf(info, errorField)) return errorField;
   const shown = shownField(info, { field });
-  return fieldOf(info, shown)?.controlled ? shown : (info.fields.find((f) => f.controlled)?.name ?? field ?? info.fields[0].name);
+  return fieldOf(info, shown)?.controlled ? shown : (firstField(info.fields.filter((f) => f.controlled))?.name ?? field ?? info.fields[0].name);
 }
 
 // The wanted measure where the field has it, else the strictest that it has.

@@ -67,7 +67,7 @@ function tellShown() {
   const measure = shownMeasure(info, state);
   byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  put('shown-bytes', bytes(stream.fetched), `stream ${bytes(stream.bytes)}`);
+  put('shown-bytes', bytes(stream.fetched));
   byId('progress').value = stream.received / info.levels[wantedLevel(info, state)].bytes;
   controls.setShown(level, stream.received);
   if (!now) return;

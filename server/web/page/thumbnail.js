@@ -2,6 +2,7 @@
 // A small picture of a stream for the catalogue: the boundary of a coarse level, painted from the back to the front, in
 // the colours of the viewer's first view.
 
+import { firstField } from '../client/choose.js';
 import { sized } from './canvas.js';
 import { colorTable } from './colors.js';
 import { autoRange, mapOf } from './first_view.js';
@@ -79,7 +80,7 @@ function paint(canvas, seen) {
 
 // Draws the stream into the canvas; where that fails, the canvas stays empty: its figures are beside it.
 export async function drawThumbnail(canvas, stream) {
-  const field = stream.fields.find((f) => f.controlled) ?? stream.fields[0];
+  const field = firstField(stream.fields);
   const level = stream.levels.findLast((l) => l.tets <= 6000) ?? stream.levels[0];
   const answer = await fetch(`v1/meshes/${encodeURIComponent(stream.id)}/${stream.cid}/levels/${level.level}/surface.glb`);
   if (!answer.ok || !field) return;

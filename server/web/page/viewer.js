@@ -2,6 +2,7 @@
 // A stream in a picture: state, stream and scene kept in step. The page puts its panel around it, the element
 // <tetlod-view> nothing.
 
+import { firstField } from '../client/choose.js';
 import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
@@ -24,7 +25,7 @@ function valid(state, info) {
     ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '',
     cells: info.cellFields.some(({ name }) => name === state.cells) ? state.cells : '', regions: regionFields(info).includes(state.regions) ? state.regions : '',
   };
-  return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
+  return fieldOf(info, state.field) ? known : { ...known, field: firstField(info.fields).name };
 }
 
 export class Viewer extends EventTarget {
