@@ -14,7 +14,8 @@ static const struct command *const commands[] = {
 #ifndef TETLOD_NO_SERVER
     &command_serve,   &command_explode,
 #endif
-    &command_ask,     &command_plot,    &command_formats,
+    &command_ask,     &command_features, &command_plot,
+    &command_formats,
 };
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
@@ -36,7 +37,7 @@ static void print_commands(FILE *out)
     fprintf(out,
             "\n'tetlod help COMMAND' explains one, 'tetlod help words' the words. Exit status: 0 done, 1 failed,\n"
             "2 usage, 3 invalid input, 4 a valid stream whose levels are worse meshes than its original (verify);\n"
-            "4 no, 5 unknown (ask).\n");
+            "4 no, 5 unknown (ask, features).\n");
 }
 
 static int unknown_command(const char *name)

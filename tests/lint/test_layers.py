@@ -41,7 +41,7 @@ LAYERS = {
                               'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
                              'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
-    'src/report': MESHES + ['src/level/', 'src/ask/ask.h'],
+    'src/report': MESHES + ['src/level/', 'src/ask/'],
     'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
     'server/net': ARRAYS + ['server/http/message.h'],
     'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/stream/',

@@ -243,3 +243,26 @@ mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = me
        'the finest level is the input, rounded', 'cli/test_cells')
 mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c', 'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference', 'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference',
        'tetrahedra that are as they were are compared at their corners', 'cli/test_forged')
+
+# ---- features (PROOF.md, 13)
+
+FEATURES, FEATURE_SOURCE = 'cli/test_features', 'src/ask/features.c'
+PROVEN_SWEEP = 'sweep(search, &proven, search->upper, search->lower, error);'
+mutant('features: heights without the bound', FEATURE_SOURCE, PROVEN_SWEEP,
+       'sweep(search, &proven, search->upper, search->middle, error);',
+       'a certain maximum counts with what it has at least', FEATURES)
+mutant('features: saddles without the bound', FEATURE_SOURCE, PROVEN_SWEEP,
+       'sweep(search, &proven, search->middle, search->lower, error);', 'a saddle may be as high as its bound', FEATURES)
+mutant('features: an upper end everywhere', FEATURE_SOURCE,
+       'bounded = !exceeds(search->upper[v], search->lower[v], search->query->persistence);', 'bounded = true;',
+       'between functions that are far apart any number of maxima fits', FEATURES)
+mutant('features: the upper end of the level', FEATURE_SOURCE,
+       'bounded ? sweep(search, &all, search->lower, search->upper, error)',
+       'bounded ? sweep(search, &all, search->middle, search->middle, error)',
+       'the original may have more than the level', FEATURES)
+mutant('features: the box of the persistence alone', FEATURE_SOURCE,
+       'return search->has_floor || level < bar->death ? bar->death : level;',
+       'return search->has_floor ? bar->death : nextafter(bar->peak, -INFINITY);',
+       'the maximum of that persistence is in a larger component', FEATURES)
+mutant('features: moved boundaries', 'src/ask/feature_levels.c',
+       '!(info->levels[level].domain_error <= KEPT) || ', '', 'where the boundary moved nothing is proved', FEATURES)
