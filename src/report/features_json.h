@@ -5,7 +5,7 @@
 
 #include <jansson.h>
 
-#include "format/writer.h"
+#include "format/common/sink.h"
 #include "src/ask/feature_levels.h"
 
 /* A new object, or NULL if memory is out. `field` is the text that named the quantity. `info` is NULL of a mesh
