@@ -70,7 +70,7 @@ static enum tetlod_status read_token(const char *path, char **out, struct tetlod
     if (!size || size > MAX_TOKEN ||
         token[strspn(token, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=")])
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "%.120s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MAX_TOKEN);
+                            "%.400s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MAX_TOKEN);
     return TETLOD_OK;
 }
 

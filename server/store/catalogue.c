@@ -227,8 +227,8 @@ static enum tetlod_status refuse_stream(struct scan *scan, const char *path, con
                                         struct tetlod_error *error)
 {
     if (!error && !atomic_load(&scan->catalogue->stopping))
-        complain(scan->catalogue, "%s: not served: %.200s", path, why->message);
-    return tetlodi_fail(error, why->status, "%s: %.200s", path, why->message);
+        complain(scan->catalogue, "%s: not served: %s", path, why->message);
+    return tetlodi_fail(error, why->status, "%s: %s", path, why->message);
 }
 
 static enum tetlod_status open_stream(struct scan *scan, int folder, const char *path, int fd, struct entry *entry,

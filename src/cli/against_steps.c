@@ -321,7 +321,7 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
         if (status == TETLOD_OK)
             status = level_mesh_step_cells(check->file, band->series, step, TETLOD_NONE, &mesh, check->error);
         if (status == TETLOD_OK)
-            status = mesh_same(input, &mesh, &inner) == TETLOD_OK ? TETLOD_OK : tetlodi_fail(check->error, inner.status, "step %u: %.200s", step, inner.message);
+            status = mesh_same(input, &mesh, &inner) == TETLOD_OK ? TETLOD_OK : tetlodi_fail(check->error, inner.status, "step %u: %s", step, inner.message);
         tetmesh_fini(&mesh);
     }
     return status;

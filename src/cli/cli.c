@@ -208,7 +208,7 @@ enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct te
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
     if (status == TETLOD_ERR_NOT_TETLOD && is_mesh(dot))
         return tetlodi_fail(error, status,
-                            "%s: is a mesh, not a stream; make one of it: tetlod build %.200s -o %.*s.tetlod", path,
+                            "%s: is a mesh, not a stream; make one of it: tetlod build %.400s -o %.*s.tetlod", path,
                             path, (int)(dot - name), name);
-    return tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
+    return tetlodi_fail(error, status, "%s: %s", path, inner.message);
 }

@@ -274,7 +274,7 @@ static enum tetlod_status prepare(struct build_request *request, struct input *i
     tetmesh_fini(&later);
     if (status == TETLOD_OK && is_series(request, &in->read))
         status = load_series(request, in, &inner);
-    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", request->input, inner.message);
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
 }
 
 static void release(struct build_request *request, struct input *in)
@@ -381,7 +381,7 @@ static int build(struct build_request *request)
         status = build_file(request, &in, &report, &write_seconds, &inner);
         bool named = status == TETLOD_ERR_IO; // the output's path is in it already
         if (status != TETLOD_OK)
-            tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
+            tetlodi_fail(&error, status, "%s%s%s", named ? "" : request->input, named ? "" : ": ", inner.message);
     }
     int result = status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
     if (status == TETLOD_OK && !request->quiet)

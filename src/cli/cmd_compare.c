@@ -76,7 +76,7 @@ static enum tetlod_status find_field(struct tetmesh *mesh, const char *which, co
     struct build_control control;
     enum tetlod_status status = build_control_parse(mesh, name, &control, &inner);
     *out = control.field;
-    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "the %s mesh: %.200s", which, inner.message);
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "the %s mesh: %s", which, inner.message);
 }
 
 static enum tetlod_status find_fields(struct tetmesh *a, struct tetmesh *b, const char *name, uint32_t fields[2],

@@ -159,7 +159,7 @@ static enum tetlod_status extract_stream(const struct tetlod_file *file, const s
     const struct tetlodi_sink sink = file_output_sink(output);
     enum tetlod_status status = tetlodi_write_prefix(file, level, &sink, &inner);
     if (status != TETLOD_OK)
-        tetlodi_fail(error, status, "%s: %.200s", request->input, inner.message);
+        tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
     return file_output_finish(output, status, error);
 }
 
@@ -228,7 +228,7 @@ static int extract(struct request *request)
     if (status == TETLOD_OK)
         status = level_mesh_units(info, &mesh, &inner);
     if (status != TETLOD_OK)
-        tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
+        tetlodi_fail(&error, status, "%s: %s", request->input, inner.message);
     else
         status = is_stream(request->output) ? extract_stream(file, request, level, &error) : io_write(&mesh, request->output, &error);
     if (status == TETLOD_OK && !request->quiet && about[0]) {

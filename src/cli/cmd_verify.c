@@ -140,7 +140,7 @@ static enum tetlod_status replay(struct verification *v)
         enum tetlod_status status = tetlod_cursor_seek(v->cursor, k, v->error);
         if (status != TETLOD_OK) {
             struct tetlod_error inner = *v->error;
-            tetlodi_fail(v->error, status, "%.160s; %u of %u levels can be read", inner.message, k, levels);
+            tetlodi_fail(v->error, status, "%s; %u of %u levels can be read", inner.message, k, levels);
             return status;
         }
         v->hashes[k] = hash_mesh(v);
@@ -426,7 +426,7 @@ static enum tetlod_status verify_topology(struct verification *v, uint32_t numbe
     if (status == TETLOD_OK)
         status = steps_found_add(&v->series, &part.series, &inner);
     if (status != TETLOD_OK)
-        tetlodi_fail(v->error, status, "topology group %u: %.200s", number, inner.message);
+        tetlodi_fail(v->error, status, "topology group %u: %s", number, inner.message);
     steps_found_fini(&part.series);
     v->against.measured += part.against.measured;
     v->whole &= !number || part.against.exact_count == tetlod_info(file)->level_count;

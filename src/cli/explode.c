@@ -39,7 +39,7 @@ static enum tetlod_status make_folders(const struct tree *tree, char *path)
         int why = errno;
         *slash = '/';
         if (made != 0 && why != EEXIST)
-            return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.200s: cannot make its folder: %s", path, strerror(why));
+            return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.400s: cannot make its folder: %s", path, strerror(why));
     }
     return TETLOD_OK;
 }
@@ -55,7 +55,7 @@ __attribute__((format(printf, 3, 4))) static enum tetlod_status begin(const stru
     used += used < sizeof path ? (size_t)vsnprintf(path + used, sizeof path - used, format, arguments) : 0;
     va_end(arguments);
     if (used >= sizeof path)
-        return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.200s: the path is too long", tree->folder);
+        return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.400s: the path is too long", tree->folder);
     TETLOD_TRY(make_folders(tree, path));
     return file_output_open(out, path, tree->error);
 }
@@ -87,7 +87,7 @@ static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output
         struct tetlod_error why = {0};
         status = dataset_read(dataset, first, block, some, &why);
         if (status != TETLOD_OK)
-            status = tetlodi_fail(tree->error, status, "%s: the stream cannot be read: %.200s", dataset_id(dataset),
+            status = tetlodi_fail(tree->error, status, "%s: the stream cannot be read: %.400s", dataset_id(dataset),
                                   why.message);
         else
             status = sink.write(sink.opaque, block, some);

@@ -181,7 +181,7 @@ static enum tetlod_status read_files(struct tetmesh *out, const char *path, cons
         input.other_view = second ? &other : NULL;
         status = io_read_input(out, path, &input, report, &inner);
         if (status != TETLOD_OK)
-            tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
+            tetlodi_fail(error, status, "%.400s: %s", path, inner.message);
     }
     io_input_close(&opened);
     file_view_close(&other);
@@ -204,7 +204,7 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     else if (solution)
         status =
             tetlodi_fail(error, TETLOD_ERR_MESH,
-                         "%.120s: is a %s file; only PLOT3D, Medit and MFEM have a solution file", path, format->name);
+                         "%.400s: is a %s file; only PLOT3D, Medit and MFEM have a solution file", path, format->name);
     else {
         status = name_siblings(path, format, names, error);
         if (status == TETLOD_OK)
@@ -229,7 +229,7 @@ enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
             length += (size_t)snprintf(known + length, sizeof known - length, "%s.%s", length ? ", " : "",
                                        format->extensions[0]);
     return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                        "%.120s: the extension of an output decides its format: use one of %s", path, known);
+                        "%.400s: the extension of an output decides its format: use one of %s", path, known);
 }
 
 enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error)
@@ -244,5 +244,5 @@ enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct
     if (status == TETLOD_OK || status == TETLOD_ERR_IO) // commit knows what the system said
         return file_output_commit(output, error);
     file_output_abort(output);
-    return tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
+    return tetlodi_fail(error, status, "%.400s: %s", path, inner.message);
 }

@@ -135,7 +135,7 @@ enum tetlod_status tetlod_build_series_add(struct tetlod_build_series *series, c
     }
     tetmesh_fini(&copy);
     if (status != TETLOD_OK)
-        return tetlodi_fail(error, status, "step %zu: %.200s", count, inner.message);
+        return tetlodi_fail(error, status, "step %zu: %s", count, inner.message);
     series->times[series->step_count++] = time;
     return TETLOD_OK;
 }

@@ -18,11 +18,11 @@ enum tetlod_status ensight_fail(const struct ensight_file *file, const char *why
 {
     unsigned long line = 1;
     if (file->kind != ENSIGHT_TEXT)
-        return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.80s: byte %td: %s", file->name,
+        return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.400s: byte %td: %s", file->name,
                             file->rest.at - file->begin, why);
     for (const char *at = file->begin; at < file->rest.at; at++)
         line += *at == '\n';
-    return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.80s: line %lu: %s", file->name, line, why);
+    return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%.400s: line %lu: %s", file->name, line, why);
 }
 
 static uint32_t word_at(const char *at, bool big_endian)

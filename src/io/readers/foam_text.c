@@ -114,7 +114,7 @@ static enum tetlod_status load(struct foam_file *file, const struct io_input *in
         TETLOD_TRY(io_resolve(input, packed, &path, file->error));
         if (stat(path, &about) != 0) {
             free(path);
-            return tetlodi_fail(file->error, TETLOD_ERR_MESH, "there is no file %.200s beside it", name);
+            return tetlodi_fail(file->error, TETLOD_ERR_MESH, "there is no file %.400s beside it", name);
         }
     }
     enum tetlod_status status = file_view_path(&file->view, path, file->error);

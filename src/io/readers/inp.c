@@ -139,7 +139,7 @@ static enum tetlod_status follow(struct inp *p, struct text name,
         p->depth++;
         status = read(p, keyword);
         if (status != TETLOD_OK)
-            tetlodi_fail(error, status, "%.80s: %.200s", copy, inner.message);
+            tetlodi_fail(error, status, "%.400s: %s", copy, inner.message);
         file_view_close(&view);
     }
     p->begin = outer.begin;

@@ -317,7 +317,7 @@ static enum tetlod_status read_solution(struct medit *m, const struct io_input *
     enum tetlod_status status = read_all(m, read_solution_keyword);
     if (status == TETLOD_OK && m->mesh->field_count == before)
         status = fail(m, "there is no SolAtVertices");
-    return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path,
+    return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.400s: %.500s", input->other_path,
                                                           inner.message);
 }
 

@@ -347,7 +347,7 @@ static enum tetlod_status read_other(struct mfem *m, const struct io_input *inpu
     other.error = &inner;
     enum tetlod_status status = read_function(&other, input->other_path);
     return status == TETLOD_OK ? TETLOD_OK
-                               : tetlodi_fail(m->error, status, "%.80s: %.160s", input->other_path, inner.message);
+                               : tetlodi_fail(m->error, status, "%.400s: %s", input->other_path, inner.message);
 }
 
 bool mfem_sniff(const unsigned char *bytes, size_t size)

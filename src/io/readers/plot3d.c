@@ -165,7 +165,7 @@ static enum tetlod_status add_fields(struct tetmesh *mesh, const struct layout *
 
 static enum tetlod_status fail_short(const struct io_input *input, uint64_t needed, struct tetlod_error *error)
 {
-    return tetlodi_fail(error, TETLOD_ERR_MESH, "%.80s: has %zu bytes, a solution for this grid has %llu",
+    return tetlodi_fail(error, TETLOD_ERR_MESH, "%.400s: has %zu bytes, a solution for this grid has %llu",
                         input->other_path,
                         input->other_size, (unsigned long long)needed);
 }
@@ -179,7 +179,7 @@ static enum tetlod_status read_solution(struct block *grids, const struct io_inp
             uint64_t dim_at = layout->dims_at + 12 * g + 4 * d;
             if (dim_at + 4 > input->other_size || int_at(input->other, layout->big_endian, dim_at) != grids[g].dims[d])
                 return tetlodi_fail(error, TETLOD_ERR_MESH,
-                                    "%.80s: does not start with the grid's dimensions %u x %u x %u; is it its "
+                                    "%.400s: does not start with the grid's dimensions %u x %u x %u; is it its "
                                     "solution?",
                                     input->other_path, grids[g].dims[0], grids[g].dims[1], grids[g].dims[2]);
         }

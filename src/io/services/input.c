@@ -38,7 +38,7 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
     const char *slash = from->path && *name != '/' ? strrchr(from->path, '/') : NULL;
     size_t folder = slash ? (size_t)(slash - from->path) + 1 : 0, size = folder + strlen(name) + 1;
     if (!from->path)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "names the file %.80s, but is not in a folder", name);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "names the file %.400s, but is not in a folder", name);
     *out = array_new(size, 1);
     if (!*out)
         return tetlodi_fail_nomem(error, "a file's name", size);
@@ -50,14 +50,14 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
         free(*out);
         *out = NULL;
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "names the file %.80s, which is the output, too: give the output another name", name);
+                            "names the file %.400s, which is the output, too: give the output another name", name);
     }
     if (!is_there || (from->options && from->options->follow) || is_beside(from->path, *out))
         return TETLOD_OK; // opening it says why it is not there
     free(*out);
     *out = NULL;
     return tetlodi_fail(error, TETLOD_ERR_MESH,
-                        "names the file %.80s, which is not in its folder; --follow reads it anyway",
+                        "names the file %.400s, which is not in its folder; --follow reads it anyway",
                         name);
 }
 
@@ -97,7 +97,7 @@ enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from
         status = from->read_any(out, &input, report, &inner);
     }
     if (status != TETLOD_OK)
-        tetlodi_fail(error, status, "%.80s: %.200s", name, inner.message);
+        tetlodi_fail(error, status, "%.400s: %s", name, inner.message);
     io_input_close(&opened);
     free(path);
     return status;
