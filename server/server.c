@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes
- * longer than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at
+ * longer than a connection's thread may wait, and decoders for what takes longer than that; a reaper, which looks at
  * late connections; a scanner, which looks at the files.
  */
 #define _GNU_SOURCE
@@ -56,8 +56,8 @@ struct server {
     struct listener listeners[MAX_LISTENERS]; /* the metrics' own one last */
     size_t listener_count;
     int wake; /* eventfd: the acceptor is to end */
-    pthread_t acceptor, keeper, scanner;
-    bool accepting, keeping, scanning;
+    pthread_t acceptor, reaper, scanner;
+    bool accepting, reaping, scanning;
     pthread_mutex_t lock;
     pthread_cond_t changed, stop;
     bool stopping, rescan, scanned_out; /* under the lock */
@@ -141,7 +141,7 @@ static void *run_acceptor(void *opaque)
     }
 }
 
-/* ---- the keeper ---- */
+/* ---- the reaper ---- */
 
 /* Whether what was made of a stream, and lies under its content id, may still be asked for. */
 static bool is_wanted(void *opaque, const char *key)
@@ -180,14 +180,14 @@ static void relieve(struct server *server)
     size_t hanging = catalogue_hanging(site->catalogue, 1);
     if (!hanging)
         return;
-    pool_relieve(site->pool, hanging);
-    pool_relieve(site->decoders, hanging);
-    pool_relieve(site->readers, hanging);
+    workers_relieve(site->workers, hanging);
+    workers_relieve(site->decoders, hanging);
+    workers_relieve(site->readers, hanging);
     cache_wake_waiters(site->cache);
     cache_wake_waiters(site->memory);
 }
 
-static void *run_keeper(void *opaque)
+static void *run_reaper(void *opaque)
 {
     struct server *server = opaque;
     pthread_mutex_lock(&server->lock);
@@ -200,8 +200,8 @@ static void *run_keeper(void *opaque)
         for (size_t gone = gate_part(server->gate); gone; gone--)
             metrics_count(server->site.metrics, METRIC_CONNECTIONS_LEFT);
         guesses_wake(server->site.guesses, now);
-        cache_wake_seekers(server->site.cache); // some may have waited long enough
-        cache_wake_seekers(server->site.memory);
+        cache_wake_room_waiters(server->site.cache); // some may have waited long enough
+        cache_wake_room_waiters(server->site.memory);
         relieve(server);
         pthread_mutex_lock(&server->lock);
     }
@@ -316,9 +316,9 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     if (!site->metrics || !site->cache || !site->memory || !server->gate || !site->access || !site->guesses)
         return tetlodi_fail_nomem(error, "the server", 0);
     TETLOD_TRY(take_rules(server, error));
-    TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
-    TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
-    TETLOD_TRY(pool_start(&site->readers, options->threads, QUEUE, error));
+    TETLOD_TRY(workers_start(&site->workers, options->threads, QUEUE, error));
+    TETLOD_TRY(workers_start(&site->decoders, options->threads, QUEUE, error));
+    TETLOD_TRY(workers_start(&site->readers, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
         .paths = options->paths,
         .path_count = options->path_count,
@@ -401,9 +401,9 @@ static enum tetlod_status start_threads(struct server *server, struct tetlod_err
     if (server->wake < 0)
         return tetlodi_fail(error, TETLOD_ERR_IO, "cannot make an eventfd: %s", strerror(errno));
     server->accepting = pthread_create(&server->acceptor, NULL, run_acceptor, server) == 0;
-    server->keeping = pthread_create(&server->keeper, NULL, run_keeper, server) == 0;
+    server->reaping = pthread_create(&server->reaper, NULL, run_reaper, server) == 0;
     server->scanning = pthread_create(&server->scanner, NULL, run_scanner, server) == 0;
-    if (!server->accepting || !server->keeping || !server->scanning)
+    if (!server->accepting || !server->reaping || !server->scanning)
         return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start threads");
     return TETLOD_OK;
 }
@@ -504,39 +504,39 @@ static void drain(struct server *server, double until)
         say(server, "warning", "stopping with answers unfinished");
 }
 
-static void stop_keeper(struct server *server)
+static void stop_reaper(struct server *server)
 {
-    if (!server->keeping && !server->scanning)
+    if (!server->reaping && !server->scanning)
         return;
     pthread_mutex_lock(&server->lock);
     server->stopping = true;
     pthread_cond_broadcast(&server->changed);
     pthread_cond_broadcast(&server->stop);
     pthread_mutex_unlock(&server->lock);
-    if (server->keeping)
-        pthread_join(server->keeper, NULL);
+    if (server->reaping)
+        pthread_join(server->reaper, NULL);
 }
 
-static void wake_seekers(struct server *server)
+static void wake_room_waiters(struct server *server)
 {
     if (server->site.cache)
-        cache_wake_seekers(server->site.cache);
+        cache_wake_room_waiters(server->site.cache);
     if (server->site.memory)
-        cache_wake_seekers(server->site.memory);
+        cache_wake_room_waiters(server->site.memory);
 }
 
 /* Drops what is queued; what is being made ends at its next step. These wake all who wait: a suspended connection could
  * not be ended. False if a file hangs, or a step takes too long: then nothing that the threads use is ours to free. */
 static bool stop_workers(struct server *server, double until)
 {
-    struct pool *pools[] = {server->site.readers, server->site.decoders, server->site.pool};
+    struct workers *pools[] = {server->site.readers, server->site.decoders, server->site.workers};
     bool ended = true;
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
-        pool_cancel(pools[i]);
-    wake_seekers(server);
+        workers_cancel(pools[i]);
+    wake_room_waiters(server);
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
-        ended &= pool_stop(pools[i], until);
-    wake_seekers(server); // some began to seek meanwhile: they hear that there are no threads any more
+        ended &= workers_stop(pools[i], until);
+    wake_room_waiters(server); // some began to seek meanwhile: they hear that there are no threads any more
     bool hanging = !ended && server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
     if (!ended)
         say(server, "warning", hanging ? "stopping while a file does not answer"
@@ -564,9 +564,9 @@ static bool stop_scanner(struct server *server, double until)
 
 static void free_server(struct server *server)
 {
-    pool_free(server->site.readers);
-    pool_free(server->site.decoders);
-    pool_free(server->site.pool);
+    workers_free(server->site.readers);
+    workers_free(server->site.decoders);
+    workers_free(server->site.workers);
     gate_free(server->gate);
     cache_free(server->site.cache);
     cache_free(server->site.memory);
@@ -599,7 +599,7 @@ bool server_stop(struct server *server)
     if (server->gate)
         drain(server, until);
     until = fmin(until, monotonic_seconds()) + LAST_SECONDS;
-    stop_keeper(server);
+    stop_reaper(server);
     if (!stop_workers(server, until))
         return false;
     if (server->site.guesses)

@@ -34,7 +34,7 @@ static inline void world_close(struct world *world)
     star_fini(&world->star);
     free(world->run.proposals);
     free(world->run.factors);
-    crew_free(world->run.crew);
+    pool_free(world->run.pool);
     working_fini(&world->working);
     log_fini(&world->log);
 }
@@ -42,13 +42,13 @@ static inline void world_close(struct world *world)
 /* Of a mesh that outlives it. False: no memory. */
 static inline bool world_open(struct world *world, const struct tetmesh *mesh, const struct world_options *options)
 {
-    *world = (struct world){.run = {.metric = options->metric, .kernels = kernels_choose(), .crew = crew_new(1)}};
+    *world = (struct world){.run = {.metric = options->metric, .kernels = kernels_choose(), .pool = pool_new(1)}};
     struct run *run = &world->run;
     run->working = &world->working;
-    if (!run->crew || log_init(&world->log, mesh, NULL) != TETLOD_OK ||
+    if (!run->pool || log_init(&world->log, mesh, NULL) != TETLOD_OK ||
         working_init(&world->working, mesh, NULL, options->controlled, options->controlled_count, options->limits,
                      &world->log, NULL) != TETLOD_OK ||
-        border_find(&world->working, run->crew, NULL) != TETLOD_OK ||
+        border_find(&world->working, run->pool, NULL) != TETLOD_OK ||
         border_init(&run->border, &world->working, mesh, options->angle, options->boundary_limit, 0, 1, NULL) !=
             TETLOD_OK ||
         !worker_init(&world->worker, &world->working))

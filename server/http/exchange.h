@@ -10,15 +10,15 @@
 #include "server/http/policy.h"
 #include "server/http/quota.h"
 #include "server/store/catalogue.h"
-#include "server/store/pool.h"
+#include "server/store/workers.h"
 
 struct site {
     struct catalogue *catalogue;
     struct cache *cache;  /* finished answers */
     struct cache *memory; /* decoded streams, and answers that are too large for the cache */
-    struct pool *pool;     /* makes answers; NULL: the asking thread does */
-    struct pool *readers;  /* read stored bytes, which may hang; NULL: the asking thread does */
-    struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
+    struct workers *workers;  /* makes answers; NULL: the asking thread does */
+    struct workers *readers;  /* read stored bytes, which may hang; NULL: the asking thread does */
+    struct workers *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
     size_t (*connections)(void *opaque); /* how many there are; NULL: none */
     void *connections_of;

@@ -20,7 +20,7 @@
 enum { FIRST_BYTES = 1 << 16 };
 
 /* One of them on its way to a worker. */
-struct making {
+struct mesh_job {
     struct site *site;
     struct dataset *dataset; /* held */
     struct cache_entry *forest; /* held */
@@ -29,65 +29,65 @@ struct making {
     _Alignas(max_align_t) unsigned char choice[]; /* a copy */
 };
 
-static void making_free(void *opaque)
+static void free_mesh_job(void *opaque)
 {
-    struct making *making = opaque;
-    cache_release(making->site->memory, making->forest);
-    dataset_release(making->dataset);
-    free(making);
+    struct mesh_job *mesh_job = opaque;
+    cache_release(mesh_job->site->memory, mesh_job->forest);
+    dataset_release(mesh_job->dataset);
+    free(mesh_job);
 }
 
 /* Reserves what the file of a mesh takes, encoded as well if it will be. */
-static enum tetlod_status reserve_file(const struct making *making, const struct tetmesh *mesh, struct room *room,
+static enum tetlod_status reserve_file(const struct mesh_job *mesh_job, const struct tetmesh *mesh, struct room *room,
                                        struct buffer *out, struct tetlod_error *error)
 {
     uint64_t size = 0;
-    if (!making->answer.measure)
+    if (!mesh_job->answer.measure)
         return TETLOD_OK;
-    TETLOD_TRY(making->answer.measure(making->choice, mesh, &size, error));
-    TETLOD_TRY(room_take(room, size + buffer_encoding_bytes(size, making->coding), error));
+    TETLOD_TRY(mesh_job->answer.measure(mesh_job->choice, mesh, &size, error));
+    TETLOD_TRY(room_take(room, size + buffer_encoding_bytes(size, mesh_job->coding), error));
     return buffer_reserve(out, size, error);
 }
 
 /* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any
  * more. */
-static enum tetlod_status write_answer(const struct making *making, struct job *job, struct buffer *out,
+static enum tetlod_status write_answer(const struct mesh_job *mesh_job, struct run *run, struct buffer *out,
                                        struct region_note *note, double *extracted, struct tetlod_error *error)
 {
-    const struct level_answer *answer = &making->answer;
-    const struct forest *forest = forest_of(making->forest);
+    const struct level_answer *answer = &mesh_job->answer;
+    const struct forest *forest = forest_of(mesh_job->forest);
     struct tetmesh mesh;
-    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, job_room(job), &mesh, note, error)
+    TETLOD_TRY(answer->mesh ? answer->mesh(mesh_job->choice, forest, run_room(run), &mesh, note, error)
                             : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
     enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
-    if (status == TETLOD_OK && !job_wanted(job))
+    if (status == TETLOD_OK && !run_wanted(run))
         status = fail_unwanted(error);
     if (status == TETLOD_OK)
-        status = reserve_file(making, &mesh, job_room(job), out, error);
+        status = reserve_file(mesh_job, &mesh, run_room(run), out, error);
     if (status == TETLOD_OK)
-        status = answer->write(making->choice, &mesh, out, error);
+        status = answer->write(mesh_job->choice, &mesh, out, error);
     tetmesh_fini(&mesh);
     return status;
 }
 
-static enum tetlod_status make(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make(void *opaque, struct run *run, struct cache_value *out, struct tetlod_error *error)
 {
-    struct making *making = opaque;
+    struct mesh_job *mesh_job = opaque;
     struct region_note note = {0};
     struct buffer buffer = {0};
     double started = monotonic_seconds(), extracted = started;
-    enum tetlod_status status = write_answer(making, job, &buffer, &note, &extracted, error);
-    if (status == TETLOD_OK && !job_wanted(job))
+    enum tetlod_status status = write_answer(mesh_job, run, &buffer, &note, &extracted, error);
+    if (status == TETLOD_OK && !run_wanted(run))
         status = fail_unwanted(error);
     if (status == TETLOD_OK)
-        status = buffer_encode(&buffer, making->coding, error);
+        status = buffer_encode(&buffer, mesh_job->coding, error);
     if (status == TETLOD_OK)
         status = body_take(&buffer, started, extracted, out, error);
     if (status == TETLOD_OK)
         ((struct body *)out->data)->note = note;
     buffer_fini(&buffer);
-    metrics_count(making->site->metrics, METRIC_LEVELS_MADE);
+    metrics_count(mesh_job->site->metrics, METRIC_LEVELS_MADE);
     return status;
 }
 
@@ -117,17 +117,17 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
                                          answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
     if (!forest)
         return outcome;
-    struct making *making = malloc(sizeof *making + answer->choice_size);
-    if (!making) {
+    struct mesh_job *mesh_job = malloc(sizeof *mesh_job + answer->choice_size);
+    if (!mesh_job) {
         cache_release(exchange->site->memory, forest);
         return respond_no_memory(exchange);
     }
-    *making = (struct making){exchange->site, dataset_hold(dataset), forest, *answer, coding};
-    memcpy(making->choice, answer->choice, answer->choice_size);
+    *mesh_job = (struct mesh_job){exchange->site, dataset_hold(dataset), forest, *answer, coding};
+    memcpy(mesh_job->choice, answer->choice, answer->choice_size);
     uint64_t bytes = answer->measure ? FIRST_BYTES : making_bytes(dataset_info(dataset), answer);
-    const struct recipe recipe = {make, making_free, making, bytes, PATIENCE, NULL,
+    const struct job job = {make, free_mesh_job, mesh_job, bytes, MAX_WAIT_SECONDS, NULL,
                                   cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
-    return obtain(exchange, cache, key, &recipe, out);
+    return obtain(exchange, cache, key, &job, out);
 }
 
 enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer)

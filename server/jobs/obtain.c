@@ -13,49 +13,49 @@
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
-struct job {
+struct run {
     struct site *site;
     struct cache *cache;
     struct cache_entry *entry; /* held */
-    struct recipe recipe;
-    struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
+    struct job job;
+    struct workers *workers; /* that runs it; NULL: the asking thread does, which must not wait */
     double until;      /* when it gives up waiting for room */
     struct waiter seeker; /* of room */
     bool counted;         /* among those of its client */
     size_t client;
     struct room room;
-    enum tetlod_status refused; /* why the room did not grant the recipe's bytes, which it raised */
+    enum tetlod_status refused; /* why the room did not grant the job's bytes, which it raised */
 };
 
 enum { KEY_CAPACITY = 80 };
 
 /* Says why there is no room. */
-static enum tetlod_status fail_room(struct job *job, enum tetlod_status status, struct tetlod_error *failure)
+static enum tetlod_status fail_room(struct run *run, enum tetlod_status status, struct tetlod_error *failure)
 {
     if (status == TETLOD_ERR_ARGUMENT)
         return tetlodi_fail(failure, status,
                             "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
                                              "(format=tetlod, records, stream) are served at any size",
-                            (unsigned long long)((job->recipe.bytes + job->recipe.beside) >> 20));
+                            (unsigned long long)((run->job.bytes + run->job.beside) >> 20));
     return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
 
-static void end_job(struct job *job, enum tetlod_status status, const struct cache_value *value,
+static void end_job(struct run *run, enum tetlod_status status, const struct cache_value *value,
                     struct tetlod_error *failure)
 {
     if (status != TETLOD_OK && !failure->status)
         failure->status = status;
-    job->recipe.free(job->recipe.context);
-    if (job->counted)
-        quota_give(&job->site->jobs, job->client);
-    cache_finish(job->cache, job->entry, status == TETLOD_OK ? value : NULL, failure);
-    cache_release(job->cache, job->entry);
-    free(job);
+    run->job.free(run->job.context);
+    if (run->counted)
+        quota_give(&run->site->jobs, run->client);
+    cache_finish(run->cache, run->entry, status == TETLOD_OK ? value : NULL, failure);
+    cache_release(run->cache, run->entry);
+    free(run);
 }
 
-bool job_wanted(struct job *job)
+bool run_wanted(struct run *run)
 {
-    return !job->pool || (!pool_stopping(job->pool) && cache_wanted(job->cache, job->entry));
+    return !run->workers || (!workers_stopping(run->workers) && cache_wanted(run->cache, run->entry));
 }
 
 enum tetlod_status fail_unwanted(struct tetlod_error *error)
@@ -63,44 +63,44 @@ enum tetlod_status fail_unwanted(struct tetlod_error *error)
     return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping, or nobody waits for this any more");
 }
 
-struct room *job_room(struct job *job)
+struct room *run_room(struct run *run)
 {
-    return &job->room;
+    return &run->room;
 }
 
-static enum tetlod_status reserve(struct job *job)
+static enum tetlod_status reserve(struct run *run)
 {
-    const uint64_t bytes = job->recipe.bytes, most = cache_capacity(job->cache);
-    if (job->recipe.beside > most || bytes > most - job->recipe.beside)
+    const uint64_t bytes = run->job.bytes, most = cache_capacity(run->cache);
+    if (run->job.beside > most || bytes > most - run->job.beside)
         return TETLOD_ERR_ARGUMENT;
-    return cache_reserve(job->cache, job->entry, bytes);
+    return cache_reserve(run->cache, run->entry, bytes);
 }
 
 static enum tetlod_status grant(struct room *room, uint64_t bytes, struct tetlod_error *error)
 {
-    struct job *job = (struct job *)(void *)((char *)room - offsetof(struct job, room));
-    if (!job_wanted(job))
+    struct run *run = (struct run *)(void *)((char *)room - offsetof(struct run, room));
+    if (!run_wanted(run))
         return fail_unwanted(error);
-    job->recipe.bytes = bytes;
-    job->refused = reserve(job);
-    if (job->refused != TETLOD_OK)
-        return fail_room(job, job->refused, error);
+    run->job.bytes = bytes;
+    run->refused = reserve(run);
+    if (run->refused != TETLOD_OK)
+        return fail_room(run, run->refused, error);
     room->granted = bytes;
     return TETLOD_OK;
 }
 
 /* Makes it in the room that is reserved; false: it needs more, and has nothing. */
-static bool make_value(struct job *job)
+static bool make_value(struct run *run)
 {
     struct cache_value value = {0};
     struct tetlod_error failure = {0};
-    job->room = (struct room){grant, 0, job->recipe.bytes};
-    job->refused = TETLOD_OK;
-    enum tetlod_status status = job->recipe.make(job->recipe.context, job, &value, &failure);
-    if (status != TETLOD_OK && job->refused == TETLOD_ERR_LIMIT &&
-        cache_reserve(job->cache, job->entry, 0) == TETLOD_OK)
+    run->room = (struct room){grant, 0, run->job.bytes};
+    run->refused = TETLOD_OK;
+    enum tetlod_status status = run->job.make(run->job.context, run, &value, &failure);
+    if (status != TETLOD_OK && run->refused == TETLOD_ERR_LIMIT &&
+        cache_reserve(run->cache, run->entry, 0) == TETLOD_OK)
         return false;
-    end_job(job, status, &value, &failure);
+    end_job(run, status, &value, &failure);
     return true;
 }
 
@@ -108,78 +108,78 @@ static bool make_value(struct job *job)
  * so that waiting work keeps out nobody; and it waits outside the threads, until readers have let go of enough. */
 static void run_job(void *context)
 {
-    struct job *job = context;
+    struct run *run = context;
     struct tetlod_error failure = {0};
-    if (job->pool && (pool_stopping(job->pool) || cache_drop_unwanted(job->cache, job->entry))) {
-        end_job(job, fail_unwanted(&failure), NULL, &failure);
+    if (run->workers && (workers_stopping(run->workers) || cache_drop_unwanted(run->cache, run->entry))) {
+        end_job(run, fail_unwanted(&failure), NULL, &failure);
         return;
     }
     enum tetlod_status status = TETLOD_OK;
     while (status == TETLOD_OK) {
-        status = reserve(job);
-        if (status == TETLOD_OK && make_value(job))
+        status = reserve(run);
+        if (status == TETLOD_OK && make_value(run))
             return;
     }
-    bool waits = status == TETLOD_ERR_LIMIT && job->pool && monotonic_seconds() < job->until;
+    bool waits = status == TETLOD_ERR_LIMIT && run->workers && monotonic_seconds() < run->until;
     if (waits)
-        cache_seek_room(job->cache, &job->seeker);
+        cache_seek_room(run->cache, &run->seeker);
     else
-        end_job(job, fail_room(job, status, &failure), NULL, &failure);
+        end_job(run, fail_room(run, status, &failure), NULL, &failure);
 }
 
 /* There may be room now. Called from whichever thread let go of some: the work goes to its own. */
 static void go_on(struct waiter *seeker)
 {
-    struct job *job = (struct job *)(void *)((char *)seeker - offsetof(struct job, seeker));
+    struct run *run = (struct run *)(void *)((char *)seeker - offsetof(struct run, seeker));
     struct tetlod_error failure = {0};
-    if (pool_submit(job->pool, run_job, job))
+    if (workers_submit(run->workers, run_job, run))
         return;
-    if (pool_stopping(job->pool))
-        end_job(job, fail_room(job, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
+    if (workers_stopping(run->workers))
+        end_job(run, fail_room(run, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
     else
-        cache_seek_room(job->cache, seeker); // its queue is full: the next time
+        cache_seek_room(run->cache, seeker); // its queue is full: the next time
 }
 
-static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe,
+static void give_up(struct cache *cache, struct cache_entry *entry, const struct job *job,
                     enum tetlod_status status,
                     const char *message)
 {
     struct tetlod_error failure = {.status = status};
     snprintf(failure.message, sizeof failure.message, "%s", message);
-    recipe->free(recipe->context);
+    job->free(job->context);
     cache_finish(cache, entry, NULL, &failure);
 }
 
 /* Reading stored bytes is no job of the client's: it takes no time that others wait for. */
-static bool is_counted(const struct site *site, const struct request *request, const struct recipe *recipe)
+static bool is_counted(const struct site *site, const struct request *request, const struct job *job)
 {
-    return request->client && request->waiter && site->jobs_per_client && (!recipe->pool ||
-                                                                           recipe->pool != site->readers);
+    return request->client && request->waiter && site->jobs_per_client && (!job->workers ||
+                                                                           job->workers != site->readers);
 }
 
 static void start(struct site *site, const struct request *request, struct cache *cache, struct cache_entry *entry,
-                  const struct recipe *recipe)
+                  const struct job *job)
 {
-    bool here = !request->waiter || !site->pool;
-    struct job *job = array_new(1, sizeof *job);
-    if (!job) {
-        give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
+    bool here = !request->waiter || !site->workers;
+    struct run *run = array_new(1, sizeof *run);
+    if (!run) {
+        give_up(cache, entry, job, TETLOD_ERR_NOMEM, "the server is out of memory");
         return;
     }
-    struct pool *pool = recipe->pool ? recipe->pool : site->pool;
-    *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience,
+    struct workers *workers = job->workers ? job->workers : site->workers;
+    *run = (struct run){site, cache, entry, *job, here ? NULL : workers, monotonic_seconds() + job->wait_seconds,
                         {go_on, NULL},
-                        is_counted(site, request, recipe), 0, {NULL, 0, 0}, TETLOD_OK};
+                        is_counted(site, request, job), 0, {NULL, 0, 0}, TETLOD_OK};
     cache_hold(cache, entry);
-    if (job->counted) {
-        job->client = quota_place(request->client);
-        quota_take(&site->jobs, job->client);
+    if (run->counted) {
+        run->client = quota_place(request->client);
+        quota_take(&site->jobs, run->client);
     }
     if (here)
-        run_job(job);
-    else if (!pool_submit(pool, run_job, job)) {
+        run_job(run);
+    else if (!workers_submit(workers, run_job, run)) {
         struct tetlod_error failure = {0};
-        end_job(job, tetlodi_fail(&failure, TETLOD_ERR_LIMIT, "the server has too much to do"), NULL, &failure);
+        end_job(run, tetlodi_fail(&failure, TETLOD_ERR_LIMIT, "the server has too much to do"), NULL, &failure);
     }
 }
 
@@ -212,12 +212,12 @@ static void add_pin(struct request *request, struct cache *cache, struct cache_e
 /* The entry of a key, pinned; NULL: answered. Nothing is begun that this request could not hold, or that is one job too
  * many. */
 static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *cache, const char *key,
-                                     const struct recipe *recipe, bool *mine)
+                                     const struct job *job, bool *mine)
 {
     struct request *request = exchange->request;
     const struct site *site = exchange->site;
     struct cache_entry *entry = has_free_pin(request) ? cache_find(cache, key) : NULL;
-    if (!entry && is_counted(site, request, recipe) &&
+    if (!entry && is_counted(site, request, job) &&
         !quota_has_room(&site->jobs, request->client, (unsigned)site->jobs_per_client)) {
         response_problem(exchange->response, 429, request->target,
                          "%zu answers for this address are being made; ask again when there are fewer",
@@ -233,7 +233,7 @@ static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *ca
     return entry;
 }
 
-enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
+enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct job *job,
                     const struct cache_value **out)
 {
     struct request *request = exchange->request;
@@ -241,8 +241,8 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
     struct tetlod_error failure;
     bool mine = false;
     *out = NULL;
-    if (!entry && !(entry = pin_entry(exchange, cache, key, recipe, &mine))) {
-        recipe->free(recipe->context);
+    if (!entry && !(entry = pin_entry(exchange, cache, key, job, &mine))) {
+        job->free(job->context);
         return ANSWERED;
     }
     request->awaited = entry;
@@ -250,9 +250,9 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
     /* The waiter is registered before the work starts: from then on the request may be resumed at any time. */
     bool waits = !cache_finished(entry) && request->waiter && cache_wait(cache, entry, request->waiter);
     if (mine)
-        start(exchange->site, request, cache, entry, recipe);
+        start(exchange->site, request, cache, entry, job);
     else
-        recipe->free(recipe->context);
+        job->free(job->context);
     if (waits) {
         request->waited = true;
         return WAITING;
@@ -314,7 +314,7 @@ static void free_decoded(void *opaque)
     free(decoded);
 }
 
-static enum tetlod_status make_forest(void *opaque, struct job *job, struct cache_value *out,
+static enum tetlod_status make_forest(void *opaque, struct run *run, struct cache_value *out,
                                       struct tetlod_error *error)
 {
     struct decode *decode = opaque;
@@ -325,7 +325,7 @@ static enum tetlod_status make_forest(void *opaque, struct job *job, struct cach
     decoded->serial = atomic_fetch_add(&decode->site->forests, 1);
     enum tetlod_status status = forest_new(&decoded->forest, dataset_file(decode->dataset), decode->level, error);
     while (status == TETLOD_OK && forest_levels(decoded->forest) <= decode->level)
-        status = job_wanted(job) ? forest_grow(decoded->forest, error) : fail_unwanted(error);
+        status = run_wanted(run) ? forest_grow(decoded->forest, error) : fail_unwanted(error);
     if (status != TETLOD_OK) {
         free_decoded(decoded);
         return status;
@@ -395,9 +395,9 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
             return respond_no_memory(exchange);
         *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
         print_key(dataset, forest_last_level(info, level), key);
-        const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE,
+        const struct job job = {make_forest, free_decode, decode, forest_estimate(info, level), MAX_WAIT_SECONDS,
                                       exchange->site->decoders, 0};
-        outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+        outcome = obtain(exchange, exchange->site->memory, key, &job, &value);
     }
     if (value)
         *out = obtain_take(exchange->request, value);

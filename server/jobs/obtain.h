@@ -8,31 +8,31 @@
 
 /* How a value that is not cached is made, and may be made again where its memory was not granted. `context` is freed
  * after use whether it was made or not. */
-struct job;
+struct run;
 
-struct recipe {
-    enum tetlod_status (*make)(void *context, struct job *job, struct cache_value *out, struct tetlod_error *error);
+struct job {
+    enum tetlod_status (*make)(void *context, struct run *run, struct cache_value *out, struct tetlod_error *error);
     void (*free)(void *context);
     void *context;
-    uint64_t bytes;  /* memory that making it takes, or that it begins with if it asks job_room for more */
-    double patience; /* seconds from now until readers must have let go of enough */
-    struct pool *pool; /* that makes it; NULL: the one for answers */
+    uint64_t bytes;  /* memory that making it takes, or that it begins with if it asks run_room for more */
+    double wait_seconds; /* seconds from now until readers must have let go of enough */
+    struct workers *workers; /* that makes it; NULL: the one for answers */
     uint64_t beside;   /* what `context` holds in the same cache: it does not make room */
 };
 
-#define PATIENCE 30.0
+#define MAX_WAIT_SECONDS 30.0
 
 /* Whether what is being made is still asked for; else making it should end with fail_unwanted. */
-bool job_wanted(struct job *job);
+bool run_wanted(struct run *run);
 enum tetlod_status fail_unwanted(struct tetlod_error *error);
 
 /* The memory that is reserved for what is being made. Work that is not granted more must end; it begins anew as soon as
  * there is as much. So no two jobs wait for each other's memory. */
-struct room *job_room(struct job *job);
+struct room *run_room(struct run *run);
 
 /* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The
- * recipe's context is taken over. */
-enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
+ * job's context is taken over. */
+enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct job *job,
                     const struct cache_value **out);
 
 /* The value of a key if it is there and finished, pinned; NULL otherwise. The short way for what is cached. */

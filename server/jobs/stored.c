@@ -102,11 +102,11 @@ static enum tetlod_status read_window(const struct stored *stored, const struct 
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_window(void *opaque, struct job *job, struct cache_value *out,
+static enum tetlod_status make_window(void *opaque, struct run *run, struct cache_value *out,
                                       struct tetlod_error *error)
 {
     const struct lasting *lasting = opaque;
-    (void)job;
+    (void)run;
     double started = monotonic_seconds();
     struct buffer buffer = {0};
     unsigned char *place = buffer_extend(&buffer, (size_t)lasting->window.size);
@@ -145,9 +145,9 @@ static enum outcome obtain_window(struct exchange *exchange, const struct stored
     if (!reading)
         return respond_no_memory(exchange);
     reading->window = *window;
-    double patience = window->size > STEP ? 0 : PATIENCE; // what is larger can do without
-    const struct recipe recipe = {make_window, free_lasting, reading, bytes, patience, site->readers, 0};
-    return obtain(exchange, cache, key, &recipe, out);
+    double wait_seconds = window->size > STEP ? 0 : MAX_WAIT_SECONDS; // what is larger can do without
+    const struct job job = {make_window, free_lasting, reading, bytes, wait_seconds, site->readers, 0};
+    return obtain(exchange, cache, key, &job, out);
 }
 
 /* ---- answers that go through the cache */

@@ -15,14 +15,14 @@
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */
-struct viewing {
+struct view_job {
     struct site *site;
     struct cache_entry *forest; /* held */
     uint32_t level;
 };
 
 /* Values of cells on their way to a worker. */
-struct celling {
+struct cells_job {
     struct site *site;
     struct dataset *dataset; /* held */
     uint32_t level;
@@ -42,11 +42,11 @@ struct file {
     struct io_rows rows;
 };
 
-static void free_viewing(void *opaque)
+static void free_view_job(void *opaque)
 {
-    struct viewing *viewing = opaque;
-    cache_release(viewing->site->memory, viewing->forest);
-    free(viewing);
+    struct view_job *view_job = opaque;
+    cache_release(view_job->site->memory, view_job->forest);
+    free(view_job);
 }
 
 static void free_view(void *opaque)
@@ -54,23 +54,23 @@ static void free_view(void *opaque)
     forest_view_free(opaque);
 }
 
-static enum tetlod_status make_view(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_view(void *opaque, struct run *run, struct cache_value *out, struct tetlod_error *error)
 {
-    struct viewing *viewing = opaque;
-    (void)job;
-    const struct forest *forest = forest_of(viewing->forest);
+    struct view_job *view_job = opaque;
+    (void)run;
+    const struct forest *forest = forest_of(view_job->forest);
     struct forest_view *view;
-    TETLOD_TRY(forest_view_new(&view, forest, viewing->level, error));
-    metrics_count(viewing->site->metrics, METRIC_LEVELS_MADE);
-    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest, viewing->level), free_view};
+    TETLOD_TRY(forest_view_new(&view, forest, view_job->level, error));
+    metrics_count(view_job->site->metrics, METRIC_LEVELS_MADE);
+    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest, view_job->level), free_view};
     return TETLOD_OK;
 }
 
-static void free_celling(void *opaque)
+static void free_cells_job(void *opaque)
 {
-    struct celling *celling = opaque;
-    dataset_release(celling->dataset);
-    free(celling);
+    struct cells_job *cells_job = opaque;
+    dataset_release(cells_job->dataset);
+    free(cells_job);
 }
 
 static void free_cells(void *opaque)
@@ -79,19 +79,19 @@ static void free_cells(void *opaque)
     free(opaque);
 }
 
-static enum tetlod_status make_cells(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_cells(void *opaque, struct run *run, struct cache_value *out, struct tetlod_error *error)
 {
-    const struct celling *celling = opaque;
-    (void)job;
-    const struct tetlod_info *info = dataset_info(celling->dataset);
+    const struct cells_job *cells_job = opaque;
+    (void)run;
+    const struct tetlod_info *info = dataset_info(cells_job->dataset);
     struct tetmesh *cells = array_zero(1, sizeof *cells);
     if (!cells)
         return tetlodi_fail_nomem(error, "values of cells", sizeof *cells);
-    cells->tet_count = info->levels[celling->level].tets;
-    enum tetlod_status status = cell_choice_add(&celling->choice, dataset_file(celling->dataset), NULL, cells, error);
+    cells->tet_count = info->levels[cells_job->level].tets;
+    enum tetlod_status status = cell_choice_add(&cells_job->choice, dataset_file(cells_job->dataset), NULL, cells, error);
     if (status == TETLOD_OK)
         *out = (struct cache_value){cells,
-                                    sizeof *cells + (size_t)cell_choice_bytes(&celling->choice, info,
+                                    sizeof *cells + (size_t)cell_choice_bytes(&cells_job->choice, info,
                                                                               cells->tet_count), free_cells};
     else
         free_cells(cells);
@@ -127,19 +127,19 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
                                 struct cache_entry *forest, struct cache_entry **out)
 {
     struct site *site = exchange->site;
-    struct viewing *viewing = array_new(1, sizeof *viewing);
+    struct view_job *view_job = array_new(1, sizeof *view_job);
     const struct cache_value *value;
     char key[120];
     *out = NULL;
-    if (!viewing)
+    if (!view_job)
         return respond_no_memory(exchange);
     cache_hold(site->memory, forest);
-    *viewing = (struct viewing){site, forest, answer->level};
+    *view_job = (struct view_job){site, forest, answer->level};
     snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
     const uint64_t bytes = forest_view_bytes(forest_of(forest), answer->level);
     const uint64_t beside = forest_bytes(forest_of(forest));
-    const struct recipe recipe = {make_view, free_viewing, viewing, bytes, PATIENCE, NULL, beside};
-    enum outcome outcome = obtain(exchange, site->memory, key, &recipe, &value);
+    const struct job job = {make_view, free_view_job, view_job, bytes, MAX_WAIT_SECONDS, NULL, beside};
+    enum outcome outcome = obtain(exchange, site->memory, key, &job, &value);
     if (value)
         *out = obtain_take(exchange->request, value);
     return outcome;
@@ -150,20 +150,20 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
                                  const struct streamed_answer *answer, struct cache_entry **out)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    struct celling *celling = array_new(1, sizeof *celling);
+    struct cells_job *cells_job = array_new(1, sizeof *cells_job);
     const struct cache_value *value;
     char name[MAX_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
     *out = NULL;
-    if (!celling)
+    if (!cells_job)
         return respond_no_memory(exchange);
-    *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
+    *cells_job = (struct cells_job){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
     cell_choice_name(answer->cells, name);
     snprintf(key, sizeof key, "%s/cells/%" PRIx64 "/%" PRIu32 "/%s", info->cid, dataset_file_number(dataset),
              answer->level, name);
-    const struct recipe recipe = {make_cells, free_celling, celling,
+    const struct job job = {make_cells, free_cells_job, cells_job,
                                   cell_choice_decoding(answer->cells, info, answer->level) + 65536,
-                                  PATIENCE, NULL, 0};
-    enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+                                  MAX_WAIT_SECONDS, NULL, 0};
+    enum outcome outcome = obtain(exchange, exchange->site->memory, key, &job, &value);
     if (value)
         *out = obtain_take(exchange->request, value);
     return outcome;

@@ -31,7 +31,7 @@ TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct htt
 /* Takes over an accepted connection. */
 void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size);
 
-/* Ends all connections; the pool that answers must have come to its end before, so that no request is waiting for
+/* Ends all connections; the workers that answer must have come to their end before, so that no request is waiting for
  * it. */
 void http_stop(struct http *http);
 

@@ -36,12 +36,12 @@ enum outcome handle_ready(struct exchange *exchange)
 /* What waits for a worker, and what workers are at: all pools together. */
 static void count_jobs(const struct site *site, double *out_queued, double *out_working)
 {
-    struct pool *const pools[] = {site->pool, site->decoders, site->readers};
+    struct workers *const pools[] = {site->workers, site->decoders, site->readers};
     *out_queued = *out_working = 0;
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++) {
         size_t queued = 0, working = 0;
         if (pools[i])
-            pool_count(pools[i], &queued, &working);
+            workers_count(pools[i], &queued, &working);
         *out_queued += (double)queued;
         *out_working += (double)working;
     }

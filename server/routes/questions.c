@@ -33,12 +33,12 @@ static void free_context(void *opaque)
     free(context);
 }
 
-static bool wanted(void *job)
+static bool wanted(void *run)
 {
-    return job_wanted(job);
+    return run_wanted(run);
 }
 
-static enum tetlod_status make_answer(void *opaque, struct job *job, struct cache_value *out,
+static enum tetlod_status make_answer(void *opaque, struct run *run, struct cache_value *out,
                                       struct tetlod_error *error)
 {
     struct ask_context *context = opaque;
@@ -47,7 +47,7 @@ static enum tetlod_status make_answer(void *opaque, struct job *job, struct cach
     struct ask_options options = context->options;
     struct ask_result result;
     options.wanted = wanted;
-    options.opaque = job;
+    options.opaque = run;
     enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question, &options, &result, error);
     if (status == TETLOD_ERR_CANCELLED)
         return fail_unwanted(error);
@@ -104,8 +104,8 @@ static enum outcome answer(struct exchange *exchange, struct ask_context *contex
     snprintf(etag, sizeof etag, "%s-ask-%016llx-" TETLOD_VERSION_STRING, info->cid,
              (unsigned long long)hash_text(HASH_START, key));
     const struct cache_value *value;
-    const struct recipe recipe = {make_answer, free_context, context, bytes, PATIENCE, NULL, 0};
-    enum outcome outcome = obtain(exchange, cache_for(exchange->site, bytes), key, &recipe, &value);
+    const struct job job = {make_answer, free_context, context, bytes, MAX_WAIT_SECONDS, NULL, 0};
+    enum outcome outcome = obtain(exchange, cache_for(exchange->site, bytes), key, &job, &value);
     if (value) {
         respond_body(exchange, value,
                      &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});

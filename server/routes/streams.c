@@ -28,10 +28,10 @@ static void free_info_context(void *opaque)
     free(context);
 }
 
-static enum tetlod_status make_info(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_info(void *opaque, struct run *run, struct cache_value *out, struct tetlod_error *error)
 {
     struct info_context *context = opaque;
-    (void)job;
+    (void)run;
     return json_body(describe_stream(context->dataset, dataset_id(context->dataset)), context->coding, out, error);
 }
 
@@ -70,9 +70,9 @@ enum outcome handle_stream_info(struct exchange *exchange)
              dataset_info(dataset)->cid); // what it says may differ from version to version
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
-    const struct recipe recipe = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL, 0};
-    enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
+    const struct job job = {make_info, free_info_context, context,
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), MAX_WAIT_SECONDS, NULL, 0};
+    enum outcome outcome = obtain(exchange, exchange->site->cache, key, &job, &value);
     if (value) {
         respond_body(exchange, value,
                      &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
@@ -116,12 +116,12 @@ static json_t *next_page(const char *last, uint32_t limit)
     return json_string(path);
 }
 
-static enum tetlod_status make_list(void *opaque, struct job *job, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_list(void *opaque, struct run *run, struct cache_value *out, struct tetlod_error *error)
 {
     const struct list_context *context = opaque;
     const struct page *page = &context->page;
     json_t *meshes = json_array();
-    (void)job;
+    (void)run;
     size_t from = 0;
     while (from < context->count && page->after[0] && strcmp(dataset_id(context->list[from]), page->after) <= 0)
         from++;
@@ -177,9 +177,9 @@ static enum outcome obtain_list(struct exchange *exchange, enum coding coding, c
     context->coding = coding;
     context->page = *page;
     name_list(digest, coding, page, etag, key);
-    const struct recipe recipe = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count),
-                                  PATIENCE, NULL, 0};
-    return obtain(exchange, cache_for(site, recipe.bytes), key, &recipe, out);
+    const struct job job = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count),
+                                  MAX_WAIT_SECONDS, NULL, 0};
+    return obtain(exchange, cache_for(site, job.bytes), key, &job, out);
 }
 
 /* Made once for each state of the catalogue, however many streams it has. */

@@ -31,7 +31,7 @@ struct cache {
     struct cache_entry *buckets[BUCKETS];
     struct cache_entry *newest, *oldest;
     struct cache_entry *dead; /* to be freed without the lock */
-    struct waiter *seekers;   /* of room */
+    struct waiter *room_waiters;
     bool released;            /* bytes, since the lock was taken */
 };
 
@@ -70,14 +70,14 @@ static void free_dead(struct cache_entry *entry)
 static void unlock(struct cache *cache)
 {
     struct cache_entry *dead = cache->dead;
-    struct waiter *seekers = cache->released ? cache->seekers : NULL;
-    if (seekers)
-        cache->seekers = NULL;
+    struct waiter *room_waiters = cache->released ? cache->room_waiters : NULL;
+    if (room_waiters)
+        cache->room_waiters = NULL;
     cache->dead = NULL;
     cache->released = false;
     pthread_mutex_unlock(&cache->lock);
     free_dead(dead);
-    wake_all(seekers);
+    wake_all(room_waiters);
 }
 
 static void list_push(struct cache *cache, struct cache_entry *entry)
@@ -270,12 +270,12 @@ void cache_finish(struct cache *cache, struct cache_entry *entry, const struct c
 void cache_seek_room(struct cache *cache, struct waiter *waiter)
 {
     pthread_mutex_lock(&cache->lock);
-    waiter->next = cache->seekers;
-    cache->seekers = waiter;
+    waiter->next = cache->room_waiters;
+    cache->room_waiters = waiter;
     unlock(cache);
 }
 
-void cache_wake_seekers(struct cache *cache)
+void cache_wake_room_waiters(struct cache *cache)
 {
     pthread_mutex_lock(&cache->lock);
     cache->released = true;

@@ -51,7 +51,7 @@ TETLOD_CHECKED enum tetlod_status cache_reserve(struct cache *cache, struct cach
 void cache_seek_room(struct cache *cache, struct waiter *waiter);
 
 /* Wakes those who seek room, whether there is more or not: they may have waited long enough. */
-void cache_wake_seekers(struct cache *cache);
+void cache_wake_room_waiters(struct cache *cache);
 
 /* Completes an entry of mine, whose reservation becomes the value's size, or with a status other than OK says why there
  * is none and forgets the key. Wakes who waits. */

@@ -99,9 +99,10 @@ static enum tetlod_status begin_ranges(const struct steps_check *check, struct s
     const struct tetlod_series_info *steps = tetlod_series_info(check->bands[0].series);
     found->ranges = array_zero(steps->field_count, sizeof *found->ranges);
     for (uint32_t f = 0; f < steps->field_count && found->ranges; f++) {
-        const double *said = steps->ranges[f];
-        double room = steps->bands[steps->band_count - 1].error * (said[1] - said[0]) * (1 + TIE);
-        found->ranges[f] = (struct steps_range){.of_group = f == steps->displacement, .said = {said[0], said[1]},
+        const double *declared = steps->ranges[f];
+        double room = steps->bands[steps->band_count - 1].error * (declared[1] - declared[0]) * (1 + TIE);
+        found->ranges[f] = (struct steps_range){.of_group = f == steps->displacement,
+                                                .declared = {declared[0], declared[1]},
                                                 .found = {INFINITY, -INFINITY}, .room = room};
         found->ranges[f].name = strdup(info->fields[steps->fields[f]].name);
         found->range_count += found->ranges[f].name != NULL;
@@ -178,10 +179,10 @@ enum tetlod_status steps_found_add(struct steps_found *all, const struct steps_f
         const struct steps_range *from = &group->ranges[i % group->range_count];
         if (to->of_group || from->of_group || strcmp(to->name, from->name) != 0)
             continue;
-        if (to->said[0] != from->said[0] || to->said[1] != from->said[1])
+        if (to->declared[0] != from->declared[0] || to->declared[1] != from->declared[1])
             return tetlodi_fail(error, TETLOD_ERR_STREAM,
                                 "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g", to->name,
-                                from->said[0], from->said[1], to->said[0], to->said[1]);
+                                from->declared[0], from->declared[1], to->declared[0], to->declared[1]);
         to->found[0] = fmin(to->found[0], from->found[0]);
         to->found[1] = fmax(to->found[1], from->found[1]);
         to->room = fmax(to->room, from->room);
@@ -194,11 +195,11 @@ enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_g
     for (uint32_t f = 0; f < found->range_count; f++) {
         const struct steps_range *range = &found->ranges[f];
         if (range->of_group == of_groups &&
-            !(fabs(range->said[0] - range->found[0]) <= range->room &&
-              fabs(range->said[1] - range->found[1]) <= range->room))
+            !(fabs(range->declared[0] - range->found[0]) <= range->room &&
+              fabs(range->declared[1] - range->found[1]) <= range->room))
             return tetlodi_fail(error, TETLOD_ERR_STREAM,
                                 "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g", range->name,
-                                range->said[0], range->said[1], range->found[0], range->found[1]);
+                                range->declared[0], range->declared[1], range->found[0], range->found[1]);
     }
     return TETLOD_OK;
 }

@@ -9,7 +9,7 @@
 struct steps_range {
     char *name;
     bool of_group; /* it counts in its topology group alone: how far points move */
-    double said[2], found[2];
+    double declared[2], found[2];
     double room; /* by which the values that were found may be off */
 };
 

@@ -23,10 +23,10 @@
 static const double VOLUME_NOISE = 1e-14;
 
 /* Is a stored range that of the values: exactly, or to one step of the grid that they were rounded to? */
-static bool is_range(const double said[2], const double found[2], const struct tetlodi_grid *grid)
+static bool is_range(const double declared[2], const double found[2], const struct tetlodi_grid *grid)
 {
     double room = grid->bits ? grid->step * (1 + 1e-9) : 0;
-    return fabs(said[0] - found[0]) <= room && fabs(said[1] - found[1]) <= room;
+    return fabs(declared[0] - found[0]) <= room && fabs(declared[1] - found[1]) <= room;
 }
 
 static enum tetlod_status check_bounds(const struct tetlod_file *file, const struct tetmesh *finest,
@@ -36,16 +36,16 @@ static enum tetlod_status check_bounds(const struct tetlod_file *file, const str
     const struct tetlod_info *info = tetlod_info(file);
     for (unsigned i = 0; i < 3; i++) {
         const struct tetlodi_grid grid = tetlodi_position_grid(file, i);
-        const double said[2] = {info->bounds[0][i], info->bounds[1][i]};
+        const double declared[2] = {info->bounds[0][i], info->bounds[1][i]};
         double found[2] = {INFINITY, -INFINITY};
         for (size_t v = 0; v < finest->vertex_count; v++) {
             found[0] = smaller(found[0], finest->positions[3 * v + i]);
             found[1] = larger(found[1], finest->positions[3 * v + i]);
         }
-        if (!is_range(said, found, &grid))
+        if (!is_range(declared, found, &grid))
             return tetlodi_fail(error, TETLOD_ERR_STREAM,
                                 "the index says that %s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
-                                axes[i], said[0], said[1], found[0], found[1]);
+                                axes[i], declared[0], declared[1], found[0], found[1]);
     }
     return TETLOD_OK;
 }
@@ -98,9 +98,9 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
     return TETLOD_OK;
 }
 
-static bool is_near(uint64_t said, uint64_t found, uint64_t room)
+static bool is_near(uint64_t declared, uint64_t found, uint64_t room)
 {
-    return (said > found ? said - found : found - said) <= room;
+    return (declared > found ? declared - found : found - declared) <= room;
 }
 
 static enum tetlod_status check_counts(const struct tetlod_info *info, const struct tetmesh *finest,
@@ -120,22 +120,22 @@ static enum tetlod_status check_counts(const struct tetlod_info *info, const str
 }
 
 /* Of numbers of the size of `scale`. */
-static bool is_sum(double said, double found, double scale)
+static bool is_sum(double declared, double found, double scale)
 {
-    return fabs(said - found) <= 1e-9 * scale;
+    return fabs(declared - found) <= 1e-9 * scale;
 }
 
-static enum tetlod_status compare_sums(const struct tetlod_info *info, const struct tetlodi_summary *said,
+static enum tetlod_status compare_sums(const struct tetlod_info *info, const struct tetlodi_summary *declared,
                                        const struct tetlodi_summary *found, struct tetlod_error *error)
 {
     uint32_t at = 0;
-    if (!is_sum(said->volume, found->volume, found->volume))
+    if (!is_sum(declared->volume, found->volume, found->volume))
         return tetlodi_fail(error, TETLOD_ERR_STREAM,
                             "section SUMS says that the volume is %.9g, the finest level has %.9g",
-                            said->volume, found->volume);
+                            declared->volume, found->volume);
     for (uint32_t f = 0; f < info->field_count; f++)
         for (uint32_t c = 0; c < info->fields[f].components; c++, at++) {
-            const double *a = said->sums[at], *b = found->sums[at];
+            const double *a = declared->sums[at], *b = found->sums[at];
             // no integral is more than that of the absolute value, whose square is at most the volume times that of the
             // square
             if (!is_sum(a[0], b[0], sqrt(b[1] * found->volume)) || !is_sum(a[1], b[1], b[1]))
@@ -151,15 +151,15 @@ static enum tetlod_status check_sums(const struct tetlod_file *file, const struc
                                      struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
-    struct tetlodi_summary said, found = {0};
-    TETLOD_TRY(tetlodi_summary_read(file, &said, error));
+    struct tetlodi_summary declared, found = {0};
+    TETLOD_TRY(tetlodi_summary_read(file, &declared, error));
     enum tetlod_status status = TETLOD_OK;
-    if (said.level_count && info->lossless) {
+    if (declared.level_count && info->lossless) {
         status = summary_of_mesh(&found, finest, 0, error);
         if (status == TETLOD_OK)
-            status = compare_sums(info, &said, &found, error);
+            status = compare_sums(info, &declared, &found, error);
     }
-    tetlodi_summary_fini(&said);
+    tetlodi_summary_fini(&declared);
     tetlodi_summary_fini(&found);
     return status;
 }
@@ -174,16 +174,16 @@ static void widen(double range[2], const double *values, size_t count)
 }
 
 /* Is the range that a table says that of the finite values? */
-static enum tetlod_status check_cell_range(const char *table, const char *name, const double said[2],
+static enum tetlod_status check_cell_range(const char *table, const char *name, const double declared[2],
                                            const double found[2], struct tetlod_error *error)
 {
     static const double none[2] = {0, 0};
     const double *range = found[0] > found[1] ? none : found;
-    if (range[0] == said[0] && range[1] == said[1])
+    if (range[0] == declared[0] && range[1] == declared[1])
         return TETLOD_OK;
     return tetlodi_fail(error, TETLOD_ERR_STREAM,
                         "%s says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g", table, name,
-                        said[0], said[1], range[0], range[1]);
+                        declared[0], declared[1], range[0], range[1]);
 }
 
 /* The values of a field of cells are decoded, and have the range that the table says. */

@@ -253,26 +253,26 @@ enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
     struct working working = {0};
     struct border border = {0};
     struct contraction_log log = {0};
-    struct crew *crew = crew_new(options->threads ? options->threads : parallel_cores());
+    struct pool *pool = pool_new(options->threads ? options->threads : parallel_cores());
     enum tetlod_status status;
     *piece = (struct piece){0};
     *whole = (struct piece_whole){0};
-    if (!crew)
+    if (!pool)
         return no_memory(error, 0);
     TETLOD_TRY_DONE(find_whole(whole, mesh, controlled, controlled_count, limits, error));
     TETLOD_TRY_DONE(make_piece(piece, whole, mesh, mesh->vertex_count, mesh->tet_count, error));
     TETLOD_TRY_DONE(log_init(&log, mesh, error));
     TETLOD_TRY_DONE(working_init(&working, mesh, NULL, controlled, controlled_count, limits, &log, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, working.node, working.flags, error));
-    TETLOD_TRY_DONE(border_find(&working, crew, error));
+    TETLOD_TRY_DONE(border_find(&working, pool, error));
     TETLOD_TRY_DONE(border_init(&border, &working, mesh, options->boundary_angle, options->boundary_limit,
-                                options->boundary_least, crew_size(crew), error));
+                                options->boundary_least, pool_size(pool), error));
     status = take_whole(piece, &working, &border, mesh, error);
 done:
     border_fini(&border);
     working_fini(&working);
     log_fini(&log);
-    crew_free(crew);
+    pool_free(pool);
     if (status != TETLOD_OK) {
         piece_fini(piece);
         piece_whole_fini(whole);

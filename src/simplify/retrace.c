@@ -75,7 +75,7 @@ static void release(struct retraced *state)
         free(owned[i]);
     worker_fini(&state->worker);
     border_fini(&state->run.border);
-    crew_free(state->run.crew);
+    pool_free(state->run.pool);
     working_fini(&state->working);
     log_fini(&state->made);
 }
@@ -140,14 +140,14 @@ enum tetlod_status retrace(const struct tetmesh *mesh, const struct contraction_
     state.run.working = &state.working;
     state.run.kernels = kernels_choose();
     TETLOD_TRY_DONE(log_init(&state.made, mesh, error));
-    state.run.crew = crew_new(options->threads ? options->threads : 1);
-    if (!state.run.crew)
+    state.run.pool = pool_new(options->threads ? options->threads : 1);
+    if (!state.run.pool)
         TETLOD_TRY_DONE(no_memory(&state));
     TETLOD_TRY_DONE(working_init(&state.working, mesh, NULL, fields, mesh->field_count, NULL, &state.made, error));
-    TETLOD_TRY_DONE(border_find(&state.working, state.run.crew, error));
+    TETLOD_TRY_DONE(border_find(&state.working, state.run.pool, error));
     TETLOD_TRY_DONE(border_init(&state.run.border, &state.working, mesh, options->boundary_angle,
                                 options->boundary_limit,
-                                options->boundary_least, crew_size(state.run.crew), error));
+                                options->boundary_least, pool_size(state.run.pool), error));
     TETLOD_TRY_DONE(allocate(&state, log->vertex_count + log->count));
     status = follow_all(&state, log, visit, opaque);
 done:

@@ -5,13 +5,34 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "src/util/clock.h"
+
+/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes long where the processor
+ * sleeps, too: longer than most jobs of a round, and than what is done between two of them. Where other programs hold
+ * up what is waited for, looking takes time from them and from it: after each longer wait the time is halved. */
+static const double MAX_SPIN = 400e-6, MIN_SPIN = 10e-6;
 
 struct job {
     void (*body)(void *context, unsigned worker, size_t begin, size_t end);
     void *context;
     size_t count, chunk;
+};
+
+struct pool {
+    unsigned size;
+    pthread_t threads[PARALLEL_MAX_THREADS];
+    pthread_mutex_t mutex;
+    pthread_cond_t called, finished;
+    atomic_uint numbered; /* threads that have their number */
+    atomic_uint call;     /* counts the jobs */
+    atomic_uint working;  /* threads that have not finished the job */
+    double spin; /* of the one that calls */
+    bool dismissed;
+    struct job job;
     atomic_size_t next;
-    atomic_uint workers;
 };
 
 unsigned parallel_cores(void)
@@ -21,29 +42,146 @@ unsigned parallel_cores(void)
     return cores < 1 ? 1 : cores < PARALLEL_MAX_THREADS ? (unsigned)cores : PARALLEL_MAX_THREADS;
 }
 
-static void *run(void *argument)
+static void work(struct pool *pool, unsigned worker)
 {
-    struct job *job = argument;
-    unsigned worker = atomic_fetch_add(&job->workers, 1);
+    const struct job *job = &pool->job;
     for (;;) {
-        size_t begin = atomic_fetch_add(&job->next, job->chunk);
+        size_t begin = atomic_fetch_add_explicit(&pool->next, job->chunk, memory_order_relaxed);
         if (begin >= job->count)
-            return NULL;
+            return;
         size_t left = job->count - begin;
         job->body(job->context, worker, begin, begin + (left < job->chunk ? left : job->chunk));
     }
 }
 
+/* Waits until then at most. Is it (if `not` is false) or is it not that number in the end? */
+static bool comes_to(const atomic_uint *value, unsigned number, bool not, double until)
+{
+    do
+        if ((atomic_load_explicit(value, memory_order_acquire) == number) != not)
+            return true;
+    while (monotonic_seconds() < until); // which takes so long that the other thread is not held up
+    return false;
+}
+
+static double spin_after(double spin, double waited)
+{
+    if (waited < MAX_SPIN)
+        return MAX_SPIN;
+    return spin / 2 > MIN_SPIN ? spin / 2 : MIN_SPIN;
+}
+
+static void *serve(void *argument)
+{
+    struct pool *pool = argument;
+    const unsigned worker = 1 + atomic_fetch_add(&pool->numbered, 1);
+    double spin = MAX_SPIN;
+    for (unsigned seen = 0;; seen++) {
+        double begun = monotonic_seconds();
+        if (!comes_to(&pool->call, seen, true, begun + spin)) {
+            pthread_mutex_lock(&pool->mutex);
+            while (atomic_load(&pool->call) == seen)
+                pthread_cond_wait(&pool->called, &pool->mutex);
+            pthread_mutex_unlock(&pool->mutex);
+        }
+        if (pool->dismissed)
+            return NULL;
+        spin = spin_after(spin, monotonic_seconds() - begun);
+        work(pool, worker);
+        if (atomic_fetch_sub(&pool->working, 1) == 1) {
+            pthread_mutex_lock(&pool->mutex);
+            pthread_cond_signal(&pool->finished);
+            pthread_mutex_unlock(&pool->mutex);
+        }
+    }
+}
+
+struct pool *pool_new(unsigned threads)
+{
+    struct pool *pool = calloc(1, sizeof *pool);
+    if (!pool)
+        return NULL;
+    pool->spin = MAX_SPIN;
+    pthread_mutex_init(&pool->mutex, NULL);
+    pthread_cond_init(&pool->called, NULL);
+    pthread_cond_init(&pool->finished, NULL);
+    threads = threads < PARALLEL_MAX_THREADS ? threads : PARALLEL_MAX_THREADS;
+    pool->size = 1;
+    while (pool->size < threads && pthread_create(&pool->threads[pool->size], NULL, serve, pool) == 0)
+        pool->size++;
+    return pool;
+}
+
+static void call(struct pool *pool)
+{
+    pthread_mutex_lock(&pool->mutex);
+    atomic_store(&pool->working, pool->size - 1);
+    atomic_fetch_add(&pool->call, 1);
+    pthread_cond_broadcast(&pool->called);
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+void pool_free(struct pool *pool)
+{
+    if (!pool)
+        return;
+    pool->dismissed = true;
+    call(pool);
+    for (unsigned i = 1; i < pool->size; i++)
+        pthread_join(pool->threads[i], NULL);
+    pthread_mutex_destroy(&pool->mutex);
+    pthread_cond_destroy(&pool->called);
+    pthread_cond_destroy(&pool->finished);
+    free(pool);
+}
+
+unsigned pool_size(const struct pool *pool)
+{
+    return pool->size;
+}
+
+/* Until the others have finished, too. */
+static void await_others(struct pool *pool)
+{
+    double begun = monotonic_seconds();
+    if (!comes_to(&pool->working, 0, false, begun + pool->spin)) {
+        pthread_mutex_lock(&pool->mutex);
+        while (atomic_load(&pool->working))
+            pthread_cond_wait(&pool->finished, &pool->mutex);
+        pthread_mutex_unlock(&pool->mutex);
+    }
+    pool->spin = spin_after(pool->spin, monotonic_seconds() - begun);
+}
+
+static void run_all(struct pool *pool, const struct job *job)
+{
+    pool->job = *job;
+    atomic_store(&pool->next, 0);
+    if (pool->size > 1)
+        call(pool);
+    work(pool, 0);
+    if (pool->size > 1)
+        await_others(pool);
+}
+
+void pool_run(struct pool *pool, size_t count, size_t chunk,
+              void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context)
+{
+    if (!count)
+        return;
+    if (pool->size == 1 || count <= chunk)
+        body(context, 0, 0, count);
+    else
+        run_all(pool, &(struct job){body, context, count, chunk});
+}
+
 void parallel_for(unsigned threads, size_t count, size_t chunk,
                   void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context)
 {
-    struct job job = {body, context, count, chunk ? chunk : 1, 0, 0};
-    pthread_t others[PARALLEL_MAX_THREADS];
-    unsigned started = 0, wanted = threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
-    while (started + 1 < wanted && job.chunk * (started + 1) < count &&
-           pthread_create(&others[started], NULL, run, &job) == 0)
-        started++;
-    run(&job);
-    while (started)
-        pthread_join(others[--started], NULL);
+    const struct job job = {body, context, count, chunk ? chunk : 1};
+    const size_t chunks = count / job.chunk + (count % job.chunk != 0);
+    struct pool alone = {.size = 1}, *pool = threads > 1 && chunks > 1 ? pool_new(chunks < threads ? (unsigned)chunks
+                                                                                  : threads) : NULL;
+    run_all(pool ? pool : &alone, &job);
+    pool_free(pool);
 }

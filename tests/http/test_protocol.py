@@ -609,7 +609,7 @@ def test_metrics_apart():
 
 
 def test_threads():
-    """As many HTTP threads, as many that make meshes, that decode and that read files, as asked for, beside the main one, the acceptor and the keeper."""
+    """As many HTTP threads, as many that make meshes, that decode and that read files, as asked for, beside the main one, the acceptor and the reaper."""
     def threads(count):
         with Server(FOLDER, '--threads', str(count)) as server_of:
             return len(os.listdir('/proc/%d/task' % server_of.process.pid))

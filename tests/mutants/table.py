@@ -37,14 +37,14 @@ mutant('values are not rounded', 'src/simplify/rounds/outcome.c',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
 mutant('flips', 'src/simplify/mesh/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
        'C1: no tetrahedron flips or degenerates', PROOF,
-       more=(('src/simplify/rounds/evaluate.c', 'working_row(working, hood->slots[c])) <= 0)', 'working_row(working, hood->slots[c])) < -1)'),
+       more=(('src/simplify/rounds/evaluate.c', 'working_row(working, data->slots[c])) <= 0)', 'working_row(working, data->slots[c])) < -1)'),
              ('src/simplify/rounds/evaluate.c', '!answer.half_turned, answer.followed', 'true, answer.followed'),
-             ('src/simplify/rounds/evaluate.c', 'answer.turned <= hood->shared[n], answer.followed', 'true, answer.followed')))
+             ('src/simplify/rounds/evaluate.c', 'answer.turned <= data->shared[n], answer.followed', 'true, answer.followed')))
 mutant('link condition', 'src/simplify/rounds/evaluate.c',
-       'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room) && !room) {',
+       'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room) && !room) {',
        'C4 is asked', 'unit/test_links')
 mutant('link triangles', 'src/simplify/mesh/links.c', 'if (!has_a && !meets_well(links, v))', 'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
-mutant('link condition across the inside', 'src/simplify/mesh/links.c', 'if (open && !hood->along[neighbour])\n        return false;', '',
+mutant('link condition across the inside', 'src/simplify/mesh/links.c', 'if (open && !data->along[neighbour])\n        return false;', '',
        'an edge through the inside with both ends on the boundary', 'unit/test_links')
 mutant("link condition's boundary", 'src/simplify/mesh/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',

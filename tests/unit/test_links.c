@@ -87,22 +87,22 @@ static void compare(struct tetmesh *mesh, uint32_t io_counts[2])
     uint32_t wrong = 0;
     REQUIRE(world_open_plain(&world, mesh));
     struct working *working = &world.working;
-    struct hood *hood = &world.worker.hood;
+    struct star_data *data = &world.worker.data;
     struct coned coned = cone(working);
     REQUIRE(coned.tets);
     for (uint32_t v = 0; v < working->slot_count; v++) {
         if (working->stars[v].count == 0 || working->flags[v] & VERTEX_SINGULAR)
             continue;
-        REQUIRE(hood_gather(hood, working, v));
-        for (uint32_t n = 0; n < hood->count; n++) {
-            const uint32_t edge[2] = {v, hood->slots[n]};
+        REQUIRE(star_data_gather(data, working, v));
+        for (uint32_t n = 0; n < data->count; n++) {
+            const uint32_t edge[2] = {v, data->slots[n]};
             bool room[2];
             if (working->flags[edge[1]] & VERTEX_SINGULAR)
                 continue;
             bool holds = link_condition(&coned, edge[0], edge[1]);
             REQUIRE(star_gather(&world.star, working, edge, 2));
             wrong += links_hold_star(&world.worker.links, &world.star, working, &room[1]) != holds || !room[1];
-            wrong += links_hold(&world.worker.links, hood, working, n, &room[0]) != holds || !room[0];
+            wrong += links_hold(&world.worker.links, data, working, n, &room[0]) != holds || !room[0];
             io_counts[holds]++;
         }
     }

@@ -78,20 +78,20 @@ static void test_threads_do_not_matter(void)
 }
 
 /* With the vertex moved by r: both kernels doubt the same tetrahedra, and all that turn over. */
-static void check_doubt(const struct working *working, struct hood hoods[2], const double r[3])
+static void check_doubt(const struct working *working, struct star_data star_data[2], const double r[3])
 {
-    const double *own = working_row(working, hoods[0].vertex), p[3] = {own[0] + r[0], own[1] + r[1], own[2] + r[2]};
-    uint32_t count = kernels_plain.doubt(&hoods[0], working->component_count, r), turned = 0, doubted = 0;
-    CHECK_INT(kernels_avx2.doubt(&hoods[1], working->component_count, r), count);
-    CHECK_INT(memcmp(hoods[0].doubtful, hoods[1].doubtful, count * sizeof(uint32_t)), 0);
-    for (uint32_t i = 0; i < hoods[0].tet_count; i++) {
+    const double *own = working_row(working, star_data[0].vertex), p[3] = {own[0] + r[0], own[1] + r[1], own[2] + r[2]};
+    uint32_t count = kernels_plain.doubt(&star_data[0], working->component_count, r), turned = 0, doubted = 0;
+    CHECK_INT(kernels_avx2.doubt(&star_data[1], working->component_count, r), count);
+    CHECK_INT(memcmp(star_data[0].doubtful, star_data[1].doubtful, count * sizeof(uint32_t)), 0);
+    for (uint32_t i = 0; i < star_data[0].tet_count; i++) {
         const double *q[3];
         for (int k = 0; k < 3; k++)
-            q[k] = working_row(working, hoods[0].slots[hoods[0].corners[k][i]]);
+            q[k] = working_row(working, star_data[0].slots[star_data[0].corners[k][i]]);
         bool over = tet_orientation(p, q[0], q[1], q[2]) <= 0;
         turned += over;
         for (uint32_t j = 0; j < count; j++)
-            doubted += over && hoods[0].doubtful[j] == i;
+            doubted += over && star_data[0].doubtful[j] == i;
     }
     CHECK_INT(doubted, turned);
 }
@@ -101,7 +101,7 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
 {
     struct contraction_log log;
     struct working working;
-    struct hood hoods[2] = {{0}};
+    struct star_data star_data[2] = {{0}};
     const struct kernels *kernels[2] = {&kernels_plain, &kernels_avx2};
     uint32_t slots = 0;
     REQUIRE(log_init(&log, mesh, NULL) == TETLOD_OK);
@@ -115,24 +115,25 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
             continue;
         slots++;
         for (int i = 0; i < 2; i++) {
-            REQUIRE(hood_gather(&hoods[i], &working, v));
-            kernels[i]->prepare(&hoods[i], &working);
+            REQUIRE(star_data_gather(&star_data[i], &working, v));
+            kernels[i]->prepare(&star_data[i], &working);
         }
-        size_t planes = plane_count(working.component_count) * ((hoods[0].tet_count + 3) / 4 * 4);
-        CHECK_INT(memcmp(hoods[0].planes, hoods[1].planes, planes * sizeof(double)), 0);
-        for (uint32_t n = 0; n < hoods[0].count; n++) {
-            struct edge_answer a = kernels[0]->query_edge(&hoods[0], n, &query, working.stride);
-            struct edge_answer b = kernels[1]->query_edge(&hoods[1], n, &query, working.stride);
+        size_t planes = plane_count(working.component_count) * ((star_data[0].tet_count + 3) / 4 * 4);
+        CHECK_INT(memcmp(star_data[0].planes, star_data[1].planes, planes * sizeof(double)), 0);
+        for (uint32_t n = 0; n < star_data[0].count; n++) {
+            struct edge_answer a = kernels[0]->query_edge(&star_data[0], n, &query, working.stride);
+            struct edge_answer b = kernels[1]->query_edge(&star_data[1], n, &query, working.stride);
             size_t width = 2 * (size_t)working.component_count;
             CHECK(a.error == b.error && a.followed == b.followed && a.turned == b.turned &&
                   a.half_turned == b.half_turned);
-            CHECK_INT(memcmp(hoods[0].reach + n * width, hoods[1].reach + n * width, width * sizeof(double)), 0);
-            check_doubt(&working, hoods, hoods[0].rows + (size_t)n * working.stride);
+            CHECK_INT(memcmp(star_data[0].reach + n * width, star_data[1].reach + n * width, width * sizeof(double)),
+                      0);
+            check_doubt(&working, star_data, star_data[0].rows + (size_t)n * working.stride);
         }
     }
     CHECK(slots > mesh->vertex_count / 2);
-    hood_fini(&hoods[0]);
-    hood_fini(&hoods[1]);
+    star_data_fini(&star_data[0]);
+    star_data_fini(&star_data[1]);
     working_fini(&working);
     log_fini(&log);
 }
@@ -235,12 +236,12 @@ static void test_clearance_by_slot(void)
     struct contraction_log log;
     struct working working;
     struct border border;
-    struct crew *crew = crew_new(1);
+    struct pool *pool = pool_new(1);
     uint32_t differ = 0;
-    REQUIRE(crew && sample_find("torus")->make(&mesh, 3, NULL) == TETLOD_OK);
+    REQUIRE(pool && sample_find("torus")->make(&mesh, 3, NULL) == TETLOD_OK);
     REQUIRE(log_init(&log, &mesh, NULL) == TETLOD_OK);
     REQUIRE(working_init(&working, &mesh, NULL, (uint32_t[]){0}, 1, NULL, &log, NULL) == TETLOD_OK);
-    REQUIRE(border_find(&working, crew, NULL) == TETLOD_OK);
+    REQUIRE(border_find(&working, pool, NULL) == TETLOD_OK);
     double limit = mesh_diagonal(&mesh), *most = array_new(mesh.vertex_count, sizeof *most);
     uint32_t *triangles = array_new(mesh.tet_count, 12 * sizeof *triangles);
     struct clearance_mesh whole = {mesh.positions, mesh.corners, triangles, mesh.vertex_count, mesh.tet_count, 0};
@@ -262,7 +263,7 @@ static void test_clearance_by_slot(void)
     border_fini(&border);
     working_fini(&working);
     log_fini(&log);
-    crew_free(crew);
+    pool_free(pool);
     tetmesh_fini(&mesh);
 }
 

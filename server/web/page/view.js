@@ -12,7 +12,8 @@ function tellLoading({ detail: { received } }) {
 }
 
 function tellRetry({ detail: { message, delay, attempt } }) {
-  notice('retry', `${message}; trying again in ${significant(delay, 2)} s (attempt ${attempt})`, { failed: true, seconds: 0 });
+  notice('retry', `${message}; trying again in ${significant(delay, 2)} s (attempt ${attempt})`,
+         { failed: true, seconds: 0 });
 }
 
 function tellWaiting({ detail: { step, retry } }) {
@@ -35,10 +36,12 @@ function listen() {
   viewer.addEventListener('progress', () => clear('retry'));
   viewer.addEventListener('level', () => clear('error'));
   viewer.addEventListener('pictures', () => { byId('loading').hidden = true; });
-  viewer.addEventListener('joining', ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`, { seconds: 0 }));
-  viewer.addEventListener('joined', () => clear('fields'));
-  viewer.addEventListener('waiting', tellWaiting);
-  viewer.addEventListener('waited', () => clear('step'));
+  viewer.addEventListener('fieldsloading',
+                          ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`,
+                                                             { seconds: 0 }));
+  viewer.addEventListener('fieldsloaded', () => clear('fields'));
+  viewer.addEventListener('stalled', tellWaiting);
+  viewer.addEventListener('resumed', () => clear('step'));
   viewer.addEventListener('failed', tellFailure);
 }
 

@@ -51,10 +51,11 @@ export class Viewer extends EventTarget {
   #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
 
   /**
-   * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
-   * canvas; `below()`: pixels that the player of a series takes above that. `fragment`: the state at first. Events: 'retry',
-   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered', 'cells' and 'fetched' as of the stream; 'colors' and 'info' when
-   * they changed, 'joining' and 'joined' {fields}, 'waiting' {step, retry} and 'waited', 'failed' {message, retry}.
+   * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar
+   * bar's canvas; `below()`: pixels that the player of a series takes above that. `fragment`: the state at first.
+   * Events: 'retry', 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered', 'cells' and
+   * 'fetched' as of the stream; 'colors' and 'info' when they changed, 'fieldsloading' and 'fieldsloaded' {fields},
+   * 'stalled' {step, retry} and 'resumed', 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
     super();
@@ -69,9 +70,9 @@ export class Viewer extends EventTarget {
   }
 
   /**
-   * Resolves when the first picture is on the screen. It is made while vtk.js and the graphics start, which takes longest.
-   * Making the graphics' context stops this thread, and with it a worker that is not running yet: one that is about to is
-   * waited for, a slow one is not.
+   * Resolves when the first picture is on the screen. It is made while vtk.js and the graphics start, which takes
+   * longest. Making the graphics' context stops this thread, and with it a worker that is not running yet: one that is
+   * about to is waited for, a slow one is not.
    */
   async open(source) {
     const { signal } = this.#closing;
@@ -92,19 +93,24 @@ export class Viewer extends EventTarget {
   /** From now on changes of the state are followed. */
   follow() {
     const { store, scene } = this;
-    store.watch(['map', 'cells', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
+    store.watch(['map', 'cells', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'],
+                this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => this.#remake());
+    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
+                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
-    store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
+    store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
+                (state) => scene.restyle(state));
     store.watch(['background'], () => this.repaint());
   }
 
   get settled() {
     const { step } = this.store.state;
     const level = this.#inTime ? this.series.bands[this.wantedBand].level : wantedLevel(this.info, this.store.state);
-    return this.level === level && this.#drawn === this.level && (!this.#inTime || (this.at?.step === step && this.at.band === this.wantedBand));
+    return this.level === level && this.#drawn === this.level && (!this.#inTime ||
+                                                                  (this.at?.step === step &&
+                                                                   this.at.band === this.wantedBand));
   }
 
   /**
@@ -128,13 +134,13 @@ export class Viewer extends EventTarget {
   }
 
   /**
-   * Shows a step in a band; false: another one is shown instead. Of one that does not come 'waiting' tells, and
-   * 'waited' when that is over.
+   * Shows a step in a band; false: another one is shown instead. Of one that does not come 'stalled' tells, and
+   * 'resumed' when that is over.
    */
   async showStep(step, options) {
     for (;;) {
       const again = new AbortController();
-      const waiting = setTimeout(() => this.#tell('waiting', { step, retry: () => again.abort() }), stepPatience);
+      const waiting = setTimeout(() => this.#tell('stalled', { step, retry: () => again.abort() }), stepPatience);
       try {
         return (await this.stream.seekStep(step, options, { signal: again.signal })).reached;
       } catch (error) {
@@ -143,7 +149,7 @@ export class Viewer extends EventTarget {
         return false;
       } finally {
         clearTimeout(waiting);
-        this.#tell('waited');
+        this.#tell('resumed');
       }
     }
   }
@@ -170,7 +176,8 @@ export class Viewer extends EventTarget {
   #open(source, options, started) {
     const pass = (event) => this.#tell(event.type, event.detail);
     const loading = ({ detail }) => this.#tell('loading', detail);
-    return TetlodStream.open(source, { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
+    return TetlodStream.open(source,
+                             { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
   }
 
   // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field
@@ -179,7 +186,8 @@ export class Viewer extends EventTarget {
     const { field, isosurfaceField, vectorField } = this.store.state;
     const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
-      .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' }, started) : Promise.reject(error)));
+      .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' },
+                                                                  started) : Promise.reject(error)));
     if (this.#closing.signal.aborted) this.stream.close(); // while the answer was on its way
     this.#closing.signal.throwIfAborted();
     this.info = this.#index = this.stream.info;
@@ -302,7 +310,9 @@ export class Viewer extends EventTarget {
   colorRange() {
     const { range, low, high, log } = this.store.state;
     let [from, to] = range === 'manual' ? [low, high]
-      : range === 'auto' && !log ? autoRange(this.dataRange(), this.at ? undefined : this.shade?.sample) : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
+      : range === 'auto' && !log ? autoRange(this.dataRange(),
+                                             this.at ? undefined : this.shade?.sample) : (range === 'visible' &&
+                                                                                          this.scene.visibleRange()) || this.dataRange();
     if (from > to) [from, to] = [to, from];
     if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
     if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
@@ -320,7 +330,8 @@ export class Viewer extends EventTarget {
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: titleWithUnit(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      title: titleWithUnit(this.info,
+                           this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
       marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
     });
   }
@@ -360,28 +371,29 @@ export class Viewer extends EventTarget {
     const spec = specOf(state, this.info);
     this.#spec = JSON.stringify(spec);
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
-    if (fields.length) this.#tell('joining', { fields });
+    if (fields.length) this.#tell('fieldsloading', { fields });
     try {
       if (spec.component === 'magnitude') this.#lengths ??= await import('./lengths.js');
       await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked });
     } catch (error) {
-      if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed', { message: error.message, retry: this.show });
+      if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed',
+                                                                                { message: error.message, retry: this.show });
     }
-    if (fields.length) this.#tell('joined', { fields });
+    if (fields.length) this.#tell('fieldsloaded', { fields });
   }
 
   // Fields come when they are first shown; the picture before stays meanwhile.
   async #show() {
     const fields = this.#missing;
     if (!fields.length) return this.#showNow();
-    this.#tell('joining', { fields });
+    this.#tell('fieldsloading', { fields });
     try {
       await this.stream.addFields(fields);
       this.show(); // of what is wanted by now
     } catch (error) {
       this.#tell('failed', { message: `${fields.join(', ')} cannot be loaded: ${error.message}`, retry: this.show });
     }
-    this.#tell('joined', { fields });
+    this.#tell('fieldsloaded', { fields });
   }
 
   async #refine() {
@@ -416,9 +428,12 @@ export class Viewer extends EventTarget {
     const fresh = !this.#isShade({ field, cells, component });
     const [least, most] = fresh ? [Infinity, -Infinity] : this.shade.range;
     const grown = low < least || high > most;
-    if (fresh || grown) this.shade = { field, cells, component, range: [Math.min(low, least), Math.max(high, most)], sample: this.shade?.sample };
+    if (fresh || grown) this.shade = { field, cells, component, range: [Math.min(low, least),
+                                                                        Math.max(high,
+                                                                                 most)], sample: this.shade?.sample };
     if (sample) this.shade.sample = sample;
-    if (fresh || sample || (grown && colouredOf(this.info, this.coloredState).field.components > 1) || this.store.state.range === 'visible') this.recolorNow();
+    if (fresh || sample || (grown && colouredOf(this.info, this.coloredState).field.components > 1) ||
+        this.store.state.range === 'visible') this.recolorNow();
   }
 
   #takePictures(event) {

@@ -20,9 +20,9 @@ static const double STIFFNESS = 0.05;
 /* A step is no longer than this fraction of the star: the differences are not linear for long. */
 static const double LONGEST_STEP = 0.5;
 
-/* One driver's part of the problem. With the step x and the change c of the value, the difference at a corner becomes
- * residual + w (c - gradient . x), w its weight of v'. */
-struct descent_driver {
+/* One component's part of the problem. With the step x and the change c of the value, the difference at a corner
+ * becomes residual + w (c - gradient . x), w its weight of v'. */
+struct descent_component {
     double factor;     /* of its differences: it makes them fractions of the range, worst weighted */
     double *gradients; /* [cone, then their mean][3] of the level, as far as the boundary lets v' follow */
     double *residuals, *weights; /* [corner] */
@@ -31,7 +31,7 @@ struct descent_driver {
 
 void descent_fini(struct descent *descent)
 {
-    free(descent->drivers);
+    free(descent->components);
     free(descent->numbers);
     *descent = (struct descent){0};
 }
@@ -46,17 +46,18 @@ static bool room(void *array, size_t *capacity, size_t needed, size_t size)
 }
 
 static double weight_of(const struct examiner *examiner, const struct working *working,
-                        const struct descent_driver *driver,
+                        const struct descent_component *component,
                         size_t corner)
 {
-    return driver->factor * examiner->points[(1 + (size_t)working->component_count) * corner];
+    return component->factor * examiner->points[(1 + (size_t)working->component_count) * corner];
 }
 
 /* v' itself is in all cones. */
-static const double *gradient_at(const struct examiner *examiner, const struct descent_driver *driver, size_t corner)
+static const double *gradient_at(const struct examiner *examiner, const struct descent_component *component,
+                                 size_t corner)
 {
     uint32_t cone = examiner->cones[corner];
-    return driver->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->cover.cone_count : cone);
+    return component->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->cover.cone_count : cone);
 }
 
 static void make_gradients(const struct examiner *examiner, const struct border *border, const struct working *working,
@@ -79,49 +80,50 @@ static void make_gradients(const struct examiner *examiner, const struct border 
     }
 }
 
-/* Takes up a driver, at the value with which the largest difference is least. Returns that. */
-static double open_driver(struct descent_driver *driver, const struct examiner *examiner, const struct border *border,
+/* Takes up a component, at the value with which the largest difference is least. Returns that. */
+static double open_component(struct descent_component *component, const struct examiner *examiner,
+                             const struct border *border,
                           const struct working *working, const struct star *star, uint32_t d)
 {
     double value = (examiner->intervals[d].low + examiner->intervals[d].high) / 2, most = 0;
-    driver->factor = working->components[d].factor;
+    component->factor = working->components[d].factor;
     make_gradients(examiner, border, working, star, examiner->level + d * (size_t)examiner->cover.link_count, value,
-                   driver->gradients);
+                   component->gradients);
     for (size_t i = 0; i < examiner->point_count; i++) {
         double constant = examiner->points[(1 + (size_t)working->component_count) * i + 1 + d];
-        driver->residuals[i] = weight_of(examiner, working, driver, i) * value + driver->factor * constant;
-        driver->weights[i] = fabs(driver->residuals[i]);
-        most = larger(most, driver->weights[i]);
+        component->residuals[i] = weight_of(examiner, working, component, i) * value + component->factor * constant;
+        component->weights[i] = fabs(component->residuals[i]);
+        most = larger(most, component->weights[i]);
     }
     return most;
 }
 
-/* Adds a driver to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by row,
- * and to the right side. Returns the sum of its weights. */
-static double add_equations(struct descent_driver *driver, const struct examiner *examiner,
+/* Adds a component to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by
+ * row, and to the right side. Returns the sum of its weights. */
+static double add_equations(struct descent_component *component, const struct examiner *examiner,
                             const struct working *working,
                             double matrix[6], double right[3])
 {
     double total = 0;
-    driver->ww = driver->wr = driver->wg[0] = driver->wg[1] = driver->wg[2] = 0;
+    component->ww = component->wr = component->wg[0] = component->wg[1] = component->wg[2] = 0;
     for (size_t i = 0; i < examiner->point_count; i++) {
-        const double *gradient = gradient_at(examiner, driver, i);
-        double w = weight_of(examiner, working, driver, i), own = driver->weights[i], r = driver->residuals[i];
+        const double *gradient = gradient_at(examiner, component, i);
+        double w = weight_of(examiner, working, component, i), own = component->weights[i], r = component->residuals[i];
         total += own;
-        driver->ww += own * w * w;
-        driver->wr += own * w * r;
+        component->ww += own * w * w;
+        component->wr += own * w * r;
         for (int k = 0, at = 0; k < 3; k++) {
             double along = own * w * gradient[k];
-            driver->wg[k] += along * w;
+            component->wg[k] += along * w;
             right[k] += along * r;
             for (int j = k; j < 3; j++)
                 matrix[at++] += along * w * gradient[j];
         }
     }
-    for (int k = 0, at = 0; k < 3 && driver->ww > 0; k++) {
-        right[k] -= driver->wg[k] * driver->wr / driver->ww;
+    for (int k = 0, at = 0; k < 3 && component->ww > 0; k++) {
+        right[k] -= component->wg[k] * component->wr / component->ww;
         for (int j = k; j < 3; j++)
-            matrix[at++] -= driver->wg[k] * driver->wg[j] / driver->ww;
+            matrix[at++] -= component->wg[k] * component->wg[j] / component->ww;
     }
     return total;
 }
@@ -140,31 +142,32 @@ static void solve(const double m[6], double stiffness, const double right[3], do
     }
 }
 
-/* What the step, with the change of the value that is best there, leaves of a driver's differences: weights grow with
- * it. Returns the largest. */
-static double reweigh(struct descent_driver *driver, const struct examiner *examiner, const struct working *working,
+/* What the step, with the change of the value that is best there, leaves of a component's differences: weights grow
+ * with it. Returns the largest. */
+static double reweigh(struct descent_component *component, const struct examiner *examiner,
+                      const struct working *working,
                       const double step[3], double most)
 {
-    double change = driver->ww > 0 ? (dot(driver->wg, step) - driver->wr) / driver->ww : 0, largest = 0;
+    double change = component->ww > 0 ? (dot(component->wg, step) - component->wr) / component->ww : 0, largest = 0;
     for (size_t i = 0; i < examiner->point_count; i++) {
-        double left = fabs(driver->residuals[i] + weight_of(examiner, working, driver, i) *
-                                                      (change - dot(gradient_at(examiner, driver, i), step)));
-        driver->weights[i] *= left / most;
+        double left = fabs(component->residuals[i] + weight_of(examiner, working, component, i) *
+                                                      (change - dot(gradient_at(examiner, component, i), step)));
+        component->weights[i] *= left / most;
         largest = larger(largest, left);
     }
     return largest;
 }
 
-static bool make_room(struct descent *descent, const struct examiner *examiner, uint32_t drivers)
+static bool make_room(struct descent *descent, const struct examiner *examiner, uint32_t components)
 {
     size_t gradients = 3 * ((size_t)examiner->cover.cone_count + 1), points = examiner->point_count;
-    if (!room(&descent->drivers, &descent->driver_capacity, drivers, sizeof *descent->drivers) ||
-        !room(&descent->numbers, &descent->number_capacity, drivers * (gradients + 2 * points),
+    if (!room(&descent->components, &descent->driver_capacity, components, sizeof *descent->components) ||
+        !room(&descent->numbers, &descent->number_capacity, components * (gradients + 2 * points),
               sizeof *descent->numbers))
         return false;
     double *next = descent->numbers;
-    for (uint32_t d = 0; d < drivers; d++, next += gradients + 2 * points)
-        descent->drivers[d] = (struct descent_driver){
+    for (uint32_t d = 0; d < components; d++, next += gradients + 2 * points)
+        descent->components[d] = (struct descent_component){
             .gradients = next, .residuals = next + gradients, .weights = next + gradients + points};
     return true;
 }
@@ -177,17 +180,17 @@ enum tetlod_status descent_step(struct descent *descent, const struct examiner *
     if (!make_room(descent, examiner, working->component_count))
         return tetlodi_fail_nomem(error, "the exact limit", 16 * examiner->point_count);
     for (uint32_t d = 0; d < working->component_count; d++)
-        most = larger(most, open_driver(&descent->drivers[d], examiner, border, working, star, d));
+        most = larger(most, open_component(&descent->components[d], examiner, border, working, star, d));
     *out_error = most;
     memset(out_step, 0, 3 * sizeof *out_step);
     for (int round = 0; round < ROUNDS && most > 0; round++) {
         double matrix[6] = {0}, right[3] = {0}, total = 0;
         for (uint32_t d = 0; d < working->component_count; d++)
-            total += add_equations(&descent->drivers[d], examiner, working, matrix, right);
+            total += add_equations(&descent->components[d], examiner, working, matrix, right);
         solve(matrix, total * STIFFNESS * STIFFNESS * most * most / (reach * reach), right, out_step);
         *out_error = 0;
         for (uint32_t d = 0; d < working->component_count; d++)
-            *out_error = larger(*out_error, reweigh(&descent->drivers[d], examiner, working, out_step, most));
+            *out_error = larger(*out_error, reweigh(&descent->components[d], examiner, working, out_step, most));
     }
     double length = sqrt(dot(out_step, out_step));
     for (int i = 0; i < 3 && length > longest; i++)

@@ -11,11 +11,11 @@
 #include "src/simplify/mesh/border.h"
 #include "src/simplify/exact/examiner.h"
 
-struct descent_driver;
+struct descent_component;
 
 /* One thread's. */
 struct descent {
-    struct descent_driver *drivers; /* [driver] */
+    struct descent_component *components; /* [component] */
     double *numbers;                /* theirs */
     size_t driver_capacity, number_capacity;
 };

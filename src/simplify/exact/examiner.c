@@ -26,16 +26,16 @@ enum { REFINEMENTS = 3 };
 enum tetlod_status examiner_init(struct examiner *examiner, const struct working *working,
                                  struct tetlod_error *error)
 {
-    size_t drivers = working->component_count;
-    *examiner = (struct examiner){.intervals = array_new(drivers, sizeof *examiner->intervals),
-                                  .constants = array_new(4 * drivers, sizeof(double))};
+    size_t components = working->component_count;
+    *examiner = (struct examiner){.intervals = array_new(components, sizeof *examiner->intervals),
+                                  .constants = array_new(4 * components, sizeof(double))};
     if (!examiner->intervals || !examiner->constants) {
         examiner_fini(examiner);
-        return tetlodi_fail_nomem(error, "the exact limit", drivers * (32 + sizeof *examiner->intervals));
+        return tetlodi_fail_nomem(error, "the exact limit", components * (32 + sizeof *examiner->intervals));
     }
-    examiner->chosen = examiner->constants + drivers;
-    examiner->errors = examiner->chosen + drivers;
-    examiner->bases = examiner->errors + drivers;
+    examiner->chosen = examiner->constants + components;
+    examiner->errors = examiner->chosen + components;
+    examiner->bases = examiner->errors + components;
     return cover_init(&examiner->cover, working, error);
 }
 
@@ -100,7 +100,7 @@ enum tetlod_status exact_begin(struct examiner *examiner, const struct working *
     return TETLOD_OK;
 }
 
-/* Less the driver's base. */
+/* Less the component's base. */
 static double original_value(const struct examiner *examiner, const struct overlaps *overlaps,
                              const struct working *working,
                              uint32_t d, uint32_t vertex)

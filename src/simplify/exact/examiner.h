@@ -19,7 +19,7 @@ struct critical {
     bool fixed;    /* no corner but an end of the field's range, which no limit moves */
 };
 
-/* The values of v' that are left for one driver. */
+/* The values of v' that are left for one component. */
 struct interval {
     double limit;     /* in the field's units: what was asked for, or more where that leaves nothing */
     double asked;
@@ -35,13 +35,13 @@ struct examiner {
     struct cover cover;
     struct sentinel recent[RECENT]; /* points that refused the star's candidates so far */
     uint32_t recent_count;
-    struct interval *intervals; /* [driver] */
-    /* [driver] a value of the star: all values here are less it, so that none is larger than they vary */
+    struct interval *intervals; /* [component] */
+    /* [component] a value of the star: all values here are less it, so that none is larger than they vary */
     double *bases;
-    double *level, *original;   /* [driver][link], [driver][vertex] values */
-    double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
-    double *constants;          /* [driver] of the one at hand */
-    double *chosen, *errors;    /* [driver] as the field has the values; and */
+    double *level, *original;   /* [component][link], [component][vertex] values */
+    double *points;             /* [point][1 + component] weights and constants of all corners of the overlay */
+    double *constants;          /* [component] of the one at hand */
+    double *chosen, *errors;    /* [component] as the field has the values; and */
     struct sentinel *places;    /* [point] */
     uint32_t *cones;            /* [point] that it is in; TETLOD_NONE: at v' */
     uint64_t *sets;             /* scratch */
@@ -51,7 +51,8 @@ struct examiner {
 struct finding {
     bool allowed;
     bool large;          /* it was not asked: the star has too many originals in it */
-    double error;        /* fraction of the range of the worst weighted driver; if not allowed, a lower bound of it */
+    /* fraction of the range of the worst weighted component; if not allowed, a lower bound of it */
+    double error;
     /* if not allowed: while their tetrahedra stay as they are, so does the bound; without one it always does */
     struct sentinel witness[2];
 };
@@ -66,7 +67,7 @@ TETLOD_CHECKED enum tetlod_status exact_begin(struct examiner *examiner, const s
                                                 struct tetlod_error *error);
 
 /* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? Then
- * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A
+ * the components' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A
  * bound is followed to `cutoff` at most, and only if `whole` beyond the kind of corners that refused first.
  * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,

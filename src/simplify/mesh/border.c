@@ -19,16 +19,16 @@
 struct finder {
     struct working *working;
     uint8_t *folded; /* [tet] */
-    struct hood hoods[PARALLEL_MAX_THREADS];
+    struct star_data star_data[PARALLEL_MAX_THREADS];
     struct table pairs[PARALLEL_MAX_THREADS];
     uint32_t *parents[PARALLEL_MAX_THREADS]; /* [tet of the star] */
     size_t parent_room[PARALLEL_MAX_THREADS];
     atomic_bool failed;
 };
 
-static uint64_t pair_of(const struct hood *hood, uint32_t tet, int k)
+static uint64_t pair_of(const struct star_data *data, uint32_t tet, int k)
 {
-    uint32_t x = hood->corners[(k + 1) % 3][tet], y = hood->corners[(k + 2) % 3][tet];
+    uint32_t x = data->corners[(k + 1) % 3][tet], y = data->corners[(k + 2) % 3][tet];
     return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
 }
 
@@ -55,22 +55,23 @@ struct link {
 
 /* Looks at the faces of the slot. Two tetrahedra of a face that list it in the same turn lie on one side of it: they
  * are folds. */
-static struct link join_faces(struct finder *finder, const struct hood *hood, struct table *pairs, uint32_t *parent)
+static struct link join_faces(struct finder *finder, const struct star_data *data, struct table *pairs,
+                              uint32_t *parent)
 {
-    struct link link = {.pieces = hood->tet_count};
-    for (uint32_t t = 0; t < hood->tet_count; t++) {
+    struct link link = {.pieces = data->tet_count};
+    for (uint32_t t = 0; t < data->tet_count; t++) {
         parent[t] = t;
         for (int k = 0; k < 3; k++) {
-            uint32_t upwards = hood->corners[(k + 1) % 3][t] < hood->corners[(k + 2) % 3][t] ? FACE_UPWARDS : 0;
-            uint32_t *face = table_at(pairs, pair_of(hood, t, k), t * FACE_FIRST + upwards), first = *face / FACE_FIRST;
+            uint32_t upwards = data->corners[(k + 1) % 3][t] < data->corners[(k + 2) % 3][t] ? FACE_UPWARDS : 0;
+            uint32_t *face = table_at(pairs, pair_of(data, t, k), t * FACE_FIRST + upwards), first = *face / FACE_FIRST;
             uint32_t seen = *face % FACE_UPWARDS;
             link.many |= seen > FACE_ONE;
             *face += seen < FACE_MANY ? FACE_ONE : 0;
             if (seen != FACE_ONE)
                 continue;
             if ((*face & FACE_UPWARDS) == upwards) {
-                __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
-                __atomic_store_n(&finder->folded[hood->tets[first]], 1, __ATOMIC_RELAXED);
+                __atomic_store_n(&finder->folded[data->tets[t]], 1, __ATOMIC_RELAXED);
+                __atomic_store_n(&finder->folded[data->tets[first]], 1, __ATOMIC_RELAXED);
             }
             link.pairs++;
             link.pieces -= join_sets(parent, first, t);
@@ -83,20 +84,20 @@ static struct link join_faces(struct finder *finder, const struct hood *hood, st
  * a sphere, or a disc at the boundary: in one piece, and of the right Euler characteristic. */
 static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
 {
-    struct hood *hood = &finder->hoods[worker];
+    struct star_data *data = &finder->star_data[worker];
     struct table *pairs = &finder->pairs[worker];
     void *grown = finder->parents[worker];
-    if (!hood_gather(hood, finder->working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count) ||
-        !array_reserve(&grown, &finder->parent_room[worker], hood->tet_count, sizeof(uint32_t)))
+    if (!star_data_gather(data, finder->working, slot) || !table_clear(pairs, 3 * (size_t)data->tet_count) ||
+        !array_reserve(&grown, &finder->parent_room[worker], data->tet_count, sizeof(uint32_t)))
         return false;
     finder->parents[worker] = grown;
-    struct link link = join_faces(finder, hood, pairs, grown);
-    bool open = link.many || 2 * link.pairs < 3 * hood->tet_count;
-    for (uint32_t t = 0; t < hood->tet_count && open; t++)
+    struct link link = join_faces(finder, data, pairs, grown);
+    bool open = link.many || 2 * link.pairs < 3 * data->tet_count;
+    for (uint32_t t = 0; t < data->tet_count && open; t++)
         for (int k = 0; k < 3; k++)
-            if (*table_at(pairs, pair_of(hood, t, k), 0) % FACE_UPWARDS != 2)
-                set_boundary(finder->working, hood->tets[t], hood->slots[hood->corners[k][t]]);
-    int edges = (int)(3 * hood->tet_count - link.pairs), euler = (int)hood->count - edges + (int)hood->tet_count;
+            if (*table_at(pairs, pair_of(data, t, k), 0) % FACE_UPWARDS != 2)
+                set_boundary(finder->working, data->tets[t], data->slots[data->corners[k][t]]);
+    int edges = (int)(3 * data->tet_count - link.pairs), euler = (int)data->count - edges + (int)data->tet_count;
     if (link.many || link.pieces != 1 || euler != (open ? 1 : 2))
         __atomic_fetch_or(&finder->working->flags[slot], VERTEX_SINGULAR, __ATOMIC_RELAXED);
     return true;
@@ -152,7 +153,7 @@ bool border_folded(const struct working *working, uint32_t tet)
     return false;
 }
 
-enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error)
+enum tetlod_status border_find(struct working *working, struct pool *pool, struct tetlod_error *error)
 {
     struct finder *finder = array_zero(1, sizeof *finder);
     if (!finder)
@@ -160,13 +161,13 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
     finder->working = working;
     finder->folded = array_zero(working->tet_count, 1);
     atomic_store(&finder->failed, !finder->folded);
-    crew_run(crew, working->slot_count, 1024, find_range, finder);
+    pool_run(pool, working->slot_count, 1024, find_range, finder);
     bool failed = atomic_load(&finder->failed);
     if (!failed)
         freeze_folded(finder);
     free(finder->folded);
     for (unsigned w = 0; w < PARALLEL_MAX_THREADS; w++) {
-        hood_fini(&finder->hoods[w]);
+        star_data_fini(&finder->star_data[w]);
         table_fini(&finder->pairs[w]);
         free(finder->parents[w]);
     }

@@ -8,8 +8,8 @@
 #define TETLOD_BORDER_H
 
 #include "src/simplify/mesh/boundary_map.h"
-#include "src/simplify/mesh/hood.h"
-#include "src/util/crew.h"
+#include "src/simplify/mesh/star_data.h"
+#include "src/util/parallel.h"
 
 enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
 
@@ -23,7 +23,7 @@ struct border {
 
 /* Finds the working mesh's boundary faces and vertices, those that are no manifold points, and freezes those of folded
  * tetrahedra. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status border_find(struct working *working, struct pool *pool, struct tetlod_error *error);
 
 /* Do the tetrahedron and one that shares a face with it lie on the same side of that, both well oriented? Then they
  * overlap. */

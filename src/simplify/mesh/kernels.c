@@ -44,31 +44,31 @@ static inline void set_gradient(double *gradient, const wide value[3], wide norm
         wide_store(gradient + WIDE * d, wide_dot(f[0], normals[0][d], f[1], normals[1][d], f[2], normals[2][d]));
 }
 
-static void set_rows(struct hood *hood, const struct working *working)
+static void set_rows(struct star_data *data, const struct working *working)
 {
     uint32_t stride = working->stride;
-    const double *own = working_row(working, hood->vertex);
-    for (uint32_t n = 0; n < hood->count; n++) {
-        const double *row = working_row(working, hood->slots[n]);
+    const double *own = working_row(working, data->vertex);
+    for (uint32_t n = 0; n < data->count; n++) {
+        const double *row = working_row(working, data->slots[n]);
         for (uint32_t i = 0; i < stride; i += WIDE)
-            wide_store(hood->rows + (size_t)n * stride + i, wide_sub(wide_load(row + i), wide_load(own + i)));
+            wide_store(data->rows + (size_t)n * stride + i, wide_sub(wide_load(row + i), wide_load(own + i)));
     }
 }
 
-static void prepare(struct hood *hood, const struct working *working)
+static void prepare(struct star_data *data, const struct working *working)
 {
-    uint32_t stride = working->stride, functions = 2 * working->component_count, count = hood->tet_count;
-    set_rows(hood, working);
+    uint32_t stride = working->stride, functions = 2 * working->component_count, count = data->tet_count;
+    set_rows(data, working);
     for (uint32_t i = count; i % BLOCK; i++)
         for (int k = 0; k < 3; k++)
-            hood->corners[k][i] = hood->corners[k][0];
+            data->corners[k][i] = data->corners[k][0];
     for (uint32_t i = 0; i < (count + BLOCK - 1) / BLOCK * BLOCK; i += WIDE) {
         const double *rows[3][WIDE];
-        double *planes = planes_at(hood, working->component_count, i);
+        double *planes = planes_at(data, working->component_count, i);
         wide at[3][4], normals[3][3], value[3];
         for (int k = 0; k < 3; k++) {
             for (int j = 0; j < WIDE; j++)
-                rows[k][j] = hood->rows + (size_t)hood->corners[k][i + (uint32_t)j] * stride;
+                rows[k][j] = data->rows + (size_t)data->corners[k][i + (uint32_t)j] * stride;
             wide_columns(rows[k], at[k]);
         }
         for (int k = 0; k < 3; k++)
@@ -97,7 +97,7 @@ static void prepare(struct hood *hood, const struct working *working)
         }
     }
     for (uint32_t i = count; i % BLOCK; i++) { // the repeated ones never turn over
-        double *planes = planes_at(hood, working->component_count, i / WIDE * WIDE) + i % WIDE;
+        double *planes = planes_at(data, working->component_count, i / WIDE * WIDE) + i % WIDE;
         for (uint32_t d = 0; d < 3; d++)
             planes[WIDE * (PLANE_SLOPE + d)] = 0;
         planes[WIDE * PLANE_LEAST] = 0;
@@ -118,21 +118,21 @@ static inline void count_turned(const double *planes, wide x, wide y, wide z, st
     answer->half_turned |= wide_at_most(wide_mul(wide_all(0.5), wide_add(after, before)), small);
 }
 
-static inline struct edge_answer query_edge_with(const struct hood *hood, uint32_t neighbour,
+static inline struct edge_answer query_edge_with(const struct star_data *data, uint32_t neighbour,
                                                  const struct edge_query *query, uint32_t stride,
                                                  uint32_t components)
 {
     struct edge_answer answer = {.followed = true};
     size_t four = WIDE * plane_count(components); // planes of four tetrahedra
-    const double *r = hood->rows + (size_t)neighbour * stride;
-    double *reach = hood->reach + (size_t)neighbour * 2 * components;
+    const double *r = data->rows + (size_t)neighbour * stride;
+    double *reach = data->reach + (size_t)neighbour * 2 * components;
     wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]);
     for (uint32_t c = 0; c < components; c++) {
         reach[2 * c] = -INFINITY;
         reach[2 * c + 1] = INFINITY;
     }
-    const double *planes = hood->planes;
-    for (uint32_t begin = 0; begin < hood->tet_count; begin += BLOCK, planes += 2 * four) {
+    const double *planes = data->planes;
+    for (uint32_t begin = 0; begin < data->tet_count; begin += BLOCK, planes += 2 * four) {
         double error = 0;
         for (uint32_t c = 0; c < components; c++) {
             const double *first = planes + WIDE * (PLANE_GRADIENTS + 6 * c), *second = first + four;
@@ -150,33 +150,33 @@ static inline struct edge_answer query_edge_with(const struct hood *hood, uint32
             answer.followed = false;
             break;
         }
-        if (answer.half_turned && answer.turned > hood->shared[neighbour]) // neither is possible
+        if (answer.half_turned && answer.turned > data->shared[neighbour]) // neither is possible
             break;
     }
     return answer;
 }
 
-static struct edge_answer query_edge(const struct hood *hood, uint32_t neighbour, const struct edge_query *query,
+static struct edge_answer query_edge(const struct star_data *data, uint32_t neighbour, const struct edge_query *query,
                                      uint32_t stride)
 {
-    return query->components == 1 ? query_edge_with(hood, neighbour, query, stride, 1)
-                                  : query_edge_with(hood, neighbour, query, stride, query->components);
+    return query->components == 1 ? query_edge_with(data, neighbour, query, stride, 1)
+                                  : query_edge_with(data, neighbour, query, stride, query->components);
 }
 
 /* Twice what tet_orientation asks for at most, for r may be longer than the edges were. */
-static uint32_t doubt(struct hood *hood, uint32_t components, const double r[3])
+static uint32_t doubt(struct star_data *data, uint32_t components, const double r[3])
 {
     wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]);
     double length = fabs(r[0]) + fabs(r[1]) + fabs(r[2]);
     wide two = wide_all(2), own = wide_all(2 * MIN_VOLUME * (length * length * length));
     uint32_t count = 0;
-    for (uint32_t i = 0; i < hood->tet_count; i += WIDE) {
-        const double *planes = planes_at(hood, components, i);
+    for (uint32_t i = 0; i < data->tet_count; i += WIDE) {
+        const double *planes = planes_at(data, components, i);
         wide after = wide_add(wide_load(planes + WIDE * PLANE_VOLUME), plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
         unsigned small = wide_at_most(after, wide_max(own, wide_mul(two, wide_load(planes + WIDE * PLANE_LEAST))));
         for (uint32_t j = 0; j < WIDE && small; j++)
-            if (small >> j & 1 && i + j < hood->tet_count)
-                hood->doubtful[count++] = i + j;
+            if (small >> j & 1 && i + j < data->tet_count)
+                data->doubtful[count++] = i + j;
     }
     return count;
 }

@@ -6,10 +6,10 @@
 #ifndef TETLOD_KERNELS_H
 #define TETLOD_KERNELS_H
 
-#include "src/simplify/mesh/hood.h"
+#include "src/simplify/mesh/star_data.h"
 #include "src/util/wide.h"
 
-/* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it
+/* Planes of a star. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it
  * counts as turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four
  * tetrahedra stand together. */
 enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
@@ -19,14 +19,14 @@ static inline size_t plane_count(uint32_t components)
     return PLANE_GRADIENTS + 6 * (size_t)components;
 }
 
-/* So many tetrahedra are looked at between tests of whether to go on; the last of a hood's repeat the first. */
+/* So many tetrahedra are looked at between tests of whether to go on; the last of a star's repeat the first. */
 enum { BLOCK = 2 * WIDE };
 
 /* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each
  * other. */
-static inline double *planes_at(const struct hood *hood, uint32_t components, uint32_t i)
+static inline double *planes_at(const struct star_data *data, uint32_t components, uint32_t i)
 {
-    return hood->planes + plane_count(components) * i;
+    return data->planes + plane_count(components) * i;
 }
 
 /* What is asked about the edge to a neighbour. */
@@ -77,14 +77,14 @@ struct said {
 };
 
 struct kernels {
-    /* Rows and planes of a gathered hood none of whose tetrahedra is degenerate. */
-    void (*prepare)(struct hood *hood, const struct working *working);
-    /* What the hood says at a neighbour. hood->reach of it is set. */
-    struct edge_answer (*query_edge)(const struct hood *hood, uint32_t neighbour, const struct edge_query *query,
+    /* Rows and planes of a gathered star none of whose tetrahedra is degenerate. */
+    void (*prepare)(struct star_data *data, const struct working *working);
+    /* What the star says at a neighbour. data->reach of it is set. */
+    struct edge_answer (*query_edge)(const struct star_data *data, uint32_t neighbour, const struct edge_query *query,
                                      uint32_t stride);
-    /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not.
+    /* Lists in data->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not.
      * Returns how many. */
-    uint32_t (*doubt)(struct hood *hood, uint32_t components, const double r[3]);
+    uint32_t (*doubt)(struct star_data *data, uint32_t components, const double r[3]);
     /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
     bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query,
                     struct half *half);

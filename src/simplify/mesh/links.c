@@ -24,11 +24,11 @@ static inline uint64_t pair_key(uint32_t x, uint32_t y)
     return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
 }
 
-static bool reserve(struct links *links, const struct hood *hood)
+static bool reserve(struct links *links, const struct star_data *data)
 {
     void *marks = links->marks, *beside = links->beside;
-    bool room = array_reserve(&marks, &links->mark_room, hood->count, 1) &&
-                array_reserve(&beside, &links->beside_room, hood->count, sizeof *links->beside);
+    bool room = array_reserve(&marks, &links->mark_room, data->count, 1) &&
+                array_reserve(&beside, &links->beside_room, data->count, sizeof *links->beside);
     links->marks = marks;
     links->beside = beside;
     return room;
@@ -54,27 +54,27 @@ static inline bool in_ring(const struct links *links, uint32_t x, uint32_t y)
 }
 
 /* Marks Lk(ab) by the tetrahedra of ab. False: one of them has boundary faces at both of its ends. */
-static bool mark_ring(struct links *links, const struct hood *hood, const struct working *working, uint32_t b)
+static bool mark_ring(struct links *links, const struct star_data *data, const struct working *working, uint32_t b)
 {
-    uint32_t slot_a = hood->vertex, slot_b = hood->slots[b];
-    memset(links->marks, 0, hood->count);
-    for (uint32_t i = 0; i < hood->tet_count; i++) {
+    uint32_t slot_a = data->vertex, slot_b = data->slots[b];
+    memset(links->marks, 0, data->count);
+    for (uint32_t i = 0; i < data->tet_count; i++) {
         uint32_t ring[2] = {0, 0}, count = 0;
-        if (hood->corners[0][i] != b && hood->corners[1][i] != b && hood->corners[2][i] != b)
+        if (data->corners[0][i] != b && data->corners[1][i] != b && data->corners[2][i] != b)
             continue;
         for (int k = 0; k < 3; k++)
-            if (hood->corners[k][i] != b)
-                ring[count++ & 1] = hood->corners[k][i];
+            if (data->corners[k][i] != b)
+                ring[count++ & 1] = data->corners[k][i];
         if (!join_ring(links, ring[0], ring[1]) || !join_ring(links, ring[1], ring[0]))
             return false;
-        unsigned faces = working->boundary_faces[hood->tets[i]];
-        const uint32_t *corners = working->corners[hood->tets[i]];
+        unsigned faces = working->boundary_faces[data->tets[i]];
+        const uint32_t *corners = working->corners[data->tets[i]];
         if (!faces)
             continue;
         if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)
             return false;
         for (int k = 0; k < 2; k++)
-            if (faces >> corner_of(corners, hood->slots[ring[k]]) & 1)
+            if (faces >> corner_of(corners, data->slots[ring[k]]) & 1)
                 links->marks[ring[1 - k]] |= OPEN;
     }
     return true;
@@ -82,12 +82,12 @@ static bool mark_ring(struct links *links, const struct hood *hood, const struct
 
 /* Lists what Lk(a) has between vertices of the ring that is not of Lk(ab): edges, and the triangle inside a ring of
  * three. False: no memory. */
-static bool list_own(struct links *links, const struct hood *hood, uint32_t b)
+static bool list_own(struct links *links, const struct star_data *data, uint32_t b)
 {
     links->pair_count = 0;
     links->closed = false;
-    for (uint32_t i = 0; i < hood->tet_count; i++) {
-        uint32_t v[3] = {hood->corners[0][i], hood->corners[1][i], hood->corners[2][i]}, of_ring = 0;
+    for (uint32_t i = 0; i < data->tet_count; i++) {
+        uint32_t v[3] = {data->corners[0][i], data->corners[1][i], data->corners[2][i]}, of_ring = 0;
         unsigned marks[3] = {links->marks[v[0]], links->marks[v[1]], links->marks[v[2]]};
         if (!(((marks[0] & marks[1]) | (marks[1] & marks[2]) | (marks[2] & marks[0])) & RING))
             continue;
@@ -97,7 +97,7 @@ static bool list_own(struct links *links, const struct hood *hood, uint32_t b)
                 continue;
             if (in_ring(links, x, y))
                 of_ring++;
-            else if (!links->pair_count++ && !table_clear(&links->pairs, 3 * (size_t)hood->tet_count))
+            else if (!links->pair_count++ && !table_clear(&links->pairs, 3 * (size_t)data->tet_count))
                 return false;
             else
                 table_at(&links->pairs, pair_key(x, y), 0);
@@ -128,22 +128,22 @@ static bool meets_well(const struct links *links, const uint32_t v[3])
     return !(of_ring == 3 && links->closed); // then the ring is that triangle, and both have it
 }
 
-bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour,
+bool links_hold(struct links *links, const struct star_data *data, const struct working *working, uint32_t neighbour,
                 bool *out_room)
 {
-    uint32_t slot_a = hood->vertex, slot_b = hood->slots[neighbour];
+    uint32_t slot_a = data->vertex, slot_b = data->slots[neighbour];
     const struct span *star = &working->stars[slot_b];
     bool open = working->flags[slot_a] & working->flags[slot_b] & VERTEX_BOUNDARY;
     *out_room = true;
-    if (open && !hood->along[neighbour])
+    if (open && !data->along[neighbour])
         return false;
-    if (!reserve(links, hood)) {
+    if (!reserve(links, data)) {
         *out_room = false;
         return false;
     }
-    if (!mark_ring(links, hood, working, neighbour))
+    if (!mark_ring(links, data, working, neighbour))
         return false;
-    if (!list_own(links, hood, neighbour)) {
+    if (!list_own(links, data, neighbour)) {
         *out_room = false;
         return false;
     }
@@ -156,18 +156,18 @@ bool links_hold(struct links *links, const struct hood *hood, const struct worki
         bool has_a = corners[0] == slot_a || corners[1] == slot_a || corners[2] == slot_a || corners[3] == slot_a;
         for (unsigned c = 0; c < 4 && !has_a; c++)
             if (corners[c] != slot_b && count < 3)
-                v[count++] = hood_number(hood, corners[c]);
+                v[count++] = star_data_number(data, corners[c]);
         if (!has_a && !meets_well(links, v))
             return false;
         for (unsigned f = 0; f < 4 && open && faces; f++)
             for (unsigned c = 0; c < 4 && faces >> f & 1 && corners[f] != slot_b; c++) {
-                uint32_t number = c == f || corners[c] == slot_b ? TETLOD_NONE : hood_number(hood, corners[c]);
+                uint32_t number = c == f || corners[c] == slot_b ? TETLOD_NONE : star_data_number(data, corners[c]);
                 if (number != TETLOD_NONE)
                     links->marks[number] |= ALONG_B;
             }
     }
-    for (uint32_t n = 0; n < hood->count && open; n++)
-        if ((links->marks[n] & (RING | ALONG_B | OPEN)) == (RING | ALONG_B) && hood->along[n])
+    for (uint32_t n = 0; n < data->count && open; n++)
+        if ((links->marks[n] & (RING | ALONG_B | OPEN)) == (RING | ALONG_B) && data->along[n])
             return false;
     return true;
 }

@@ -6,7 +6,7 @@
 #ifndef TETLOD_LINKS_H
 #define TETLOD_LINKS_H
 
-#include "src/simplify/mesh/hood.h"
+#include "src/simplify/mesh/star_data.h"
 #include "src/simplify/mesh/star.h"
 #include "src/simplify/mesh/table.h"
 
@@ -26,9 +26,9 @@ struct links {
 
 void links_fini(struct links *links);
 
-/* Does it hold for the edge from the hood's vertex to a neighbour? Time linear in both stars. *out_room: false if
+/* Does it hold for the edge from the star's vertex to a neighbour? Time linear in both stars. *out_room: false if
  * memory ran out. */
-bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour,
+bool links_hold(struct links *links, const struct star_data *data, const struct working *working, uint32_t neighbour,
                 bool *out_room);
 
 /* Does it hold for a gathered simplex of any size, taken as a sequence of edges? On a copy of the star, whose size is

@@ -241,9 +241,9 @@ bool contest_decide(struct contest *contest, size_t most, struct slot_list *winn
     if (!array_reserve(&won, &contest->won_room, count, 1))
         return false;
     contest->won = won;
-    crew_run(contest->run->crew, count, 256, claim_range, contest);
-    crew_run(contest->run->crew, count, 64, win_range, contest);
-    crew_run(contest->run->crew, count, 256, release_range, contest);
+    pool_run(contest->run->pool, count, 256, claim_range, contest);
+    pool_run(contest->run->pool, count, 64, win_range, contest);
+    pool_run(contest->run->pool, count, 256, release_range, contest);
     winners->count = out_stale->count = 0;
     for (size_t i = 0; i < count; i++) {
         uint32_t slot = contest->proposing.slots[i];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * 1. Gather the star, compute its planes (hood.h, kernels.h).
+ * 1. Gather the star, compute its planes (star_data.h, kernels.h).
  * 2. Look at every edge that the boundary's kinds allow: the error at the other end, and for the middle what this star
  * says.
  * 3. Best key first: ask of each candidate what is expensive, the other star at a middle, flips to the letter, the link
@@ -45,7 +45,7 @@ uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    // of two threads' hoods
+    // of two threads' star_data
     uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12, numbers = 2 * sizeof(uint32_t);
     return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + numbers +
                                                                          sizeof(struct proposal));
@@ -69,7 +69,7 @@ bool worker_init(struct worker *worker, const struct working *working)
 
 void worker_fini(struct worker *worker)
 {
-    hood_fini(&worker->hood);
+    star_data_fini(&worker->data);
     links_fini(&worker->links);
     star_fini(&worker->star);
     trials_free(worker->trials);
@@ -103,23 +103,24 @@ static double key_of(double error, uint32_t removed)
 }
 
 /* The boundary's say on the two positions of an edge: at the other end, and in the middle. */
-static bool allowed(const struct run *run, const struct hood *hood, uint32_t neighbour, bool *out_end, bool *out_middle)
+static bool allowed(const struct run *run, const struct star_data *data, uint32_t neighbour, bool *out_end,
+                    bool *out_middle)
 {
     const struct working *working = run->working;
-    uint32_t other = hood->slots[neighbour];
-    bool own_open = working->flags[hood->vertex] & VERTEX_BOUNDARY, open = working->flags[other] & VERTEX_BOUNDARY;
+    uint32_t other = data->slots[neighbour];
+    bool own_open = working->flags[data->vertex] & VERTEX_BOUNDARY, open = working->flags[other] & VERTEX_BOUNDARY;
     *out_end = true;
-    *out_middle = hood->vertex < other && own_open == open && !(working->flags[other] & VERTEX_FIXED);
+    *out_middle = data->vertex < other && own_open == open && !(working->flags[other] & VERTEX_FIXED);
     if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR))
         return false;
     if (!own_open)
         return true;
-    if (!hood->along[neighbour]) // it leads inside, or to another part of the boundary
+    if (!data->along[neighbour]) // it leads inside, or to another part of the boundary
         return false;
-    const double *step = hood->rows + (size_t)neighbour * working->stride;
+    const double *step = data->rows + (size_t)neighbour * working->stride;
     double half[3] = {0.5 * step[0], 0.5 * step[1], 0.5 * step[2]}, back[3] = {-half[0], -half[1], -half[2]};
-    *out_end = border_may_move(&run->border, hood->vertex, step);
-    *out_middle = *out_middle && border_may_move(&run->border, hood->vertex, half) &&
+    *out_end = border_may_move(&run->border, data->vertex, step);
+    *out_middle = *out_middle && border_may_move(&run->border, data->vertex, half) &&
                   border_may_move(&run->border, other, back);
     return *out_end || *out_middle;
 }
@@ -144,24 +145,24 @@ static void consider(const struct run *run, struct worker *worker, struct candid
         wait_for(waiting, candidate.error, possible || !followed);
         return;
     }
-    candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
+    candidate.key = key_of(candidate.error, worker->data.shared[candidate.neighbour]);
     worker->candidates[(*count)++] = candidate;
 }
 
 /* All edges. Returns how many candidates are within the limit, as far as this star says. */
 static uint32_t query_edges(const struct run *run, struct worker *worker, struct waiting *waiting)
 {
-    struct hood *hood = &worker->hood;
+    struct star_data *data = &worker->data;
     uint32_t count = 0;
     struct edge_query query = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
                                cutoff(run)};
-    for (uint32_t n = 0; n < hood->count; n++) {
+    for (uint32_t n = 0; n < data->count; n++) {
         bool end, middle;
-        if (!allowed(run, hood, n, &end, &middle))
+        if (!allowed(run, data, n, &end, &middle))
             continue;
         query.part = middle ? 0.5 : 1;
-        struct edge_answer answer = run->kernels->query_edge(hood, n, &query, run->working->stride);
-        const double *reach = hood->reach + 2 * (size_t)n * query.components;
+        struct edge_answer answer = run->kernels->query_edge(data, n, &query, run->working->stride);
+        const double *reach = data->reach + 2 * (size_t)n * query.components;
         if (middle)
             consider(run, worker, (struct candidate){.error = answer.error, .neighbour = n, .middle = true},
                      !answer.half_turned, answer.followed, &count, waiting);
@@ -170,7 +171,7 @@ static uint32_t query_edges(const struct run *run, struct worker *worker, struct
             error = larger(error, (query.gaps[c] + reach[2 * c] - reach[2 * c + 1]) / 2 * query.factors[c]);
         if (end)
             consider(run, worker, (struct candidate){.error = error, .neighbour = n},
-                     answer.turned <= hood->shared[n], answer.followed, &count, waiting);
+                     answer.turned <= data->shared[n], answer.followed, &count, waiting);
     }
     return count;
 }
@@ -182,9 +183,9 @@ static uint32_t query_edges(const struct run *run, struct worker *worker, struct
 static bool set_bounds(const struct run *run, struct worker *worker, const struct candidate *candidate)
 {
     const struct working *working = run->working;
-    const struct hood *hood = &worker->hood;
-    uint32_t other = hood->slots[candidate->neighbour], components = working->component_count;
-    const double *reach = hood->reach + 2 * (size_t)candidate->neighbour * components, *own = working_row(working, hood->vertex);
+    const struct star_data *data = &worker->data;
+    uint32_t other = data->slots[candidate->neighbour], components = working->component_count;
+    const double *reach = data->reach + 2 * (size_t)candidate->neighbour * components, *own = working_row(working, data->vertex);
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     double part = candidate->middle ? 0.5 : 1;
     for (uint32_t c = 0; c < components; c++) {
@@ -198,7 +199,7 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
         struct edge_query query = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5,
                                    HALF_CUTOFF * run->limit};
         struct half half = {upper, lower, rise, 0};
-        if (!run->kernels->halfway(working, other, hood->vertex, &query, &half))
+        if (!run->kernels->halfway(working, other, data->vertex, &query, &half))
             return false;
     }
     for (uint32_t c = 0; c < components; c++) {
@@ -208,18 +209,18 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
     return true;
 }
 
-/* Would the hood's own tetrahedra that are kept be well oriented with the vertex at p? */
-static bool fits(const struct run *run, struct hood *hood, uint32_t neighbour, const double p[3])
+/* Would the star's own tetrahedra that are kept be well oriented with the vertex at p? */
+static bool fits(const struct run *run, struct star_data *data, uint32_t neighbour, const double p[3])
 {
     const struct working *working = run->working;
     double r[3];
-    subtract(p, working_row(working, hood->vertex), r);
-    uint32_t count = run->kernels->doubt(hood, working->component_count, r);
+    subtract(p, working_row(working, data->vertex), r);
+    uint32_t count = run->kernels->doubt(data, working->component_count, r);
     for (uint32_t j = 0; j < count; j++) {
-        uint32_t i = hood->doubtful[j], a = hood->corners[0][i], b = hood->corners[1][i], c = hood->corners[2][i];
+        uint32_t i = data->doubtful[j], a = data->corners[0][i], b = data->corners[1][i], c = data->corners[2][i];
         if (a != neighbour && b != neighbour && c != neighbour &&
-            tet_orientation(p, working_row(working, hood->slots[a]), working_row(working, hood->slots[b]),
-                            working_row(working, hood->slots[c])) <= 0)
+            tet_orientation(p, working_row(working, data->slots[a]), working_row(working, data->slots[b]),
+                            working_row(working, data->slots[c])) <= 0)
             return false;
     }
     return true;
@@ -235,8 +236,8 @@ static enum log_refusal refuse(struct worker *worker, enum log_refusal refusal)
 static enum log_refusal examine(const struct run *run, struct worker *worker, struct candidate *candidate)
 {
     const struct working *working = run->working;
-    const struct hood *hood = &worker->hood;
-    uint32_t ends[2] = {hood->vertex, hood->slots[candidate->neighbour]};
+    const struct star_data *data = &worker->data;
+    uint32_t ends[2] = {data->vertex, data->slots[candidate->neighbour]};
     double p[3];
     bool room;
     if (!set_bounds(run, worker, candidate))
@@ -248,13 +249,13 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
         middle_of(working, ends[0], ends[1], p);
     else
         memcpy(p, working_row(working, ends[1]), sizeof p);
-    if (!fits(run, &worker->hood, candidate->neighbour, p))
+    if (!fits(run, &worker->data, candidate->neighbour, p))
         return refuse(worker, LOG_REFUSED_FLIP);
-    if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {
+    if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {
         worker->failed |= !room;
         return refuse(worker, LOG_REFUSED_LINK);
     }
-    if (!(working->flags[hood->vertex] & VERTEX_BOUNDARY))
+    if (!(working->flags[data->vertex] & VERTEX_BOUNDARY))
         return LOG_REFUSALS;
     if (isinf(border_moves(&run->border, working, ends, 2, p, &worker->map)))
         return refuse(worker, LOG_REFUSED_BOUNDARY);
@@ -265,9 +266,9 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
 {
-    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]),
+    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->data.shared[candidate->neighbour]),
                                                 slot, COARSE_KEYS);
-    run->proposals[slot].target = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
+    run->proposals[slot].target = 2 * worker->data.slots[candidate->neighbour] + candidate->middle;
 }
 
 /* Examines candidates, best first, until one passes. */
@@ -293,7 +294,7 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
         middles += candidate.middle;
         // it needs more than it seemed to: others may be better now
         if (refusal == LOG_REFUSALS && candidate.error <= limit) {
-            candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
+            candidate.key = key_of(candidate.error, worker->data.shared[candidate.neighbour]);
             candidate.passed = true;
             candidates[best] = candidate;
         } else {
@@ -310,23 +311,23 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
 static bool evaluate_frozen(const struct run *run, struct worker *worker, struct waiting *waiting)
 {
     const struct working *working = run->working;
-    struct hood *hood = &worker->hood;
-    const double *own = working_row(working, hood->vertex);
+    struct star_data *data = &worker->data;
+    const double *own = working_row(working, data->vertex);
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
-    for (uint32_t n = 0; n < hood->count; n++) {
-        const double *row = working_row(working, hood->slots[n]);
+    for (uint32_t n = 0; n < data->count; n++) {
+        const double *row = working_row(working, data->slots[n]);
         bool room;
-        if (distance_squared(own, row) != 0 || working->flags[hood->slots[n]] & VERTEX_SINGULAR)
+        if (distance_squared(own, row) != 0 || working->flags[data->slots[n]] & VERTEX_SINGULAR)
             continue;
         for (uint32_t c = 0; c < working->component_count; c++) {
             upper[c] = larger(own[ROW_FIELDS + 2 * c], row[ROW_FIELDS + 2 * c]);
             lower[c] = smaller(own[ROW_FIELDS + 2 * c + 1], row[ROW_FIELDS + 2 * c + 1]);
         }
         struct candidate candidate = {.error = outcome_middles(run, worker, NULL), .neighbour = n};
-        bool holds = links_hold(&worker->links, hood, working, n, &room);
+        bool holds = links_hold(&worker->links, data, working, n, &room);
         worker->failed |= !room;
         if (holds && candidate.error <= run->limit * (1 + LIMIT_TIE)) {
-            propose(run, worker, hood->vertex, &candidate);
+            propose(run, worker, data->vertex, &candidate);
             return true;
         }
         wait_for(waiting, candidate.error, holds);
@@ -349,8 +350,8 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     }
     if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
-    if (!hood_gather(&worker->hood, working, slot) ||
-        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->hood.count,
+    if (!star_data_gather(&worker->data, working, slot) ||
+        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->data.count,
                        sizeof *worker->candidates)) {
         worker->failed = true;
         return;
@@ -364,7 +365,7 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
         double *gaps = numbers_of(run, worker, NUMBERS_GAP);
         for (uint32_t c = 0; c < working->component_count; c++)
             gaps[c] = own[ROW_FIELDS + 2 * c] - own[ROW_FIELDS + 2 * c + 1];
-        run->kernels->prepare(&worker->hood, working);
+        run->kernels->prepare(&worker->data, working);
         uint32_t count = query_edges(run, worker, &waiting);
         proposed = choose(run, worker, slot, count, &waiting);
     }

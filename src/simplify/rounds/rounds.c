@@ -54,7 +54,7 @@ struct rounds {
     double *errors;        /* [winner][certified, predicted][component] */
     size_t merged_room, error_room;
     struct limit limit;    /* run.asked, if there is one */
-    struct asker *askers;  /* [crew_size] */
+    struct asker *askers;  /* [pool_size] */
     struct answer *answers; /* [ASKED] */
     double *answer_numbers;
     size_t asked_from;     /* the winner of the first of them */
@@ -90,7 +90,7 @@ static enum tetlod_status report(const struct rounds *rounds)
 
 static enum tetlod_status failure(struct rounds *rounds)
 {
-    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+    for (unsigned w = 0; w < pool_size(rounds->run.pool); w++)
         if (rounds->run.workers[w].failed || rounds->run.workers[w].map.failed)
             return no_memory(rounds);
     return TETLOD_OK;
@@ -152,10 +152,10 @@ static void evaluate_range(void *context, unsigned worker, size_t begin, size_t 
 static enum tetlod_status evaluate_again(struct rounds *rounds)
 {
     size_t count = rounds->again.count;
-    crew_run(rounds->run.crew, count, 128, prune_range, rounds);
+    pool_run(rounds->run.pool, count, 128, prune_range, rounds);
     for (size_t begin = 0; begin < count; begin += SLICE) {
         struct slice slice = {rounds, begin};
-        crew_run(rounds->run.crew, count - begin < SLICE ? count - begin : SLICE, 16, evaluate_range, &slice);
+        pool_run(rounds->run.pool, count - begin < SLICE ? count - begin : SLICE, 16, evaluate_range, &slice);
         TETLOD_TRY(failure(rounds));
         if (count > SLICE)
             TETLOD_TRY(report(rounds));
@@ -280,7 +280,7 @@ static enum tetlod_status collect(struct rounds *rounds, bool unfreezing)
 {
     size_t kept = 0;
     rounds->winners.count = 0;
-    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
+    for (unsigned w = 0; w < pool_size(rounds->run.pool); w++) {
         struct worker *worker = &rounds->run.workers[w];
         size_t *count = unfreezing ? &worker->unfreezing_count : &worker->open_count;
         for (size_t i = 0; i < *count; i++)
@@ -358,15 +358,15 @@ static enum tetlod_status ask_and_merge(struct rounds *rounds)
     size_t winners = rounds->winners.count;
     for (rounds->asked_from = 0; rounds->asked_from < winners; rounds->asked_from += ASKED) {
         size_t count = winners - rounds->asked_from < ASKED ? winners - rounds->asked_from : ASKED;
-        crew_run(rounds->run.crew, count, 1, ask_range, rounds);
-        for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+        pool_run(rounds->run.pool, count, 1, ask_range, rounds);
+        for (unsigned w = 0; w < pool_size(rounds->run.pool); w++)
             if (rounds->askers[w].status != TETLOD_OK) {
                 *rounds->error = rounds->askers[w].error;
                 return rounds->askers[w].status;
             }
         TETLOD_TRY(failure(rounds));
         TETLOD_TRY(take_answers(rounds, count));
-        crew_run(rounds->run.crew, count, 4, merge_asked_range, rounds);
+        pool_run(rounds->run.pool, count, 4, merge_asked_range, rounds);
         for (size_t i = 0; i < count; i++)
             answer_fini(&rounds->answers[i]);
     }
@@ -381,7 +381,7 @@ static enum tetlod_status contract(struct rounds *rounds)
     if (rounds->run.asked)
         TETLOD_TRY(ask_and_merge(rounds));
     else
-        crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
+        pool_run(rounds->run.pool, rounds->winners.count, 8, merge_range, rounds);
     TETLOD_TRY(failure(rounds));
     for (size_t i = 0; i < rounds->winners.count; i++) {
         if (!rounds->merged[i].done)
@@ -389,7 +389,7 @@ static enum tetlod_status contract(struct rounds *rounds)
         TETLOD_TRY(account(rounds, i, first + (uint32_t)i));
     }
     TETLOD_TRY(collect(rounds, false));
-    crew_run(rounds->run.crew, rounds->winners.count, 64, classify_range, rounds);
+    pool_run(rounds->run.pool, rounds->winners.count, 64, classify_range, rounds);
     TETLOD_TRY(collect(rounds, true));
     for (size_t i = 0; i < rounds->winners.count; i++)
         unfreeze(rounds, rounds->winners.slots[i]);
@@ -600,7 +600,7 @@ static enum tetlod_status allocate_plans(struct rounds *rounds)
                                  rounds->error));
     if (!rounds->run.asked)
         return TETLOD_OK;
-    rounds->askers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->askers);
+    rounds->askers = array_zero(pool_size(rounds->run.pool), sizeof *rounds->askers);
     rounds->answers = array_zero(ASKED, sizeof *rounds->answers);
     rounds->answer_numbers = array_zero(2 * ASKED * k, sizeof(double));
     if (!rounds->askers || !rounds->answers || !rounds->answer_numbers)
@@ -619,12 +619,12 @@ static enum tetlod_status allocate(struct rounds *rounds)
     rounds->certified = array_zero(k, sizeof(double));
     rounds->predicted = array_zero(k, sizeof(double));
     rounds->run.factors = array_zero(k, sizeof(double));
-    rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
+    rounds->run.workers = array_zero(pool_size(rounds->run.pool), sizeof *rounds->run.workers);
     if (!rounds->run.proposals || !rounds->certified || !rounds->predicted || !rounds->run.factors ||
         !rounds->run.workers ||
         !contest_init(&rounds->contest, &rounds->run))
         return no_memory(rounds);
-    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+    for (unsigned w = 0; w < pool_size(rounds->run.pool); w++)
         if (!worker_init(&rounds->run.workers[w], &rounds->working))
             return no_memory(rounds);
     if (!in_edges_alone(rounds->options))
@@ -640,7 +640,7 @@ static enum tetlod_status allocate(struct rounds *rounds)
 
 static void rounds_fini(struct rounds *rounds)
 {
-    for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
+    for (unsigned w = 0; rounds->run.workers && w < pool_size(rounds->run.pool); w++)
         worker_fini(&rounds->run.workers[w]);
     for (uint32_t v = 0; v < rounds->working.slot_count && rounds->run.notes; v++)
         notes_free(&rounds->run.notes[v]);
@@ -657,7 +657,7 @@ static void rounds_fini(struct rounds *rounds)
         rounds->limit.release(rounds->limit.state);
     contest_fini(&rounds->contest);
     border_fini(&rounds->run.border);
-    crew_free(rounds->run.crew);
+    pool_free(rounds->run.pool);
     working_fini(&rounds->working);
 }
 
@@ -668,14 +668,14 @@ static enum tetlod_status open_rounds(struct rounds *rounds)
     rounds->run.metric = order_of(rounds->options);
     rounds->run.contract = rounds->options->contract;
     rounds->run.kernels = kernels_choose();
-    rounds->run.crew = crew_new(threads ? threads : parallel_cores());
-    return rounds->run.crew ? TETLOD_OK : no_memory(rounds);
+    rounds->run.pool = pool_new(threads ? threads : parallel_cores());
+    return rounds->run.pool ? TETLOD_OK : no_memory(rounds);
 }
 
 /* Ends the log, and frees all else. */
 static enum tetlod_status close_rounds(struct rounds *rounds, struct contraction_log *log, enum tetlod_status status)
 {
-    for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
+    for (unsigned w = 0; rounds->run.workers && w < pool_size(rounds->run.pool); w++)
         for (int r = 0; r < LOG_REFUSALS; r++)
             log->refused[r] += rounds->run.workers[w].refused[r];
     rounds_fini(rounds);
@@ -699,15 +699,15 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
         TETLOD_TRY_DONE(log_keep_bounds(out, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, rounds.working.node, rounds.working.flags, error));
     TETLOD_TRY_DONE(report(&rounds));
-    TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
+    TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.pool, error));
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle,
                                 options->boundary_limit,
-                                options->boundary_least, crew_size(rounds.run.crew), error));
+                                options->boundary_least, pool_size(rounds.run.pool), error));
     if (options->certify == CERTIFY_EXACT)
-        TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+        TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, pool_size(rounds.run.pool), error));
     else if (options->metric == METRIC_MEASURED)
-        TETLOD_TRY_DONE(measured_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+        TETLOD_TRY_DONE(measured_new(&rounds.limit, mesh, &rounds.working, pool_size(rounds.run.pool), error));
     rounds.run.asked = rounds.limit.state ? &rounds.limit : NULL;
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds, FIRST_LIMIT);

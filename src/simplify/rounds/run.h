@@ -61,7 +61,7 @@ struct candidate {
 
 /* What a thread works with. */
 struct worker {
-    struct hood hood;
+    struct star_data data;
     struct links links;
     struct boundary_map map;
     struct weighing weighing;
@@ -93,8 +93,8 @@ struct run {
     unsigned contract;
     bool named;                 /* levels are named after this rung */
     const struct kernels *kernels;
-    struct worker *workers; /* [crew_size] */
-    struct crew *crew;
+    struct worker *workers; /* [pool_size] */
+    struct pool *pool;
     double *factors; /* [component] */
     double limit;    /* of the rung */
     const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */

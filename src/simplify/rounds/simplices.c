@@ -107,7 +107,7 @@ static struct known *find_known(const struct notes *notes, uint32_t name)
 static bool list_simplex(const struct run *run, struct worker *worker, const uint32_t others[3])
 {
     struct trials *trials = worker->trials;
-    const struct notes *notes = &run->notes[worker->hood.vertex];
+    const struct notes *notes = &run->notes[worker->data.vertex];
     void *grown = trials->listed;
     bool room = array_reserve(&grown, &trials->listed_room, trials->count + 1, sizeof *trials->listed);
     trials->listed = grown;
@@ -127,20 +127,20 @@ static bool list_simplex(const struct run *run, struct worker *worker, const uin
 
 static bool list_edges(const struct run *run, struct worker *worker)
 {
-    const struct hood *hood = &worker->hood;
+    const struct star_data *data = &worker->data;
     bool room = true;
-    for (uint32_t n = 0; n < hood->count && room; n++)
-        if (hood->slots[n] > hood->vertex)
-            room = list_simplex(run, worker, (uint32_t[]){hood->slots[n], TETLOD_NONE, TETLOD_NONE});
+    for (uint32_t n = 0; n < data->count && room; n++)
+        if (data->slots[n] > data->vertex)
+            room = list_simplex(run, worker, (uint32_t[]){data->slots[n], TETLOD_NONE, TETLOD_NONE});
     return room;
 }
 
 /* Does an earlier tetrahedron of the vertex have both neighbours? Then it had the face. */
-static bool face_before(const struct hood *hood, uint32_t tet, uint32_t a, uint32_t b)
+static bool face_before(const struct star_data *data, uint32_t tet, uint32_t a, uint32_t b)
 {
     for (uint32_t i = 0; i < tet; i++) {
-        bool has_a = hood->corners[0][i] == a || hood->corners[1][i] == a || hood->corners[2][i] == a;
-        if (has_a && (hood->corners[0][i] == b || hood->corners[1][i] == b || hood->corners[2][i] == b))
+        bool has_a = data->corners[0][i] == a || data->corners[1][i] == a || data->corners[2][i] == a;
+        if (has_a && (data->corners[0][i] == b || data->corners[1][i] == b || data->corners[2][i] == b))
             return true;
     }
     return false;
@@ -148,11 +148,11 @@ static bool face_before(const struct hood *hood, uint32_t tet, uint32_t a, uint3
 
 static bool list_faces(const struct run *run, struct worker *worker)
 {
-    const struct hood *hood = &worker->hood;
-    for (uint32_t i = 0; i < hood->tet_count; i++)
+    const struct star_data *data = &worker->data;
+    for (uint32_t i = 0; i < data->tet_count; i++)
         for (int k = 0; k < 3; k++) {
-            uint32_t a = hood->corners[k][i], b = hood->corners[(k + 1) % 3][i], x = hood->slots[a], y = hood->slots[b];
-            if (x > hood->vertex && y > hood->vertex && !face_before(hood, i, a, b) &&
+            uint32_t a = data->corners[k][i], b = data->corners[(k + 1) % 3][i], x = data->slots[a], y = data->slots[b];
+            if (x > data->vertex && y > data->vertex && !face_before(data, i, a, b) &&
                 !list_simplex(run, worker, (uint32_t[]){x < y ? x : y, x < y ? y : x, TETLOD_NONE}))
                 return false;
         }
@@ -161,17 +161,17 @@ static bool list_faces(const struct run *run, struct worker *worker)
 
 static bool list_tets(const struct run *run, struct worker *worker)
 {
-    const struct hood *hood = &worker->hood;
-    for (uint32_t i = 0; i < hood->tet_count; i++) {
-        uint32_t v[3] = {hood->slots[hood->corners[0][i]], hood->slots[hood->corners[1][i]],
-                         hood->slots[hood->corners[2][i]]};
+    const struct star_data *data = &worker->data;
+    for (uint32_t i = 0; i < data->tet_count; i++) {
+        uint32_t v[3] = {data->slots[data->corners[0][i]], data->slots[data->corners[1][i]],
+                         data->slots[data->corners[2][i]]};
         for (int k = 0; k < 3; k++) { // ascending
             int a = k == 1 ? 1 : 0;
             uint32_t low = v[a] < v[a + 1] ? v[a] : v[a + 1], high = v[a] < v[a + 1] ? v[a + 1] : v[a];
             v[a] = low;
             v[a + 1] = high;
         }
-        if (v[0] > hood->vertex && !list_simplex(run, worker, v))
+        if (v[0] > data->vertex && !list_simplex(run, worker, v))
             return false;
     }
     return true;
@@ -333,7 +333,7 @@ static bool try_simplex(const struct run *run, struct worker *worker, uint32_t n
 {
     struct trials *trials = worker->trials;
     struct listed *listed = &trials->listed[number];
-    struct join join = join_of(run->working, worker->hood.vertex, listed->others);
+    struct join join = join_of(run->working, worker->data.vertex, listed->others);
     double limit = run->limit * (1 + LIMIT_TIE), error, key = 0;
     if (!may_be_contracted(run, &join)) {
         wait_for(listed, 0, false); // until that changes
@@ -369,7 +369,8 @@ static bool link_holds(const struct run *run, struct worker *worker, const struc
 {
     bool room = true, holds;
     if (join->count == 2)
-        holds = links_hold(&worker->links, &worker->hood, run->working, hood_number(&worker->hood, join->simplex[1]),
+        holds = links_hold(&worker->links, &worker->data, run->working,
+                           star_data_number(&worker->data, join->simplex[1]),
                            &room);
     else {
         room = star_gather(&worker->star, run->working, join->simplex, join->count);
@@ -422,7 +423,7 @@ static const struct trial *choose(const struct run *run, struct worker *worker)
         if (best->passed)
             return best;
         struct listed *listed = &trials->listed[best->listed];
-        struct join join = join_of(run->working, worker->hood.vertex, listed->others);
+        struct join join = join_of(run->working, worker->data.vertex, listed->others);
         listed->linked = listed->linked && link_holds(run, worker, &join);
         bool possible = listed->linked && boundary_agrees(run, worker, &join, best);
         best->passed = possible && best->error <= limit;
@@ -438,7 +439,7 @@ static const struct trial *choose(const struct run *run, struct worker *worker)
 static bool keep_notes(const struct run *run, struct worker *worker)
 {
     struct trials *trials = worker->trials;
-    struct notes *notes = &run->notes[worker->hood.vertex];
+    struct notes *notes = &run->notes[worker->data.vertex];
     if (trials->count != notes->count) {
         void *known = array_resize(notes->known, trials->count, sizeof *notes->known);
         if (!known)
@@ -461,10 +462,10 @@ static bool keep_notes(const struct run *run, struct worker *worker)
 
 static void propose(const struct run *run, struct worker *worker, const struct trial *trial)
 {
-    struct plan *plan = &run->plans[worker->hood.vertex];
+    struct plan *plan = &run->plans[worker->data.vertex];
     memcpy(plan->others, worker->trials->listed[trial->listed].others, sizeof plan->others);
     plan->candidate = trial->candidate;
-    run->proposals[worker->hood.vertex].priority = priority_of(trial->key, worker->hood.vertex, FINE_KEYS);
+    run->proposals[worker->data.vertex].priority = priority_of(trial->key, worker->data.vertex, FINE_KEYS);
 }
 
 void evaluate_simplices(const struct run *run, struct worker *worker, uint32_t slot)
@@ -473,7 +474,7 @@ void evaluate_simplices(const struct run *run, struct worker *worker, uint32_t s
     struct trials *trials = worker->trials;
     double possible = INFINITY, any = INFINITY;
     trials->count = trials->trial_count = 0;
-    bool room = run->working->flags[slot] & VERTEX_SINGULAR || hood_gather(&worker->hood, run->working, slot);
+    bool room = run->working->flags[slot] & VERTEX_SINGULAR || star_data_gather(&worker->data, run->working, slot);
     if (!room || run->working->flags[slot] & VERTEX_SINGULAR) {
         worker->failed |= !room;
         return;

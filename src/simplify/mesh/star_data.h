@@ -7,12 +7,12 @@
  * v) of the edge to a neighbour b is (1 - t) times the vertex's value plus t times what it says at b: one look at the
  * star (the planes) evaluates all of the vertex's edges, and any point of them (PROOF.md, 9).
  */
-#ifndef TETLOD_HOOD_H
-#define TETLOD_HOOD_H
+#ifndef TETLOD_STAR_DATA_H
+#define TETLOD_STAR_DATA_H
 
 #include "src/simplify/mesh/working.h"
 
-struct hood {
+struct star_data {
     uint32_t vertex, tet_count, count; /* count: of the neighbours */
     uint32_t *tets;       /* [tet] */
     /* [tet] the others, in numbers of neighbours, so that the tetrahedron (vertex, 0, 1, 2) is positive */
@@ -30,14 +30,14 @@ struct hood {
 };
 
 /* Gathers the star of a slot: all but rows and what is computed of them. False: no memory. */
-bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot);
-void hood_fini(struct hood *hood);
+bool star_data_gather(struct star_data *data, const struct working *working, uint32_t slot);
+void star_data_fini(struct star_data *data);
 
 /* The number of a neighbour, or TETLOD_NONE. */
-static inline uint32_t hood_number(const struct hood *hood, uint32_t slot)
+static inline uint32_t star_data_number(const struct star_data *data, uint32_t slot)
 {
-    uint32_t number = hood->numbers[slot];
-    return number < hood->count && hood->slots[number] == slot ? number : TETLOD_NONE;
+    uint32_t number = data->numbers[slot];
+    return number < data->count && data->slots[number] == slot ? number : TETLOD_NONE;
 }
 
 #endif
