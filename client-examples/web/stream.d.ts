@@ -304,6 +304,8 @@ export class TetlodStream extends EventTarget {
   cells(name: string): Promise<Float64Array>;
   /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1; what is not drawn is a gap. `bounds`: how far off the value is at most at each of these ends, where the field's local bound is loaded. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array; bounds?: Float64Array }>;
+  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  draft(tets: number): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;
   show(spec: Spec | null): Promise<void>;

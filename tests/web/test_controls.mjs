@@ -87,6 +87,32 @@ async function slow_frames_have_a_number() {
   await page.mouse.up();
 }
 
+// While the camera moves and frames take long, a coarser level is drawn; the fine one comes back when it rests.
+async function slow_motion_is_coarser() {
+  await open('&error=0&edges=1');
+  const before = await picture();
+  const triangles = () => page.evaluate(() => window.tetlod.scene.surface.part.triangles.length);
+  const fine = await triangles();
+  await page.evaluate(() => window.tetlod.scene.addEventListener('render', window.brake = () => {
+    for (const end = performance.now() + 80; performance.now() < end;);
+  }));
+  const { x, y } = await page.locator('#picture').boundingBox();
+  await page.mouse.move(x + 200, y + 200);
+  await page.mouse.down();
+  for (let i = 0; !await page.evaluate(() => window.tetlod.scene.fine); i++) {
+    await page.mouse.move(x + 200 + 10 * (i % 2), y + 200);
+  }
+  assert.ok(await triangles() < 0.7 * fine, `${await triangles()} of ${fine}`);
+  await page.mouse.move(x + 260, y + 220);
+  await page.mouse.up();
+  await until(() => !window.tetlod.scene.fine);
+  assert.equal(await triangles(), fine);
+  await page.evaluate(() => window.tetlod.scene.removeEventListener('render', window.brake));
+  assert.ok(await picture() !== before, 'the camera has moved');
+  await page.evaluate(() => window.tetlod.scene.look('oblique'));
+  assert.equal(await picture(), before);
+}
+
 async function measures_are_chosen() {
   await open('');
   const certified = await page.evaluate(() => window.tetlod.level);
@@ -566,7 +592,7 @@ async function fingers_turn_and_probe() {
 
 await run([
   the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
-  slow_frames_have_a_number, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
+  slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
   logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
   the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
   surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,

@@ -64,6 +64,7 @@ export class Engine {
   #groups = null;     // of its steps
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
+  #draft = null;      // {tets, resolve}: a picture of a coarser level that is wanted beside
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
 
   /** `emit(name, detail)` sends an event to the page. */
@@ -217,6 +218,18 @@ export class Engine {
     if (!before?.vectors) this.#vectorsOf = '';
     this.#dirty = true;
     this.#wake();
+  }
+
+  /**
+   * Pictures as they are at rest, of the finest level of at most so many tetrahedra, without volume and vectors; null
+   * where nothing coarser than what is shown is there, or a step in time is shown.
+   */
+  draft(tets) {
+    this.#draft?.resolve(null);
+    return new Promise((resolve) => {
+      this.#draft = { tets, resolve };
+      this.#wake();
+    });
   }
 
   seen() {
@@ -465,6 +478,7 @@ export class Engine {
         if (next > this.#shown) await this.#refine();
         else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
+        else if (this.#draft) this.#makeDraft();
         else await this.#settle();
       } catch (error) {
         // No memory for a picture, most likely: the level before may have room for it, and a later request may try
@@ -749,6 +763,27 @@ export class Engine {
     this.#drawing = { time: performance.now() - started, tets: this.#info.levels[this.#shown].tets };
     this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, seconds });
     await this.#workUntil(seen);
+  }
+
+  // The cursor goes to a coarser level and back: what the page has of pictures stays known.
+  #makeDraft() {
+    const { tets, resolve } = this.#draft;
+    const fine = this.#shown;
+    const level = this.#info.levels.findLastIndex((l, k) => k < fine && l.tets <= tets);
+    this.#draft = null;
+    if (level < 0 || !this.#spec) return resolve(null);
+    const known = [this.#sampleOf, this.#surfaceOf, this.#raysOf];
+    this.#rest();
+    try {
+      this.#surfaceOf = '';
+      this.#view.seek(level);
+      this.#shown = level;
+      const { shade, surface, slices, isosurfaces, zones } = this.#draw(1);
+      resolve({ level, origin: this.#view.centre, shade, surface, slices, isosurfaces, zones });
+    } finally {
+      [this.#sampleOf, this.#surfaceOf, this.#raysOf] = known;
+      this.#view.seek(this.#shown = fine);
+    }
   }
 
   // Shows the cursor's own mesh, at the level that is shown.

@@ -443,6 +443,11 @@ export class TetlodStream extends EventTarget {
     return this.#call('line', [from, to]);
   }
 
+  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  draft(tets) {
+    return this.#call('draft', tets);
+  }
+
   /** Which pictures to make of this and every following level; null: none. */
   async show(spec) {
     await this.#call('show', spec);

@@ -50,6 +50,7 @@ const actions = {
   line: (segment) => engine.line(segment),
   show: (spec) => engine.show(spec),
   forget: () => engine.forget(),
+  draft: (tets) => engine.draft(tets),
   seen: () => engine.seen(),
   close: () => engine.close(),
 };

@@ -106,6 +106,10 @@ export class Layer {
     data.modified();
   }
 
+  hide() {
+    for (const { actor } of [this.triangles, this.lines]) actor.setVisibility(false);
+  }
+
   drawLines(lines) {
     if (this.drawnLines === lines) return;
     this.lines.data.getLines().setData(cells(lines, 2), 1);

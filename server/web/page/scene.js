@@ -83,6 +83,8 @@ export class Scene extends EventTarget {
     this.slices = [];
     this.isosurfaces = [];
     this.zones = []; // two for each isosurface that has one
+    this.rough = { surface: new Layer(this.renderer, this.lookup, this.lineLookup), slices: [], isosurfaces: [], zones: [] };
+    this.fine = null; // what those are drawn in place of, while they are
     this.vectors = []; // arrows or streamlines, if there are any
     this.volume = null; // a grid's
     this.grid = null;
@@ -200,6 +202,7 @@ export class Scene extends EventTarget {
   // The worker's message. What it leaves out (undefined) stays, null is nothing. Its points are relative to its `origin`,
   // the scene's to the middle of the bounds.
   update(pictures, state, lengths) {
+    this.draft(null);
     this.lengths = lengths;
     this.offset = add(pictures.origin ?? [0, 0, 0], this.centre, -1);
     if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log, lengths);
@@ -216,6 +219,24 @@ export class Scene extends EventTarget {
       this.rays?.update(this.cells);
     }
     this.restyle(state);
+  }
+
+  // Layers of a coarser level in place of those that update() made, until null.
+  draft(pictures) {
+    const names = Object.keys(this.rough);
+    if (Boolean(this.fine) === Boolean(pictures)) return;
+    const before = Object.fromEntries(names.map((name) => [name, this[name]]));
+    for (const layer of names.flatMap((name) => this[name])) layer.hide();
+    Object.assign(this, pictures ? this.rough : this.fine);
+    if (pictures) this.fine = before;
+    else [this.rough, this.fine] = [before, null];
+    if (pictures && this.drafted !== pictures) {
+      this.surface.update(pictures.surface, this.state.log, this.lengths);
+      for (const name of ['slices', 'isosurfaces']) this.updateList(name, pictures[name], this.state.log);
+      this.updateList('zones', pictures.zones.flatMap((zone) => zone?.sides ?? []), this.state.log);
+      this.drafted = pictures;
+    }
+    this.restyle(this.state);
   }
 
   updateList(name, parts, logarithmic) {
@@ -295,6 +316,7 @@ export class Scene extends EventTarget {
   }
 
   setLogarithmic(logarithmic) {
+    this.drafted = null;
     for (const layer of this.layers()) layer.color(logarithmic);
     this.render();
   }
