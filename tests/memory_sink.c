@@ -8,7 +8,7 @@
 static enum tetlod_status write_memory(void *opaque, const void *bytes, size_t size)
 {
     struct memory_sink *memory = opaque;
-    if (!array_reserve((void **)&memory->bytes, &memory->capacity, memory->size + size, 1))
+    if (!ARRAY_RESERVE(memory->bytes, memory->capacity, memory->size + size))
         return TETLOD_ERR_NOMEM;
     memcpy(memory->bytes + memory->size, bytes, size);
     memory->size += size;

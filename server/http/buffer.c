@@ -26,7 +26,7 @@ void buffer_fini(struct buffer *buffer)
 unsigned char *buffer_extend(struct buffer *buffer, size_t size)
 {
     if (size > SIZE_MAX - buffer->size ||
-        !array_reserve((void **)&buffer->bytes, &buffer->capacity, buffer->size + size, 1))
+        !ARRAY_RESERVE(buffer->bytes, buffer->capacity, buffer->size + size))
         return NULL;
     unsigned char *place = buffer->bytes + buffer->size;
     buffer->size += size;
@@ -36,7 +36,7 @@ unsigned char *buffer_extend(struct buffer *buffer, size_t size)
 enum tetlod_status buffer_reserve(struct buffer *buffer, uint64_t size, struct tetlod_error *error)
 {
     if (size <= SIZE_MAX - buffer->size &&
-        array_reserve((void **)&buffer->bytes, &buffer->capacity, buffer->size + (size_t)size, 1))
+        ARRAY_RESERVE(buffer->bytes, buffer->capacity, buffer->size + (size_t)size))
         return TETLOD_OK;
     return tetlodi_fail_nomem(error, "an answer", size);
 }

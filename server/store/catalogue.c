@@ -104,8 +104,8 @@ __attribute__((format(printf, 2, 3))) static void complain(struct catalogue *cat
         }
     say(catalogue, "warning", "%s", message);
     char *text = strdup(message); // where memory is out it is said again
-    if (text && array_reserve((void **)&given->texts, &given->text_capacity, given->count + 1, sizeof *given->texts) &&
-        array_reserve((void **)&given->again, &given->again_capacity, given->count + 1, sizeof *given->again)) {
+    if (text && ARRAY_RESERVE(given->texts, given->text_capacity, given->count + 1) &&
+        ARRAY_RESERVE(given->again, given->again_capacity, given->count + 1)) {
         given->texts[given->count] = text;
         given->again[given->count++] = true;
     } else
@@ -145,7 +145,7 @@ static struct entry *find_entry(const struct table *table, const char *id)
 
 static bool insert_entry(struct table *table, const struct entry *entry)
 {
-    if (!array_reserve((void **)&table->entries, &table->capacity, table->count + 1, sizeof *entry))
+    if (!ARRAY_RESERVE(table->entries, table->capacity, table->count + 1))
         return false;
     size_t place = table->count;
     while (place && strcmp(table->entries[place - 1].id, entry->id) > 0)

@@ -149,7 +149,7 @@ static uint32_t root_of(struct search *search, uint32_t vertex)
 static enum tetlod_status add_bar(struct bars *bars, const struct search *search, uint32_t root, const double *heights,
                                   double death, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&bars->list, &bars->capacity, bars->count + 1, sizeof *bars->list))
+    if (!ARRAY_RESERVE(bars->list, bars->capacity, bars->count + 1))
         return tetlodi_fail_nomem(error, "the features", (bars->count + 1) * sizeof *bars->list);
     uint32_t peak = search->peak[root];
     bars->list[bars->count++] = (struct bar){peak, search->name[root], heights[peak], death};
@@ -268,7 +268,7 @@ static double level_of(const struct search *search, const struct bar *bar)
 static enum tetlod_status add_feature(struct features *out, const struct search *search, const struct bar *bar,
                                       struct feature feature, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&out->list, &out->capacity, out->count + 1, sizeof *out->list))
+    if (!ARRAY_RESERVE(out->list, out->capacity, out->count + 1))
         return tetlodi_fail_nomem(error, "the features", (out->count + 1) * sizeof *out->list);
     feature.kind = search->query->kind;
     feature.vertex = bar->vertex;

@@ -68,14 +68,12 @@ static enum tetlod_status add_values(struct scan *scan, struct tetmesh *mesh, bo
 static enum tetlod_status begin_group(struct scan *scan, struct tetmesh *mesh, uint32_t step)
 {
     struct series_topologies *out = scan->out;
-    void *groups = out->groups;
     if (step && !boxes_meet(mesh, &scan->first))
         return tetlodi_fail(scan->error, TETLOD_ERR_MESH,
                             "its mesh lies elsewhere than that of the step before: they are not steps of one series; "
                             "build them as streams of their own");
-    if (!array_reserve(&groups, &out->room, out->count + (size_t)1, sizeof *out->groups))
+    if (!ARRAY_RESERVE(out->groups, out->room, out->count + (size_t)1))
         return tetlodi_fail_nomem(scan->error, "the topology groups", out->count * sizeof *out->groups);
-    out->groups = groups;
     out->groups[out->count++] = (struct series_topology){.from = step, .tets = mesh->tet_count};
     tetmesh_fini(&scan->first);
     scan->first = *mesh;

@@ -31,8 +31,8 @@ enum tetlod_status cut_result(bool made, const struct cut *cut, struct tetlod_er
 bool cut_add_vertex(struct cut *cut, uint32_t a, uint32_t b, double along, uint32_t *out)
 {
     size_t count = (size_t)cut->vertex_count + 1;
-    if (!array_reserve((void **)&cut->ends, &cut->vertex_cap, count, 2 * sizeof *cut->ends) ||
-        !array_reserve((void **)&cut->along, &cut->along_cap, count, sizeof *cut->along))
+    if (!array_reserve(&cut->ends, &cut->vertex_cap, count, 2 * sizeof *cut->ends) ||
+        !ARRAY_RESERVE(cut->along, cut->along_cap, count))
         return false;
     *out = cut->vertex_count++;
     cut->ends[2 * (size_t)*out] = a;
@@ -46,8 +46,8 @@ bool cut_add_triangle(struct cut *cut, uint32_t tet, uint32_t a, uint32_t b, uin
     if (a == b || b == c || a == c)
         return true;
     size_t count = (size_t)cut->triangle_count + 1;
-    if (!array_reserve((void **)&cut->triangles, &cut->triangle_cap, count, 3 * sizeof *cut->triangles) ||
-        !array_reserve((void **)&cut->tets, &cut->tet_cap, count, sizeof *cut->tets))
+    if (!array_reserve(&cut->triangles, &cut->triangle_cap, count, 3 * sizeof *cut->triangles) ||
+        !ARRAY_RESERVE(cut->tets, cut->tet_cap, count))
         return false;
     cut->tets[cut->triangle_count] = tet;
     uint32_t *triangle = cut->triangles + 3 * (size_t)cut->triangle_count++;
@@ -118,7 +118,7 @@ static bool cut_tet(const struct tetmesh *mesh, const double *values, uint32_t t
 static bool begin(uint32_t count, const double *values, struct cut *out)
 {
     cut_empty(out);
-    if (!pairs_clear(&out->pairs, count) || !array_reserve((void **)&out->below, &out->below_cap, count, 1))
+    if (!pairs_clear(&out->pairs, count) || !ARRAY_RESERVE(out->below, out->below_cap, count))
         return false;
     for (uint32_t v = 0; v < count; v++)
         out->below[v] = values[v] < 0;
@@ -148,7 +148,7 @@ enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, st
 static bool append_line(struct cut *cut, uint32_t a, uint32_t b)
 {
     size_t count = (size_t)cut->line_count + 1;
-    if (!array_reserve((void **)&cut->lines, &cut->line_cap, count, 2 * sizeof *cut->lines))
+    if (!array_reserve(&cut->lines, &cut->line_cap, count, 2 * sizeof *cut->lines))
         return false;
     cut->lines[2 * (size_t)cut->line_count] = a;
     cut->lines[2 * (size_t)cut->line_count++ + 1] = b;

@@ -25,8 +25,7 @@ static bool add(struct waiting *waiting, uint32_t low, uint32_t mid, uint32_t hi
     uint32_t entry = waiting->free;
     if (entry != TETLOD_NONE)
         waiting->free = waiting->faces[entry].next;
-    else if (array_reserve((void **)&waiting->faces, &waiting->face_cap, (size_t)waiting->count + 1,
-                           sizeof *waiting->faces))
+    else if (ARRAY_RESERVE(waiting->faces, waiting->face_cap, (size_t)waiting->count + 1))
         entry = waiting->count++;
     else
         return false;

@@ -125,7 +125,7 @@ enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, c
             corners[c] = mesh->positions + 3 * (size_t)ids[c];
         if (!cut_stretch(corners, from, to, part, weights))
             continue;
-        if (!array_reserve((void **)&out->ends, &out->cap, 2 * ((size_t)out->count + 1), sizeof *out->ends))
+        if (!ARRAY_RESERVE(out->ends, out->cap, 2 * ((size_t)out->count + 1)))
             return tetlodi_fail_nomem(error, "the values along a line",
                                       2 * ((uint64_t)out->count + 1) * sizeof *out->ends);
         for (int e = 0; e < 2; e++) {

@@ -9,7 +9,7 @@
 bool pairs_clear(struct pairs *pairs, uint32_t vertex_count)
 {
     pairs->count = 0;
-    if (!array_reserve((void **)&pairs->first, &pairs->first_cap, vertex_count, sizeof *pairs->first))
+    if (!ARRAY_RESERVE(pairs->first, pairs->first_cap, vertex_count))
         return false;
     for (uint32_t v = 0; v < vertex_count; v++)
         pairs->first[v] = TETLOD_NONE;
@@ -30,7 +30,7 @@ uint32_t *pairs_at(struct pairs *pairs, uint32_t a, uint32_t b, bool *fresh)
     for (uint32_t entry = pairs->first[low]; entry != TETLOD_NONE; entry = pairs->entries[entry].next)
         if (pairs->entries[entry].larger == high)
             return &pairs->entries[entry].number;
-    if (!array_reserve((void **)&pairs->entries, &pairs->entry_cap, (size_t)pairs->count + 1, sizeof *pairs->entries))
+    if (!ARRAY_RESERVE(pairs->entries, pairs->entry_cap, (size_t)pairs->count + 1))
         return NULL;
     *fresh = true;
     struct pair *pair = &pairs->entries[pairs->count];

@@ -93,8 +93,8 @@ static enum tetlod_status find_faces(const struct tetmesh *mesh, struct cut_rays
     double *middles = array_new(count, 3 * sizeof *middles);
     out->face_count = (count + RAYS_LEAF - 1) / RAYS_LEAF * RAYS_LEAF;
     bool room = slots && order && middles &&
-                array_reserve((void **)&out->faces, &out->face_cap, 4 * (size_t)out->face_count, sizeof *out->faces) &&
-                array_reserve((void **)&out->nodes, &out->node_cap, 16 * (size_t)out->face_count, sizeof *out->nodes);
+                ARRAY_RESERVE(out->faces, out->face_cap, 4 * (size_t)out->face_count) &&
+                ARRAY_RESERVE(out->nodes, out->node_cap, 16 * (size_t)out->face_count);
     enum tetlod_status status = room ? plant(mesh, count, slots, middles, order, out, error)
                                      : tetlodi_fail_nomem(error, "the boundary's faces", 64 * (uint64_t)count);
     free(slots);
@@ -110,8 +110,7 @@ enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, struct cut_rays 
                             ADJACENCY_MAX_TETS);
     out->tet_count = mesh->tet_count;
     out->corners = mesh->corners;
-    if (!array_reserve((void **)&out->neighbours, &out->neighbour_cap, 4 * (size_t)mesh->tet_count,
-                       sizeof *out->neighbours))
+    if (!ARRAY_RESERVE(out->neighbours, out->neighbour_cap, 4 * (size_t)mesh->tet_count))
         return tetlodi_fail_nomem(error, "neighbours", 16 * (uint64_t)mesh->tet_count);
     TETLOD_TRY(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, out->neighbours, NULL, error));
     return find_faces(mesh, out, error);
@@ -153,7 +152,7 @@ static bool take_values(const double *of_tets, struct cut_rays *out)
 {
     size_t count = ((size_t)out->tet_count + 3) / 4 * 4;
     out->has_of_tets = of_tets != NULL;
-    if (of_tets && !array_reserve((void **)&out->of_tets, &out->of_tets_cap, count, sizeof *out->of_tets))
+    if (of_tets && !ARRAY_RESERVE(out->of_tets, out->of_tets_cap, count))
         return false;
     for (size_t t = 0; of_tets && t < count; t++)
         out->of_tets[t] = t < out->tet_count ? (float)of_tets[t] : 0;
@@ -166,8 +165,7 @@ enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *valu
 {
     if (!take_values(of_tets, out))
         return tetlodi_fail_nomem(error, "values of tetrahedra", 4 * (uint64_t)out->tet_count);
-    if (!array_reserve((void **)&out->vertices, &out->vertex_cap, 4 * (size_t)mesh->vertex_count,
-                       sizeof *out->vertices))
+    if (!ARRAY_RESERVE(out->vertices, out->vertex_cap, 4 * (size_t)mesh->vertex_count))
         return tetlodi_fail_nomem(error, "vertices", 16 * (uint64_t)mesh->vertex_count);
     out->vertex_count = mesh->vertex_count;
     for (size_t v = 0; v < mesh->vertex_count; v++) {

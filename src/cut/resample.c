@@ -270,9 +270,9 @@ enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a grid of %u x %u x %u points is too large: take a coarser one",
                             grid->dims[0], grid->dims[1], grid->dims[2]);
     size_t count = (size_t)points;
-    if (!array_reserve((void **)&grid->values, &grid->value_cap, count + LANES - 1, sizeof *grid->values) ||
-        !array_reserve((void **)&grid->points, &grid->point_cap, mesh->vertex_count, 3 * sizeof *grid->points) ||
-        !array_reserve((void **)&grid->boxes, &grid->box_cap, mesh->vertex_count, 4 * sizeof *grid->boxes))
+    if (!ARRAY_RESERVE(grid->values, grid->value_cap, count + LANES - 1) ||
+        !array_reserve(&grid->points, &grid->point_cap, mesh->vertex_count, 3 * sizeof *grid->points) ||
+        !array_reserve(&grid->boxes, &grid->box_cap, mesh->vertex_count, 4 * sizeof *grid->boxes))
         return tetlodi_fail_nomem(error, "a grid", 4 * (uint64_t)count + 40 * (uint64_t)mesh->vertex_count);
     for (size_t i = 0; i < count + LANES - 1; i++)
         grid->values[i] = NAN;

@@ -84,7 +84,7 @@ enum tetlod_status cut_make_voxels(const struct cut_grid *grid, bool logarithmic
                                    struct cut_voxels *out, struct tetlod_error *error)
 {
     size_t count = (size_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
-    if (!array_reserve((void **)&out->pairs, &out->pair_cap, count, 2 * sizeof *out->pairs))
+    if (!array_reserve(&out->pairs, &out->pair_cap, count, 2 * sizeof *out->pairs))
         return tetlodi_fail_nomem(error, "a volume", 8 * (uint64_t)count);
     take_inside(grid, count, logarithmic, out);
     fill_outside(grid, out);

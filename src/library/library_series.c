@@ -127,7 +127,7 @@ enum tetlod_status tetlod_build_series_add(struct tetlod_build_series *series, c
     if (status == TETLOD_OK)
         status = library_copy_mesh(&copy, mesh, &inner);
     if (status == TETLOD_OK &&
-        !array_reserve((void **)&series->times, &series->time_capacity, count + 1, sizeof *series->times))
+        !ARRAY_RESERVE(series->times, series->time_capacity, count + 1))
         status = tetlodi_fail_nomem(&inner, "the times", count * sizeof *series->times);
     if (status == TETLOD_OK) {
         status = count ? take_next(series, &copy, &inner) : take_first(series, &copy, &inner);

@@ -82,21 +82,16 @@ uint32_t log_extend(struct contraction_log *log, uint32_t count)
 
 static bool reserve(double **array, size_t *capacity, size_t count)
 {
-    void *grown = *array;
-    bool room = array_reserve(&grown, capacity, count, sizeof **array);
-    *array = grown;
-    return room;
+    return ARRAY_RESERVE(*array, *capacity, count);
 }
 
 enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint32_t tets, double moved,
                             const double *certified, const double *predicted, struct tetlod_error *error)
 {
     size_t count = log->mark_count, width = log->component_count;
-    void *marks = log->marks;
     if (count && log->marks[count - 1].contractions == log->count)
         return TETLOD_OK;
-    bool room = array_reserve(&marks, &log->mark_capacity, count + 1, sizeof *log->marks);
-    log->marks = marks;
+    bool room = ARRAY_RESERVE(log->marks, log->mark_capacity, count + 1);
     room = room && reserve(&log->certified, &log->certified_capacity, (count + 1) * width) &&
            reserve(&log->predicted, &log->predicted_capacity, (count + 1) * width);
     if (!room)

@@ -171,12 +171,10 @@ static void file_error(struct measure_levels *m, struct worker *worker, size_t s
 
 static void stray(struct measure_levels *m, struct worker *worker, size_t sample)
 {
-    void *strays = worker->strays;
-    if (!array_reserve(&strays, &worker->stray_capacity, worker->stray_count + 1, sizeof *worker->strays))
+    if (!ARRAY_RESERVE(worker->strays, worker->stray_capacity, worker->stray_count + 1))
         worker->failed = true;
     else
-        ((struct stray *)strays)[worker->stray_count++] = (struct stray){sample, TETLOD_NONE, INFINITY};
-    worker->strays = strays;
+        worker->strays[worker->stray_count++] = (struct stray){sample, TETLOD_NONE, INFINITY};
     m->hosts[sample] = HOST_OUTSIDE;
 }
 
@@ -370,11 +368,8 @@ static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_
     bool any = false;
     for (unsigned i = 0; i < m->threads; i++) {
         struct worker *worker = &m->workers[i];
-        void *strays = m->strays;
-        if (worker->failed || !array_reserve(&strays, &m->stray_capacity, m->stray_count + worker->stray_count,
-                                             sizeof *m->strays))
+        if (worker->failed || !ARRAY_RESERVE(m->strays, m->stray_capacity, m->stray_count + worker->stray_count))
             return tetlodi_fail_nomem(error, "samples outside", m->stray_count * sizeof *m->strays);
-        m->strays = strays;
         for (size_t k = 0; k < worker->stray_count; k++)
             m->strays[m->stray_count++] = worker->strays[k];
         worker->stray_count = 0;
@@ -451,7 +446,6 @@ static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_erro
 {
     const struct coarsening *mesh = m->mesh;
     enum { MADE = 1, LISTED = 2 };
-    void *list = m->list;
     if (!m->started)
         memset(m->made, m->displaced ? MADE : 0, mesh->slot_count);
     for (uint32_t i = 0; i < mesh->touched_count && m->started; i++)
@@ -460,9 +454,8 @@ static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_erro
     for (size_t s = 0; s < 4 * (size_t)mesh->stored; s++) {
         if (mesh->neighbours[s] != TETLOD_NONE || mesh->states[s / 4] != (m->started ? COARSE_CHANGED : COARSE_SAME))
             continue;
-        if (!array_reserve(&list, &m->list_capacity, m->list_count + 3, sizeof *m->list))
+        if (!ARRAY_RESERVE(m->list, m->list_capacity, m->list_count + 3))
             return tetlodi_fail_nomem(error, "the boundary", m->list_count * sizeof *m->list);
-        m->list = list;
         for (int i = 0; i < 3; i++) {
             uint32_t v = mesh->corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
             if (m->made[v] == MADE)
@@ -485,13 +478,11 @@ static double largest(const double *distances, size_t count, double most)
 static enum tetlod_status update_domain(struct measure_levels *m, double *io_domain, struct tetlod_error *error)
 {
     double most = larger(*io_domain, m->domain);
-    void *distances = m->distances;
     bool any = false;
     TETLOD_TRY(list_made(m, error));
     size_t needed = m->list_count > m->bound_count ? m->list_count : m->bound_count;
-    if (!array_reserve(&distances, &m->distance_capacity, needed, sizeof *m->distances))
+    if (!ARRAY_RESERVE(m->distances, m->distance_capacity, needed))
         return tetlodi_fail_nomem(error, "distances", needed * sizeof *m->distances);
-    m->distances = distances;
     m->enough = larger(most, m->rounding);
     parallel_for(m->threads, m->bound_count, 1024, guess_distances, m);
     for (size_t i = 0; i < m->bound_count; i++)

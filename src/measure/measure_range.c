@@ -220,12 +220,10 @@ static bool find_near(const struct bvh *bvh, struct worker *worker, const double
         box[d] = p[d] - reach;
         box[d + 3] = p[d] + reach;
     }
-    void *near = worker->near;
     *out_count = bvh_find_box(bvh, box, worker->near, (uint32_t)worker->room);
     if (*out_count <= worker->room)
         return true;
-    worker->failed |= !array_reserve(&near, &worker->room, *out_count, sizeof *worker->near);
-    worker->near = near;
+    worker->failed |= !ARRAY_RESERVE(worker->near, worker->room, *out_count);
     return !worker->failed && bvh_find_box(bvh, box, worker->near, (uint32_t)worker->room) == *out_count;
 }
 

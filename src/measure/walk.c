@@ -221,9 +221,7 @@ static void forget_seen(struct walker *walker)
 /* Room for four more, in a table that is at most half full. */
 static bool make_room(struct walker *walker)
 {
-    void *seen = walker->seen;
-    bool room = array_reserve(&seen, &walker->seen_capacity, walker->seen_count + 4, sizeof *walker->seen);
-    walker->seen = seen;
+    bool room = ARRAY_RESERVE(walker->seen, walker->seen_capacity, walker->seen_count + 4);
     if (!room || 2 * (walker->seen_count + 4) <= walker->table_size)
         return room;
     size_t size = walker->table_size ? 2 * walker->table_size : 64;

@@ -233,15 +233,9 @@ static bool reserve(const struct samples *samples, struct sampler *sampler, cons
     for (uint32_t i = 0; i < question->star->tet_count; i++)
         for (uint32_t s = samples->first[question->star->tets[i]]; s != TETLOD_NONE; s = samples->next[s])
             held++;
-    void *cones = sampler->cones, *list = sampler->held, *parts = sampler->parts;
-    bool room = array_reserve(&cones, &sampler->cone_room, question->star->tet_count, sizeof *sampler->cones) &&
-                array_reserve(&list, &sampler->held_room, 2 * held, sizeof *sampler->held) &&
-                array_reserve(&parts, &sampler->part_room, 2 * held * question->working->component_count,
-                              sizeof(double));
-    sampler->cones = cones;
-    sampler->held = list;
-    sampler->parts = parts;
-    return room;
+    return ARRAY_RESERVE(sampler->cones, sampler->cone_room, question->star->tet_count) &&
+                ARRAY_RESERVE(sampler->held, sampler->held_room, 2 * held) &&
+                ARRAY_RESERVE(sampler->parts, sampler->part_room, 2 * held * question->working->component_count);
 }
 
 static enum tetlod_status ask(void *state, unsigned worker, const struct question *question, struct answer *answer,

@@ -3,6 +3,7 @@
 
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 void *array_resize(void *array, size_t count, size_t element_size)
 {
@@ -28,15 +29,15 @@ size_t array_growth(size_t capacity, size_t needed)
     return grown < needed ? needed : grown;
 }
 
-int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_size)
+int array_grow(void *array, size_t *capacity, size_t needed, size_t element_size)
 {
-    if (needed <= *capacity)
-        return 1;
+    void *old;
+    memcpy(&old, array, sizeof old);
     size_t grown = array_growth(*capacity, needed);
-    void *moved = array_resize(*array, grown, element_size);
+    void *moved = array_resize(old, grown, element_size);
     if (!moved)
         return 0;
-    *array = moved;
+    memcpy(array, &moved, sizeof moved);
     *capacity = grown;
     return 1;
 }

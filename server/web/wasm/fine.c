@@ -65,8 +65,8 @@ static double deviation_of(const double *a, const double *b, uint32_t components
 static bool add_tet(struct view_fine *fine, const uint32_t corners[4], uint32_t parent)
 {
     size_t count = (size_t)fine->mesh.tet_count + 1;
-    if (!array_reserve((void **)&fine->mesh.corners, &fine->corner_cap[0], count, 4 * sizeof *fine->mesh.corners) ||
-        !array_reserve((void **)&fine->parents[0], &fine->parent_cap[0], count, sizeof *fine->parents[0]))
+    if (!array_reserve(&fine->mesh.corners, &fine->corner_cap[0], count, 4 * sizeof *fine->mesh.corners) ||
+        !ARRAY_RESERVE(fine->parents[0], fine->parent_cap[0], count))
         return false;
     for (int i = 0; i < 4; i++)
         fine->mesh.corners[4 * (count - 1) + (size_t)i] = corners[i];
@@ -78,8 +78,8 @@ static bool add_tet(struct view_fine *fine, const uint32_t corners[4], uint32_t 
 static bool add_vertex(struct view_fine *fine, uint32_t *number)
 {
     size_t count = (size_t)fine->mesh.vertex_count + 1;
-    if (!array_reserve((void **)&fine->mesh.positions, &fine->position_cap, count, 3 * sizeof *fine->mesh.positions) ||
-        !array_reserve((void **)&fine->rows, &fine->row_cap, count * fine->width, sizeof *fine->rows))
+    if (!array_reserve(&fine->mesh.positions, &fine->position_cap, count, 3 * sizeof *fine->mesh.positions) ||
+        !ARRAY_RESERVE(fine->rows, fine->row_cap, count * fine->width))
         return false;
     *number = fine->mesh.vertex_count++;
     return true;

@@ -52,7 +52,7 @@ static bool divide_pieces(struct cut_line *line, const double *values, uint32_t 
         const double *a = values + 2 * k * components, *b = a + components;
         const struct cut_line_end *ends = line->ends + 2 * k;
         uint32_t parts = parts_of(a, b, components, ACCURACY * longest);
-        if (!array_reserve((void **)&out->ends, &out->cap, 2 * ((size_t)out->count + parts), sizeof *out->ends))
+        if (!ARRAY_RESERVE(out->ends, out->cap, 2 * ((size_t)out->count + parts)))
             return false;
         for (uint32_t i = 0; i < 2 * parts; i++) {
             double t = (double)((i + 1) / 2) / parts; // both ends of each part
@@ -74,7 +74,7 @@ enum tetlod_status view_lengths_along(struct view *view, const double from[3], c
         view_take_values(&view->shown, view->shown.vertex_count, view->shade_field, (int32_t)c, view->function);
         TETLOD_TRY(cut_along(view_drawn(view), view->function, NULL, from, to, pieces, &view->error));
         size_t ends = 2 * (size_t)pieces->count;
-        if (!array_reserve((void **)&view->at_ends, &view->at_end_cap, ends * field->components, sizeof *view->at_ends))
+        if (!ARRAY_RESERVE(view->at_ends, view->at_end_cap, ends * field->components))
             return tetlodi_fail_nomem(&view->error, "the values along a line", 8 * (uint64_t)ends * field->components);
         for (size_t e = 0; e < ends; e++)
             view->at_ends[e * field->components + c] = pieces->ends[e].value;
@@ -93,7 +93,7 @@ enum tetlod_status view_lengths_on_grid(struct view *view)
     if (!field)
         return cut_resample(view_drawn(view), view->shade, view_of_drawn(view), grid, &view->error);
     size_t count = (size_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
-    if (!array_reserve((void **)&view->squares, &view->square_cap, count, sizeof *view->squares))
+    if (!ARRAY_RESERVE(view->squares, view->square_cap, count))
         return tetlodi_fail_nomem(&view->error, "a grid", 4 * (uint64_t)count);
     for (uint32_t c = 0; c < field->components; c++) {
         view_take_values(&view->shown, view->shown.vertex_count, view->shade_field, (int32_t)c, view->function);

@@ -130,10 +130,9 @@ const struct view_part *view_part(const struct view *view)
 bool view_reserve_points(struct view_part *part, uint32_t count, bool normals)
 {
     part->components = 0;
-    return array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)count, sizeof *part->points) &&
-           array_reserve((void **)&part->values, &part->value_cap, count, sizeof *part->values) &&
-           (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count,
-                                      sizeof *part->normals));
+    return ARRAY_RESERVE(part->points, part->point_cap, 3 * (size_t)count) &&
+           ARRAY_RESERVE(part->values, part->value_cap, count) &&
+           (!normals || ARRAY_RESERVE(part->normal_room, part->normal_cap, 3 * (size_t)count));
 }
 
 static void take_counts(struct view_part *part, const struct cut *cut, uint32_t with)
@@ -149,7 +148,7 @@ static void take_counts(struct view_part *part, const struct cut *cut, uint32_t 
 static bool reserve(struct view_part *part, uint32_t count, bool normals, uint32_t components)
 {
     if (!view_reserve_points(part, count, normals) ||
-        !array_reserve((void **)&part->vectors, &part->vector_cap, (size_t)count * components, sizeof *part->vectors))
+        !ARRAY_RESERVE(part->vectors, part->vector_cap, (size_t)count * components))
         return false;
     part->components = components;
     return true;
@@ -225,7 +224,7 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
     const struct view_part *whole = &view->whole;
     const double *n = view->clip.normal, *o = view->clip.origin;
     struct view_part *part = &view->part;
-    if (!array_reserve((void **)&view->distances, &view->distance_cap, whole->point_count, sizeof *view->distances))
+    if (!ARRAY_RESERVE(view->distances, view->distance_cap, whole->point_count))
         return tetlodi_fail_nomem(&view->error, "a picture", 8 * (uint64_t)whole->point_count);
     for (size_t v = 0; v < whole->point_count; v++) {
         view->distances[v] = 0;

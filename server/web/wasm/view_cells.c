@@ -116,10 +116,9 @@ static bool make_room(struct view *view, const struct cut *cut)
 {
     struct view_facets *facets = &view->facets;
     size_t corners = 3 * (size_t)cut->triangle_count;
-    return array_reserve((void **)&facets->triangles, &facets->triangle_cap, corners, sizeof *facets->triangles) &&
-           array_reserve((void **)&facets->lines, &facets->line_cap, 2 * (size_t)view->part.line_count,
-                         sizeof *facets->lines) &&
-           array_reserve((void **)&facets->corners, &facets->corner_cap, cut->vertex_count, sizeof *facets->corners) &&
+    return ARRAY_RESERVE(facets->triangles, facets->triangle_cap, corners) &&
+           ARRAY_RESERVE(facets->lines, facets->line_cap, 2 * (size_t)view->part.line_count) &&
+           ARRAY_RESERVE(facets->corners, facets->corner_cap, cut->vertex_count) &&
            view_reserve_points(&facets->part, (uint32_t)corners, view->part.normals != NULL);
 }
 

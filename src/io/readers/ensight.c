@@ -118,7 +118,7 @@ static enum tetlod_status add_polyhedra(struct ensight *e, struct cells *cells, 
     for (uint64_t c = 0; c < count && status == TETLOD_OK; c++) {
         size_t size = 1;
         for (int64_t f = 0; f < faces[c] && status == TETLOD_OK; f++, sides++) {
-            if (!array_reserve((void **)&stream, &capacity, size + 1 + (size_t)*sides, sizeof *stream))
+            if (!ARRAY_RESERVE(stream, capacity, size + 1 + (size_t)*sides))
                 status = tetlodi_fail_nomem(e->error, "the polyhedra", size * sizeof *stream);
             for (int64_t i = 0; status == TETLOD_OK && i < *sides; i++)
                 stream[size + 1 + (size_t)i] = point_from_one(*corners++);
@@ -160,7 +160,7 @@ static enum tetlod_status read_section(struct ensight *e, const struct ensight_e
                                        struct block *block)
 {
     uint64_t count = 0;
-    if (!array_reserve((void **)&e->sections, &e->section_capacity, e->section_count + 1, sizeof *e->sections))
+    if (!ARRAY_RESERVE(e->sections, e->section_capacity, e->section_count + 1))
         return tetlodi_fail_nomem(e->error, "the list of cells", e->section_count * sizeof *e->sections);
     TETLOD_TRY(ensight_count(e->file, &count));
     e->sections[e->section_count++] = (struct section){element, is_ghost, block->cells.count, count};
@@ -392,7 +392,7 @@ static enum tetlod_status read_part(struct ensight *e)
         return ensight_fail(e->file, "there should be 'coordinates' or 'block' here");
     part.section_end = e->section_count;
     TETLOD_TRY(close_part(e, &part, name));
-    if (!array_reserve((void **)&e->parts, &e->part_capacity, e->part_count + 1, sizeof *e->parts))
+    if (!ARRAY_RESERVE(e->parts, e->part_capacity, e->part_count + 1))
         return tetlodi_fail_nomem(e->error, "the list of parts", e->part_count * sizeof *e->parts);
     e->parts[e->part_count++] = part;
     return TETLOD_OK;

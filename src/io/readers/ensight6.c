@@ -144,7 +144,7 @@ static enum tetlod_status read_section(struct six *s, int64_t part, bool is_want
     if (count > UINT64_MAX / element->corners)
         return ensight_fail(s->file, "a count is too large");
     TETLOD_TRY(ensight_fits(s->file, count * element->corners));
-    if (!array_reserve((void **)&s->sections, &s->section_capacity, s->section_count + 1, sizeof *s->sections))
+    if (!ARRAY_RESERVE(s->sections, s->section_capacity, s->section_count + 1))
         return tetlodi_fail_nomem(s->error, "the list of cells", s->section_count * sizeof *s->sections);
     struct section *section = &s->sections[s->section_count++];
     *section = (struct section){part, element, s->out->at[s->nodes_block].cells.count, count, is_wanted};
@@ -213,7 +213,7 @@ static enum tetlod_status read_grid(struct six *s, int64_t part, bool is_wanted)
     TETLOD_TRY(read_columns(s, points, 3, block->mesh.positions));
     if (is_blanked)
         TETLOD_TRY(read_blanks(s, block, points));
-    if (!array_reserve((void **)&s->grids, &s->grid_capacity, s->grid_count + 1, sizeof *s->grids))
+    if (!ARRAY_RESERVE(s->grids, s->grid_capacity, s->grid_count + 1))
         return tetlodi_fail_nomem(s->error, "the list of parts", s->grid_count * sizeof *s->grids);
     uint64_t cells = block_cell_count(block);
     is_wanted &= cells > 0;

@@ -109,8 +109,7 @@ static enum tetlod_status read_entry(const struct reader *r, struct text kind, s
 static enum tetlod_status add_variable(struct reader *r, struct text kind, struct text values)
 {
     struct ensight_case *out = r->out;
-    if (!array_reserve((void **)&out->variables, &out->variable_capacity, out->variable_count + 1,
-                       sizeof *out->variables))
+    if (!ARRAY_RESERVE(out->variables, out->variable_capacity, out->variable_count + 1))
         return fail_nomem(r);
     struct ensight_entry *entry = &out->variables[out->variable_count++];
     *entry = (struct ensight_entry){0};
@@ -124,7 +123,7 @@ static enum tetlod_status add_set(struct reader *r, struct text values)
     struct time_set set = {.increment = 1};
     if (!text_int(&values, &set.number))
         return tetlodi_fail(r->error, TETLOD_ERR_MESH, "a time set has no number");
-    if (!array_reserve((void **)&r->sets, &r->set_capacity, r->set_count + 1, sizeof *r->sets))
+    if (!ARRAY_RESERVE(r->sets, r->set_capacity, r->set_count + 1))
         return fail_nomem(r);
     r->sets[r->set_count++] = set;
     return TETLOD_OK;
@@ -137,10 +136,8 @@ static enum tetlod_status read_list(struct reader *r, struct text values, struct
     double time;
     int64_t number;
     while (are_times ? text_double(&text, false, &time) : text_int(&text, &number)) {
-        bool good = are_times ? array_reserve((void **)&set->times, &set->time_capacity, set->count + 1,
-                                              sizeof *set->times)
-                              : array_reserve((void **)&set->numbers, &set->number_capacity, set->number_count + 1,
-                                              sizeof *set->numbers);
+        bool good = are_times ? ARRAY_RESERVE(set->times, set->time_capacity, set->count + 1)
+                              : ARRAY_RESERVE(set->numbers, set->number_capacity, set->number_count + 1);
         if (!good)
             return fail_nomem(r);
         if (are_times)

@@ -40,7 +40,7 @@ static enum tetlod_status count_cell(struct faces *f, struct foam_file *file, ui
 {
     if (cell == TETLOD_NONE || cell >= 2 * f->all + 1)
         return foam_fail(file, "a face belongs to a cell that cannot be there");
-    if (!array_reserve((void **)&f->face_counts, capacity, (size_t)cell + 1, sizeof *f->face_counts))
+    if (!ARRAY_RESERVE(f->face_counts, *capacity, (size_t)cell + 1))
         return tetlodi_fail_nomem(f->error, "the cells", (uint64_t)cell * sizeof *f->face_counts);
     while (f->cells <= cell)
         f->face_counts[f->cells++] = 0;
@@ -161,7 +161,7 @@ static enum tetlod_status reader_next(struct face_reader *reader, struct tetlod_
     if (!reader->is_compact)
         TETLOD_TRY(foam_list_begin(&face, &reader->file));
     reader->sides = reader->is_compact ? reader->ends[at + 1] - reader->ends[at] : face.count;
-    if (!array_reserve((void **)&reader->corners, &reader->capacity, (size_t)reader->sides, sizeof *reader->corners))
+    if (!ARRAY_RESERVE(reader->corners, reader->capacity, (size_t)reader->sides))
         return tetlodi_fail_nomem(error, "a face", reader->sides * sizeof *reader->corners);
     for (uint64_t i = 0; i < reader->sides; i++) {
         TETLOD_TRY(foam_list_next(list));
@@ -239,10 +239,10 @@ static enum tetlod_status keep_face(struct faces *f, const struct face_reader *r
 {
     uint64_t begin = f->count ? f->offsets[f->count] : 0, end = begin + reader->sides;
     size_t count = (size_t)f->count + 1;
-    if (!array_reserve((void **)&f->offsets, &f->offset_capacity, count + 1, sizeof *f->offsets) ||
-        !array_reserve((void **)&f->corners, &f->corner_capacity, (size_t)end, sizeof *f->corners) ||
-        !array_reserve((void **)&f->owner, &f->owner_capacity, count, sizeof *f->owner) ||
-        !array_reserve((void **)&f->neighbour, &f->neighbour_capacity, count, sizeof *f->neighbour))
+    if (!ARRAY_RESERVE(f->offsets, f->offset_capacity, count + 1) ||
+        !ARRAY_RESERVE(f->corners, f->corner_capacity, (size_t)end) ||
+        !ARRAY_RESERVE(f->owner, f->owner_capacity, count) ||
+        !ARRAY_RESERVE(f->neighbour, f->neighbour_capacity, count))
         return tetlodi_fail_nomem(f->error, "the faces", end * sizeof *f->corners + count * 16);
     f->offsets[count - 1] = begin;
     f->offsets[count] = end;

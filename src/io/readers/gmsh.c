@@ -97,7 +97,7 @@ static enum tetlod_status add_point(struct gmsh *g, int64_t tag, const double po
     size_t count = g->tags.count;
     if (count + 1 >= TETLOD_NONE)
         return fail(g, "there are more points than fit");
-    if (!array_reserve((void **)&g->positions, &g->position_capacity, 3 * (count + 1), sizeof *g->positions))
+    if (!ARRAY_RESERVE(g->positions, g->position_capacity, 3 * (count + 1)))
         return tetlodi_fail_nomem(g->error, "the points", (uint64_t)count * 24);
     memcpy(g->positions + 3 * count, position, 3 * sizeof *position);
     return tag_map_add(&g->tags, tag, g->error);
@@ -346,7 +346,7 @@ static enum tetlod_status read_entity(struct gmsh *g, int dimension, bool is_par
         TETLOD_TRY(skip_tags(g));
     if (dimension < 3 || !first)
         return TETLOD_OK;
-    if (!array_reserve((void **)&g->groups, &g->group_capacity, 2 * (g->group_count + 1), sizeof *g->groups))
+    if (!ARRAY_RESERVE(g->groups, g->group_capacity, 2 * (g->group_count + 1)))
         return tetlodi_fail_nomem(g->error, "the physical groups", 16);
     g->groups[2 * g->group_count] = tag;
     g->groups[2 * g->group_count++ + 1] = first;

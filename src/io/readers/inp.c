@@ -168,7 +168,7 @@ static enum tetlod_status read_nodes(struct inp *p, struct text keyword)
         if (!good)
             return fail(p, "there should be the number of a node and three coordinates here");
         size_t count = p->nodes.count;
-        if (!array_reserve((void **)&p->positions, &p->position_capacity, 3 * (count + 1), sizeof *p->positions))
+        if (!ARRAY_RESERVE(p->positions, p->position_capacity, 3 * (count + 1)))
             return tetlodi_fail_nomem(p->error, "the nodes", count * 24);
         memcpy(p->positions + 3 * count, position, sizeof position);
         TETLOD_TRY(tag_map_add(&p->nodes, number, p->error));
@@ -221,7 +221,7 @@ static enum tetlod_status find_set(struct inp *p, struct text name, uint16_t *ou
         }
     if (p->name_count == MAX_SETS)
         return fail(p, "there are more than 4096 sets of elements");
-    if (!array_reserve((void **)&p->names, &p->name_capacity, p->name_count + 1, sizeof *p->names))
+    if (!ARRAY_RESERVE(p->names, p->name_capacity, p->name_count + 1))
         return tetlodi_fail_nomem(p->error, "the sets", NAME_SIZE);
     memcpy(p->names[p->name_count++], copy, NAME_SIZE);
     *out = (uint16_t)p->name_count;
@@ -307,7 +307,7 @@ static enum tetlod_status begin_part(struct inp *p, struct text keyword)
 {
     TETLOD_TRY(finish(p));
     TETLOD_TRY(find_set(p, parameter(keyword, "NAME"), &p->part_set));
-    if (!array_reserve((void **)&p->parts, &p->part_capacity, p->part_count + 1, sizeof *p->parts))
+    if (!ARRAY_RESERVE(p->parts, p->part_capacity, p->part_count + 1))
         return tetlodi_fail_nomem(p->error, "the parts", sizeof *p->parts);
     p->parts[p->part_count++] = (struct part){p->part_set, p->out->count, false};
     return need_block(p);

@@ -180,8 +180,7 @@ static void start_piece(struct parse *parse, const char **attributes)
     if (is_elsewhere)
         piece.source = copy_attribute(attributes, "Source");
     if ((is_elsewhere && !piece.source) ||
-        !array_reserve((void **)&document->pieces, &document->piece_capacity, document->piece_count + 1,
-                       sizeof piece)) {
+        !ARRAY_RESERVE(document->pieces, document->piece_capacity, document->piece_count + 1)) {
         free(piece.source);
         fail_nomem(parse);
         return;
@@ -199,9 +198,8 @@ static bool is_block(const struct parse *parse, const char *name)
 static void start_block(struct parse *parse, const char *name)
 {
     size_t end = parse->path ? strlen(parse->path) : 0, length = name ? strlen(name) : 0;
-    if (!array_reserve((void **)&parse->path, &parse->path_capacity, end + length + 3, 1) ||
-        !array_reserve((void **)&parse->path_ends, &parse->end_capacity, parse->open_blocks + 1,
-                       sizeof *parse->path_ends)) {
+    if (!ARRAY_RESERVE(parse->path, parse->path_capacity, end + length + 3) ||
+        !ARRAY_RESERVE(parse->path_ends, parse->end_capacity, parse->open_blocks + 1)) {
         fail_nomem(parse);
         return;
     }
@@ -228,7 +226,7 @@ static void start_part(struct parse *parse, const char **attributes)
     part.path = parse->status == TETLOD_OK ? strdup(parse->path) : NULL;
     end_block(parse);
     if (!part.file || !part.path ||
-        !array_reserve((void **)&document->parts, &document->part_capacity, document->part_count + 1, sizeof part)) {
+        !ARRAY_RESERVE(document->parts, document->part_capacity, document->part_count + 1)) {
         free(part.file);
         free(part.path);
         fail_nomem(parse);
@@ -277,8 +275,7 @@ static void start_array(struct parse *parse, const char **attributes)
     array.begin = (size_t)XML_GetCurrentByteIndex(parse->parser) + (size_t)XML_GetCurrentByteCount(parse->parser);
     array.end = array.begin;
     array.name = strdup(name ? name : "");
-    if (!array.name || !array_reserve((void **)&document->arrays, &document->array_capacity, document->array_count + 1,
-                                      sizeof array)) {
+    if (!array.name || !ARRAY_RESERVE(document->arrays, document->array_capacity, document->array_count + 1)) {
         free(array.name);
         fail_nomem(parse);
         return;

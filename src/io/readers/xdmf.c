@@ -311,7 +311,7 @@ static enum tetlod_status find_block(struct xdmf *x, const struct xml_node *grid
             *out = &x->out->at[b];
             return TETLOD_OK;
         }
-    if (!array_reserve((void **)&x->shapes, &x->shape_capacity, 2 * (x->shape_count + 1), sizeof *x->shapes))
+    if (!ARRAY_RESERVE(x->shapes, x->shape_capacity, 2 * (x->shape_count + 1)))
         return tetlodi_fail_nomem(x->error, "the grids", 16);
     memcpy(x->shapes + 2 * x->shape_count++, shape, 2 * sizeof *shape);
     TETLOD_TRY(blocks_add(x->out, out, x->error));

@@ -151,7 +151,7 @@ void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double
 /* Room for one more cell's number, those before it 0. */
 static enum tetlod_status numbers_room(struct cell_numbers *numbers, uint64_t count, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&numbers->values, &numbers->capacity, (size_t)count, sizeof *numbers->values))
+    if (!ARRAY_RESERVE(numbers->values, numbers->capacity, (size_t)count))
         return tetlodi_fail_nomem(error, "the numbers of cells", count * sizeof *numbers->values);
     while (numbers->count < count)
         numbers->values[numbers->count++] = 0;
@@ -193,8 +193,8 @@ void cell_numbers_fini(struct cell_numbers *numbers)
 /* Room for the types and offsets of so many cells. */
 static enum tetlod_status types_room(struct cells *cells, size_t count, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&cells->types, &cells->type_capacity, count ? count : 1, 1) ||
-        !array_reserve((void **)&cells->offsets, &cells->offset_capacity, count + 1, sizeof *cells->offsets))
+    if (!ARRAY_RESERVE(cells->types, cells->type_capacity, count ? count : 1) ||
+        !ARRAY_RESERVE(cells->offsets, cells->offset_capacity, count + 1))
         return tetlodi_fail_nomem(error, "the cells", (uint64_t)count * 9);
     return TETLOD_OK;
 }
@@ -227,8 +227,7 @@ static enum tetlod_status cells_room(struct cells *cells, unsigned char type, si
                                      struct tetlod_error *error)
 {
     size_t filled = (size_t)cells->connectivity_count;
-    if (!array_reserve((void **)&cells->connectivity, &cells->connectivity_capacity, filled + corner_count,
-                       sizeof *cells->connectivity))
+    if (!ARRAY_RESERVE(cells->connectivity, cells->connectivity_capacity, filled + corner_count))
         return tetlodi_fail_nomem(error, "the cells", (uint64_t)filled * sizeof *cells->connectivity);
     if (!cells->types && type == VTK_TYPE_TET && corner_count == 4)
         return TETLOD_OK;
@@ -307,7 +306,7 @@ void cells_fini(struct cells *cells)
 
 enum tetlod_status blocks_add(struct blocks *blocks, struct block **out, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&blocks->at, &blocks->capacity, blocks->count + 1, sizeof *blocks->at))
+    if (!ARRAY_RESERVE(blocks->at, blocks->capacity, blocks->count + 1))
         return tetlodi_fail_nomem(error, "the blocks", (uint64_t)blocks->count * sizeof *blocks->at);
     *out = &blocks->at[blocks->count++];
     **out = (struct block){0};

@@ -9,7 +9,7 @@
 
 static enum tetlod_status add_entry(struct tag_map *map, size_t index, int64_t tag, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&map->entries, &map->capacity, index + 1, sizeof *map->entries))
+    if (!ARRAY_RESERVE(map->entries, map->capacity, index + 1))
         return tetlodi_fail_nomem(error, "the numbers of the points", (uint64_t)index * sizeof *map->entries);
     map->entries[index] = (struct tag_entry){tag, (uint32_t)index};
     return TETLOD_OK;

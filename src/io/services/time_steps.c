@@ -10,7 +10,7 @@
 
 enum tetlod_status time_steps_add(struct time_steps *steps, double time, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&steps->at, &steps->capacity, steps->count + 1, sizeof *steps->at))
+    if (!ARRAY_RESERVE(steps->at, steps->capacity, steps->count + 1))
         return tetlodi_fail_nomem(error, "the steps in time", (uint64_t)steps->count * 8);
     steps->at[steps->count++] = time;
     return TETLOD_OK;

@@ -37,7 +37,7 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
     struct parse *p = opaque;
     struct xml_tree *tree = p->tree;
     p->too_deep = ++p->depth > DEEPEST;
-    if (p->too_deep || !array_reserve((void **)&tree->nodes, &tree->capacity, tree->count + 1, sizeof *tree->nodes)) {
+    if (p->too_deep || !ARRAY_RESERVE(tree->nodes, tree->capacity, tree->count + 1)) {
         p->nomem = !p->too_deep;
         XML_StopParser(p->parser, XML_FALSE);
         return;

@@ -74,7 +74,7 @@ struct layout_array layout_of_field(const struct point_field *field, uint32_t co
 
 static bool add_part(struct io_layout *layout, const struct part *part)
 {
-    if (!array_reserve((void **)&layout->parts, &layout->capacity, layout->count + 1, sizeof *part))
+    if (!ARRAY_RESERVE(layout->parts, layout->capacity, layout->count + 1))
         return false;
     layout->parts[layout->count++] = *part;
     layout->size += part->size;
@@ -86,7 +86,7 @@ static enum tetlod_status add_text(void *opaque, const void *bytes, size_t size)
     struct io_layout *layout = opaque;
     if (!size)
         return TETLOD_OK;
-    if (!array_reserve((void **)&layout->texts, &layout->text_capacity, layout->text_size + size, 1))
+    if (!ARRAY_RESERVE(layout->texts, layout->text_capacity, layout->text_size + size))
         return TETLOD_ERR_NOMEM;
     memcpy(layout->texts + layout->text_size, bytes, size);
     struct part *last = layout->count ? &layout->parts[layout->count - 1] : NULL;

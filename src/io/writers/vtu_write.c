@@ -66,7 +66,7 @@ static enum tetlod_status pack_group(struct group *group, uint64_t blocks, struc
     size_t count = blocks - group->first < GROUP ? (size_t)(blocks - group->first) : GROUP;
     parallel_for(threads, count, 1, pack_range, group);
     for (size_t b = 0; b < count; b++) {
-        if (!group->sizes[b] || !array_reserve((void **)&out->bytes, capacity, out->size + group->sizes[b], 1))
+        if (!group->sizes[b] || !ARRAY_RESERVE(out->bytes, *capacity, out->size + group->sizes[b]))
             return tetlodi_fail_nomem(error, "compressing the output", group->bound);
         memcpy(out->bytes + out->size, group->packed + b * group->bound, group->sizes[b]);
         store_word(out->bytes + 24 + 8 * (group->first + b), group->sizes[b]);
@@ -85,7 +85,7 @@ static enum tetlod_status pack(const struct layout_array *array, struct packed *
     enum tetlod_status status = TETLOD_OK;
     group.plain = array_new(threads, BLOCK);
     group.packed = array_new(blocks < GROUP ? (size_t)blocks : GROUP, group.bound);
-    if (!group.plain || !group.packed || !array_reserve((void **)&out->bytes, &capacity, header, 1))
+    if (!group.plain || !group.packed || !ARRAY_RESERVE(out->bytes, capacity, header))
         status = tetlodi_fail_nomem(error, "an array of the output", total);
     out->size = header;
     for (; status == TETLOD_OK && group.first < blocks; group.first += GROUP)

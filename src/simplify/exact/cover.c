@@ -39,11 +39,7 @@ enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIO
 /* Room for that many elements in an array of the cover; `array` points to its pointer. */
 static bool room(struct cover *cover, enum part part, void *array, size_t needed, size_t size)
 {
-    void *elements;
-    memcpy(&elements, array, sizeof elements);
-    bool done = array_reserve(&elements, &cover->capacity[part], needed, size);
-    memcpy(array, &elements, sizeof elements);
-    return done;
+    return array_reserve(array, &cover->capacity[part], needed, size);
 }
 
 static enum tetlod_status no_room(struct tetlod_error *error)
@@ -740,10 +736,7 @@ static bool pair_originals(struct cover *cover, const struct working *working)
 
 static bool passed_room(struct passed *passed, size_t needed)
 {
-    void *grown = passed->numbers;
-    bool done = array_reserve(&grown, &passed->capacity, passed->count + needed, sizeof *passed->numbers);
-    passed->numbers = grown;
-    return done;
+    return ARRAY_RESERVE(passed->numbers, passed->capacity, passed->count + needed);
 }
 
 /* The originals that may overlap a cone become its list. False: no memory. */

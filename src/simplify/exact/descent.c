@@ -36,15 +36,6 @@ void descent_fini(struct descent *descent)
     *descent = (struct descent){0};
 }
 
-static bool room(void *array, size_t *capacity, size_t needed, size_t size)
-{
-    void *grown;
-    memcpy(&grown, array, sizeof grown);
-    bool done = array_reserve(&grown, capacity, needed, size);
-    memcpy(array, &grown, sizeof grown);
-    return done;
-}
-
 static double weight_of(const struct examiner *examiner, const struct working *working,
                         const struct descent_component *component,
                         size_t corner)
@@ -161,9 +152,8 @@ static double reweigh(struct descent_component *component, const struct examiner
 static bool make_room(struct descent *descent, const struct examiner *examiner, uint32_t components)
 {
     size_t gradients = 3 * ((size_t)examiner->cover.cone_count + 1), points = examiner->point_count;
-    if (!room(&descent->components, &descent->driver_capacity, components, sizeof *descent->components) ||
-        !room(&descent->numbers, &descent->number_capacity, components * (gradients + 2 * points),
-              sizeof *descent->numbers))
+    if (!ARRAY_RESERVE(descent->components, descent->component_capacity, components) ||
+        !ARRAY_RESERVE(descent->numbers, descent->number_capacity, components * (gradients + 2 * points)))
         return false;
     double *next = descent->numbers;
     for (uint32_t d = 0; d < components; d++, next += gradients + 2 * points)

@@ -17,7 +17,7 @@ struct descent_component;
 struct descent {
     struct descent_component *components; /* [component] */
     double *numbers;                /* theirs */
-    size_t driver_capacity, number_capacity;
+    size_t component_capacity, number_capacity;
 };
 
 void descent_fini(struct descent *descent);

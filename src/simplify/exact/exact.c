@@ -117,10 +117,7 @@ static enum tetlod_status search(struct exact *exact, struct thread *thread, con
 /* Keeps the points that refused a position, in `answer->refused`: four numbers each. */
 static bool keep_witnesses(struct answer *answer, const struct finding *finding)
 {
-    void *grown = answer->refused.numbers;
-    bool room = array_reserve(&grown, &answer->refused.capacity, answer->refused.count + 8,
-                              sizeof *answer->refused.numbers);
-    answer->refused.numbers = grown;
+    bool room = ARRAY_RESERVE(answer->refused.numbers, answer->refused.capacity, answer->refused.count + 8);
     for (int i = 0; i < 2 && room; i++) {
         const struct sentinel *witness = &finding->witness[i];
         uint32_t *numbers = answer->refused.numbers + answer->refused.count;

@@ -57,27 +57,18 @@ void examiner_fini(struct examiner *examiner)
 
 static bool room(double **array, size_t *capacity, size_t needed)
 {
-    void *grown = *array;
-    bool done = array_reserve(&grown, capacity, needed, sizeof(double));
-    *array = grown;
-    return done;
+    return ARRAY_RESERVE(*array, *capacity, needed);
 }
 
 /* Room for one more point. */
 static bool point_room(struct examiner *examiner, size_t width)
 {
-    void *grown = examiner->places;
     if (examiner->point_count < examiner->place_capacity)
         return true;
     if (!room(&examiner->points, &examiner->point_capacity, 2 * (examiner->point_count + 16) * width) ||
-        !array_reserve(&grown, &examiner->place_capacity, examiner->point_count + 1, sizeof *examiner->places))
+        !ARRAY_RESERVE(examiner->places, examiner->place_capacity, examiner->point_count + 1))
         return false;
-    examiner->places = grown;
-    grown = examiner->cones;
-    if (!array_reserve(&grown, &examiner->cone_capacity, examiner->place_capacity, sizeof *examiner->cones))
-        return false;
-    examiner->cones = grown;
-    return true;
+    return ARRAY_RESERVE(examiner->cones, examiner->cone_capacity, examiner->place_capacity);
 }
 
 enum tetlod_status exact_begin(struct examiner *examiner, const struct working *working,
@@ -580,12 +571,10 @@ static bool at_spokes(const struct examination *e)
     struct examiner *examiner = e->examiner;
     const struct cover *cover = &examiner->cover;
     size_t tets = cover->tet_count;
-    void *grown = examiner->sets;
-    if (!array_reserve(&grown, &examiner->set_capacity, tets * cover->words, sizeof *examiner->sets)) {
+    if (!ARRAY_RESERVE(examiner->sets, examiner->set_capacity, tets * cover->words)) {
         examiner->point_count = SIZE_MAX;
         return false;
     }
-    examiner->sets = grown;
     for (size_t t = 0; t < tets; t++)
         both_sides(cover, cover->corners[t], examiner->sets + t * cover->words);
     for (uint32_t link = 0; link < cover->link_count; link++)

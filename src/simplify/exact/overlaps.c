@@ -71,11 +71,9 @@ void overlaps_fini(struct overlaps *overlaps)
 /* A watch of a tetrahedron that has fewer than it may have, before its others. False: no memory. */
 static bool add_watch(struct overlaps *overlaps, uint32_t tet)
 {
-    void *grown = overlaps->watches;
     if (overlaps->watch_count == TETLOD_NONE ||
-        !array_reserve(&grown, &overlaps->watch_capacity, overlaps->watch_count + 1, sizeof *overlaps->watches))
+        !ARRAY_RESERVE(overlaps->watches, overlaps->watch_capacity, overlaps->watch_count + 1))
         return false;
-    overlaps->watches = grown;
     overlaps->watches[overlaps->watch_count].next = overlaps->sentinels[tet];
     overlaps->sentinels[tet] = (uint32_t)overlaps->watch_count++;
     return true;

@@ -86,12 +86,10 @@ static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
 {
     struct star_data *data = &finder->star_data[worker];
     struct table *pairs = &finder->pairs[worker];
-    void *grown = finder->parents[worker];
     if (!star_data_gather(data, finder->working, slot) || !table_clear(pairs, 3 * (size_t)data->tet_count) ||
-        !array_reserve(&grown, &finder->parent_room[worker], data->tet_count, sizeof(uint32_t)))
+        !ARRAY_RESERVE(finder->parents[worker], finder->parent_room[worker], data->tet_count))
         return false;
-    finder->parents[worker] = grown;
-    struct link link = join_faces(finder, data, pairs, grown);
+    struct link link = join_faces(finder, data, pairs, finder->parents[worker]);
     bool open = link.many || 2 * link.pairs < 3 * data->tet_count;
     for (uint32_t t = 0; t < data->tet_count && open; t++)
         for (int k = 0; k < 3; k++)

@@ -66,7 +66,6 @@ void boundary_map_begin(struct boundary_map *map, const double *positions, size_
 
 void boundary_map_add_face(struct boundary_map *map, const uint32_t corners[4], unsigned opposite)
 {
-    void *faces = map->faces;
     bool inside[3] = {false, false, false}, moves = false;
     int contracted = 0, first = 0;
     for (int k = 0; k < 3; k++) {
@@ -80,11 +79,10 @@ void boundary_map_add_face(struct boundary_map *map, const uint32_t corners[4], 
     }
     if (!moves)
         return;
-    if (!array_reserve(&faces, &map->face_room, map->face_count + 1, sizeof *map->faces)) {
+    if (!ARRAY_RESERVE(map->faces, map->face_room, map->face_count + 1)) {
         map->failed = true;
         return;
     }
-    map->faces = faces;
     struct map_face *face = &map->faces[map->face_count++];
     face->vanishes = contracted > 1;
     for (int k = 0; k < 3; k++) {
@@ -195,10 +193,8 @@ static bool graphs(const struct boundary_map *map, double cosine)
 static bool add_point(struct boundary_map *map, struct map_point point)
 {
     double sum = 0;
-    void *points = map->points;
-    if (!array_reserve(&points, &map->point_room, map->point_count + 1, sizeof *map->points))
+    if (!ARRAY_RESERVE(map->points, map->point_room, map->point_count + 1))
         map->failed = true;
-    map->points = points;
     if (map->failed)
         return false;
     for (int i = 0; i < 3; i++) {

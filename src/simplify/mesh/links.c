@@ -26,12 +26,8 @@ static inline uint64_t pair_key(uint32_t x, uint32_t y)
 
 static bool reserve(struct links *links, const struct star_data *data)
 {
-    void *marks = links->marks, *beside = links->beside;
-    bool room = array_reserve(&marks, &links->mark_room, data->count, 1) &&
-                array_reserve(&beside, &links->beside_room, data->count, sizeof *links->beside);
-    links->marks = marks;
-    links->beside = beside;
-    return room;
+    return ARRAY_RESERVE(links->marks, links->mark_room, data->count) &&
+                ARRAY_RESERVE(links->beside, links->beside_room, data->count);
 }
 
 /* The vertex x of the ring has y beside it. False: it has two already, so that the ring is no cycle and no path. */
@@ -183,11 +179,8 @@ static const uint32_t MAX_OF_COPY = UINT32_C(1) << 21;
  * memory. */
 static bool copy_star(struct links *links, const struct star *star, const struct working *working)
 {
-    void *copy = links->copy, *marks = links->marks;
-    bool room = array_reserve(&copy, &links->copy_room, 5 * (size_t)star->tet_count, sizeof *links->copy) &&
-                array_reserve(&marks, &links->mark_room, 4 * (size_t)star->tet_count + 5, 1);
-    links->copy = copy ? copy : links->copy;
-    links->marks = marks;
+    bool room = ARRAY_RESERVE(links->copy, links->copy_room, 5 * (size_t)star->tet_count) &&
+                ARRAY_RESERVE(links->marks, links->mark_room, 4 * (size_t)star->tet_count + 5);
     if (!room || !table_clear(&links->numbers, 4 * (size_t)star->tet_count + 4))
         return false;
     links->copy_count = links->copy_vertices = 0;

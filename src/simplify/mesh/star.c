@@ -23,12 +23,8 @@ bool simplex_at_one_point(const struct working *working, const uint32_t *simplex
 
 static bool reserve(struct star *star, size_t count)
 {
-    void *tets = star->tets, *moving = star->moving;
-    bool room = array_reserve(&tets, &star->tet_room, count, sizeof *star->tets) &&
-                array_reserve(&moving, &star->moving_room, count, 1);
-    star->tets = tets;
-    star->moving = moving;
-    return room;
+    return ARRAY_RESERVE(star->tets, star->tet_room, count) &&
+                ARRAY_RESERVE(star->moving, star->moving_room, count);
 }
 
 bool star_gather(struct star *star, const struct working *working, const uint32_t *simplex, uint32_t count)

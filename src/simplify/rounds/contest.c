@@ -236,11 +236,9 @@ static bool stale(const struct contest *contest, uint32_t slot)
 
 bool contest_decide(struct contest *contest, size_t most, struct slot_list *winners, struct slot_list *out_stale)
 {
-    void *won = contest->won;
     size_t count = contest->proposing.count;
-    if (!array_reserve(&won, &contest->won_room, count, 1))
+    if (!ARRAY_RESERVE(contest->won, contest->won_room, count))
         return false;
-    contest->won = won;
     pool_run(contest->run->pool, count, 256, claim_range, contest);
     pool_run(contest->run->pool, count, 64, win_range, contest);
     pool_run(contest->run->pool, count, 256, release_range, contest);

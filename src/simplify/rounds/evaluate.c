@@ -340,7 +340,6 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     const struct working *working = run->working;
     struct proposal *proposal = &run->proposals[slot];
     struct waiting waiting = {INFINITY, INFINITY};
-    void *candidates = worker->candidates;
     proposal->priority = PROPOSES_NOTHING;
     proposal->waits = proposal->waits_changed = INFINITY;
     proposal->evaluated = run->round;
@@ -351,12 +350,10 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
     if (!star_data_gather(&worker->data, working, slot) ||
-        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->data.count,
-                       sizeof *worker->candidates)) {
+        !ARRAY_RESERVE(worker->candidates, worker->candidate_room, 2 * (size_t)worker->data.count)) {
         worker->failed = true;
         return;
     }
-    worker->candidates = candidates;
     bool proposed;
     if (working->flags[slot] & VERTEX_FROZEN)
         proposed = evaluate_frozen(run, worker, &waiting);

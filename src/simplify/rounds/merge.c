@@ -165,10 +165,8 @@ static void touch(const struct run *run, uint32_t slot)
 
 static bool list_slot(uint32_t **list, size_t *count, size_t *room, uint32_t slot)
 {
-    void *grown = *list;
-    if (!array_reserve(&grown, room, *count + 1, sizeof **list))
+    if (!ARRAY_RESERVE(*list, *room, *count + 1))
         return false;
-    *list = grown;
     (*list)[(*count)++] = slot;
     return true;
 }

@@ -67,10 +67,7 @@ bool outcome_list(const struct run *run, struct worker *worker, const struct joi
     size_t tets = 0;
     for (uint32_t s = 0; s < join->count; s++)
         tets += run->working->stars[join->simplex[s]].count;
-    void *list = worker->list;
-    bool room = array_reserve(&list, &worker->list_room, tets,
-                              sizeof *worker->list) && reserve_weighing(&worker->weighing, tets);
-    worker->list = list;
+    bool room = ARRAY_RESERVE(worker->list, worker->list_room, tets) && reserve_weighing(&worker->weighing, tets);
     worker->failed |= !room;
     worker->weighing.count = 0;
     for (uint32_t s = 0; s < join->count && room; s++)

@@ -195,12 +195,8 @@ static void merge_range(void *context, unsigned worker, size_t begin, size_t end
 static enum tetlod_status reserve(struct rounds *rounds)
 {
     size_t count = rounds->winners.count, entries = 0;
-    void *merged = rounds->merged, *errors = rounds->errors;
-    bool room = array_reserve(&merged, &rounds->merged_room, count, sizeof *rounds->merged) &&
-                array_reserve(&errors, &rounds->error_room, 2 * count * rounds->working.component_count,
-                              sizeof(double));
-    rounds->merged = merged;
-    rounds->errors = errors;
+    bool room = ARRAY_RESERVE(rounds->merged, rounds->merged_room, count) &&
+                ARRAY_RESERVE(rounds->errors, rounds->error_room, 2 * count * rounds->working.component_count);
     if (!room)
         return no_memory(rounds);
     for (size_t i = 0; i < count; i++) {

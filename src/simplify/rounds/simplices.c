@@ -108,9 +108,7 @@ static bool list_simplex(const struct run *run, struct worker *worker, const uin
 {
     struct trials *trials = worker->trials;
     const struct notes *notes = &run->notes[worker->data.vertex];
-    void *grown = trials->listed;
-    bool room = array_reserve(&grown, &trials->listed_room, trials->count + 1, sizeof *trials->listed);
-    trials->listed = grown;
+    bool room = ARRAY_RESERVE(trials->listed, trials->listed_room, trials->count + 1);
     if (!room)
         return false;
     struct listed *listed = &trials->listed[trials->count++];
@@ -344,10 +342,7 @@ static bool try_simplex(const struct run *run, struct worker *worker, uint32_t n
     listed->known.round = run->round;
     listed->known.possible = listed->known.asked = 0;
     listed->known.bound = INFINITY;
-    void *grown = trials->trials;
-    bool room = array_reserve(&grown, &trials->trial_room, trials->trial_count + MAX_CANDIDATES,
-                              sizeof *trials->trials);
-    trials->trials = grown;
+    bool room = ARRAY_RESERVE(trials->trials, trials->trial_room, trials->trial_count + MAX_CANDIDATES);
     worker->star.simplex_count = 0; // it is gathered when it is needed
     if (!room || (!run->asked && !outcome_list(run, worker, &join)))
         return false;
