@@ -179,7 +179,8 @@ struct tetlod_cell_field {
     /* its numbers are those of regions: faces between different ones are the original's at every level */
     int region;
     double range[2]; /* of the finite ones */
-    uint64_t reserved[2];
+    double quantum;  /* not 0: values are rounded to multiples of it */
+    double error;    /* the greatest difference from the original's values, in the field's units */
 };
 
 /* A topology group: steps of a series over one mesh, where others are over other ones (SPEC 3.8). It is a stream of its
@@ -213,6 +214,7 @@ struct tetlod_info {
     const struct tetlod_cell_field *cell_fields;
     uint32_t topology_count; /* 0: all steps have this mesh */
     const struct tetlod_topology *topologies;
+    uint32_t cell_rows; /* rows that the values of cells are stored in: one a cell that was split; 0: one a tetrahedron */
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -290,6 +292,10 @@ TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const c
  * read all the same. ERR_ARGUMENT if there is no such field, ERR_STREAM, or as tetlod_section_read. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out,
                                                           struct tetlod_error *error);
+
+/* Number of the section with a cell field's values, or TETLOD_NONE. Where they are stored once a cell, the map PMAP from
+ * tetrahedra to cells lies before all of them, and is needed too. */
+TETLOD_API uint32_t tetlod_cell_section(const struct tetlod_info *info, uint32_t field);
 
 /* Index of a cell field by name, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_cell_field_index(const struct tetlod_info *info, const char *name);

@@ -115,6 +115,11 @@ static enum tetlod_type float_type(enum tetlod_cell_type type)
     return type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
 }
 
+double tetlodi_cell_value(enum tetlod_cell_type type, double quantum, double code)
+{
+    return tetlodi_round(float_type(type), quantum * code);
+}
+
 static int64_t code_of(enum tetlod_cell_type type, double value)
 {
     return is_float(type) ? float_code(float_type(type), value) : (int64_t)value;

@@ -28,6 +28,9 @@ TETLOD_CHECKED enum tetlod_status tetlodi_cell_time_decode(struct tetlodi_cell_t
 /* Of a decoded table: bytes of the frames of a field's steps before step `step`, or of all. */
 uint64_t tetlodi_cell_time_before(const struct tetlodi_cell_time *time, uint32_t field, uint32_t step);
 
+/* The value of a code where values are rounded: (type)(quantum * code). */
+double tetlodi_cell_value(enum tetlod_cell_type type, double quantum, double code);
+
 /* Sums of frames may be this large; no file is. */
 #define MAX_CELL_FRAME (UINT64_C(1) << 40)
 

@@ -35,6 +35,7 @@ struct tetlodi_index {
     char *metadata; /* from its section */
     struct tetlod_cell_field *cells; /* the same */
     char *cell_names;
+    uint32_t parents; /* rows of the values of cells, if these are stored once a cell; 0: each tetrahedron has one */
     struct tetlod_topology *topologies; /* from its section */
     double *times;                      /* of all their steps */
 };

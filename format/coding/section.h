@@ -17,10 +17,15 @@ enum { MAX_METADATA = 1 << 20 };
 #define TAG_ORDER "ORDR"
 #define TAG_CELLS "CELL"
 #define TAG_CELL_VALUES "CVAL"
+#define TAG_PARENTS "PCEL" /* of cells that were split: cells.h */
+#define TAG_PARENT_MAP "PMAP"
+#define TAG_PARENT_VALUES "PVAL"
 #define TAG_TIME "TIME"
 #define TAG_STEP_VALUES "TVAL"
 #define TAG_CELL_TIME "CTIM" /* of values of cells: cell_steps.h */
 #define TAG_CELL_STEPS "CSTP"
+#define TAG_PARENT_TIME "PTIM" /* the same where there is PCEL */
+#define TAG_PARENT_STEPS "PSTP"
 #define TAG_TOPOLOGIES "TOPO"
 #define TAG_NEXT "NEXT"
 #define TAG_SUMMARY "SUMS"

@@ -29,7 +29,11 @@ static int by_offset(const void *a, const void *b)
 /* Its groups have digests of their own. */
 static bool has_groups(const struct tetlodi_section *section)
 {
-    return strcmp(section->tag, TAG_STEP_VALUES) == 0 || strcmp(section->tag, TAG_CELL_STEPS) == 0;
+    static const char *const tags[] = {TAG_STEP_VALUES, TAG_CELL_STEPS, TAG_PARENT_STEPS};
+    bool found = false;
+    for (size_t i = 0; i < sizeof tags / sizeof *tags; i++)
+        found |= strcmp(section->tag, tags[i]) == 0;
+    return found;
 }
 
 enum tetlod_status tetlodi_parts(const struct tetlod_file *file, const struct tetlod_series *series,

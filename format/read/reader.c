@@ -235,6 +235,7 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
                                                         (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     TETLOD_TRY_DONE(read_metadata(file, error));
     TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
+    TETLOD_TRY_DONE(read_table(file, TAG_PARENTS, tetlodi_parents_decode, error));
     status = read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error);
 done:
     free(index);

@@ -4,8 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/coding/cells.h"
 #include "format/common/allowance.h"
 #include "format/fail.h"
+#include "format/read/cell_values.h"
 
 void tetlodi_series_cells_fini(struct tetlodi_series_cells *cells)
 {
@@ -14,6 +16,7 @@ void tetlodi_series_cells_fini(struct tetlodi_series_cells *cells)
         free(cells->tracks[row].bytes);
     }
     free(cells->tracks);
+    free(cells->parents);
     free(cells->sections);
     tetlodi_cell_time_fini(&cells->time);
     *cells = (struct tetlodi_series_cells){0};
@@ -40,10 +43,15 @@ static bool has_bytes_for_steps(const struct tetlodi_series_cells *cells)
     for (uint32_t row = 0; row < time->field_count; row++)
         for (uint32_t step = 0; step < time->step_count; step++) {
             uint64_t size = time->sizes[(size_t)row * time->step_count + step];
-            numbers += size ? (uint64_t)index->info.tets * index->info.cell_fields[time->fields[row]].components : 0;
+            numbers += size ? (uint64_t)tetlodi_cell_rows(index) * index->info.cell_fields[time->fields[row]].components : 0;
             bytes += size;
         }
     return is_within(numbers, STEP_ROWS_FREE, STEP_ROWS_PER_BYTE, bytes);
+}
+
+static const char *time_tag(const struct tetlodi_index *index)
+{
+    return tetlodi_has_parents(index) ? TAG_PARENT_TIME : TAG_CELL_TIME;
 }
 
 /* The table's fields are the stream's, and its rows fill their sections. */
@@ -53,13 +61,13 @@ static bool goes_with_stream(struct tetlodi_series_cells *cells, uint32_t step_c
     const struct tetlodi_cell_time *time = &cells->time;
     uint32_t row = 0;
     const struct tetlodi_section *table =
-        tetlodi_section_find(index->sections, index->info.section_count, TAG_CELL_TIME);
+        tetlodi_section_find(index->sections, index->info.section_count, time_tag(index));
     if (table == index->sections || strcmp(table[-1].tag, TAG_TIME) != 0 || time->step_count != step_count ||
         time->fields[time->field_count - 1] >= index->info.cell_field_count)
         return false;
     for (uint32_t i = 0; i < index->info.section_count; i++) {
         const struct tetlodi_section *section = &index->sections[i];
-        if (strcmp(section->tag, TAG_CELL_STEPS) != 0)
+        if (strcmp(section->tag, tetlodi_has_parents(index) ? TAG_PARENT_STEPS : TAG_CELL_STEPS) != 0)
             continue;
         if (row == time->field_count || section->flags & SECTION_PACKED ||
             section->frame.size != tetlodi_cell_time_before(time, row, step_count))
@@ -74,7 +82,7 @@ enum tetlod_status tetlodi_series_cells_open(struct tetlodi_series_cells *cells,
 {
     *cells = (struct tetlodi_series_cells){.file = file};
     const struct tetlodi_section *section =
-        tetlodi_section_find(file->index.sections, file->index.info.section_count, TAG_CELL_TIME);
+        tetlodi_section_find(file->index.sections, file->index.info.section_count, time_tag(&file->index));
     if (!section)
         return TETLOD_OK;
     TETLOD_TRY(read_table(cells, section, error));
@@ -149,10 +157,11 @@ static enum tetlod_status open_group(const struct tetlodi_series_cells *cells, u
     uint32_t number = cells->time.fields[row];
     const struct tetlod_cell_field *field = &cells->file->index.info.cell_fields[number];
     track->group = TETLOD_NONE;
-    TETLOD_TRY(tetlod_cells(cells->file, number, values, error));
+    TETLOD_TRY(tetlodi_read_cell_rows(cells->file, number, values, error));
     TETLOD_TRY(read_group(cells, row, group, error));
-    if (!tetlodi_cell_steps_start(&track->steps, field->type, field->components, cells->file->index.info.tets, values))
-        return tetlodi_fail_nomem(error, field->name, (uint64_t)cells->file->index.info.tets * field->components * 8);
+    uint32_t rows = tetlodi_cell_rows(&cells->file->index);
+    if (!tetlodi_cell_steps_start(&track->steps, field->type, field->components, rows, values))
+        return tetlodi_fail_nomem(error, field->name, (uint64_t)rows * field->components * 8);
     track->group = group;
     track->next = group * STEP_GROUP;
     return TETLOD_OK;
@@ -163,6 +172,10 @@ enum tetlod_status tetlodi_series_cells_decode(struct tetlodi_series_cells *cell
 {
     struct tetlodi_cell_track *track = &cells->tracks[row];
     uint32_t group = step / STEP_GROUP;
+    const struct tetlod_info *info = &cells->file->index.info;
+    const struct tetlod_cell_field *field = &info->cell_fields[cells->time.fields[row]];
+    if (!cells->parents)
+        TETLOD_TRY(tetlodi_read_parents(cells->file, &cells->parents, error));
     if (track->group != group || step + 1 < track->next)
         TETLOD_TRY(open_group(cells, row, group, out, error));
     for (; track->next <= step; track->next++) {
@@ -173,6 +186,7 @@ enum tetlod_status tetlodi_series_cells_decode(struct tetlodi_series_cells *cell
         }
         track->at += size;
     }
-    tetlodi_cell_steps_values(&track->steps, cells->file->index.info.cell_fields[cells->time.fields[row]].type, out);
+    tetlodi_cell_steps_values(&track->steps, field->type, out);
+    tetlodi_spread_rows(out, field->components, cells->parents, info->tets);
     return TETLOD_OK;
 }

@@ -22,6 +22,7 @@ struct tetlodi_series_cells {
     struct tetlodi_cell_time time;            /* without fields where none has steps */
     const struct tetlodi_section **sections;  /* [field] */
     struct tetlodi_cell_track *tracks;        /* [field] */
+    uint32_t *parents; /* of each tetrahedron its row; NULL: not read yet, or each has its own */
 };
 
 /* Reads the table, if there is one, and holds it against the stream. To be freed also after a failure. */

@@ -9,17 +9,26 @@
 /* NULL, or why these fields cannot be written. */
 const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_t count, uint32_t tets);
 
-/* The table, and the rows of each field. */
-struct tetlodi_cell_parts {
-    uint32_t count;
-    struct tetlodi_buffer table, *rows; /* [count] */
+/* What is encoded: in the stream's order, of which original_of gives the caller's numbers. */
+struct tetlodi_cells_input {
+    const struct tetlodi_write_cells *cells;
+    uint32_t count, tets;
+    const uint32_t *original_of; /* [tets] */
+    const uint32_t *parents;     /* by the caller's numbers: alike where tetrahedra are of one cell; or NULL */
 };
 
-/* In the stream's order, of which original_of gives the caller's numbers. False: out of memory. */
-bool tetlodi_cells_encode(struct tetlodi_cell_parts *out, const struct tetlodi_write_cells *cells, uint32_t count,
-                          const uint32_t *original_of, uint32_t tets);
+/* The table, the map if rows are those of cells, and the rows of each field. */
+struct tetlodi_cell_parts {
+    uint32_t count, row_count;
+    uint32_t *tet_of; /* [row_count] the caller's number of the first tetrahedron of each row */
+    bool has_parents, in_parents; /* rows are those of cells; PCEL is the table, in place of CELL */
+    struct tetlodi_buffer table, map, *rows; /* [count] */
+};
 
-/* Their sections; returns how many there are, 1 + count at most. */
+/* Rows are those of cells where the stream becomes smaller by that. False: out of memory. */
+bool tetlodi_cells_encode(struct tetlodi_cell_parts *out, const struct tetlodi_cells_input *in);
+
+/* Their sections; returns how many there are, 2 + count at most. */
 uint32_t tetlodi_cells_list(const struct tetlodi_cell_parts *parts, const struct tetlodi_write_cells *cells,
                             struct tetlodi_write_section *sections);
 void tetlodi_cell_parts_fini(struct tetlodi_cell_parts *parts);

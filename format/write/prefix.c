@@ -8,6 +8,7 @@
 #include "format/coding/topologies.h"
 #include "format/fail.h"
 #include "format/read/reader.h"
+#include "format/read/cell_values.h"
 #include "format/write/cells_write.h"
 #include "format/write/container.h"
 
@@ -56,7 +57,7 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
 {
     const struct tetlod_info *info = &file->index.info;
     struct tetlodi_write_cells *cells = calloc(info->cell_field_count + (size_t)1, sizeof *cells);
-    uint32_t *numbers = malloc(sizeof *numbers * ((size_t)part->index.info.tets + 1)), count = 0;
+    uint32_t *parents = NULL, *numbers = malloc(sizeof *numbers * ((size_t)part->index.info.tets + 1)), count = 0;
     enum tetlod_status status = cells && numbers ? TETLOD_OK : tetlodi_fail_nomem(error, "values of tetrahedra",
                                                                                   part->index.info.tets * (uint64_t)4);
     for (uint32_t t = 0; status == TETLOD_OK && t < part->index.info.tets; t++)
@@ -68,12 +69,15 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
                                                                                     info->tets * (uint64_t)8);
         if (status == TETLOD_OK)
             cells[count++] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region,
-                                                          values};
+                                                          values, field->quantum, field->error};
         else
             free(values);
         status = status == TETLOD_ERR_TRUNCATED ? TETLOD_OK : status;
     }
-    if (status == TETLOD_OK && !tetlodi_cells_encode(&part->cells, cells, count, numbers, part->index.info.tets))
+    if (status == TETLOD_OK && count)
+        status = tetlodi_read_parents(file, &parents, error);
+    const struct tetlodi_cells_input in = {cells, count, part->index.info.tets, numbers, parents};
+    if (status == TETLOD_OK && !tetlodi_cells_encode(&part->cells, &in))
         status = tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)8);
     if (status == TETLOD_OK)
         part->section_count += tetlodi_cells_list(&part->cells, cells, part->sections + part->section_count);
@@ -81,13 +85,14 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
         free((void *)(uintptr_t)cells[f].values);
     free(cells);
     free(numbers);
+    free(parents);
     return status;
 }
 
 static enum tetlod_status take_sections(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
-    size_t size = 0, most = info->section_count + (size_t)info->cell_field_count + 2;
+    size_t size = 0, most = info->section_count + (size_t)info->cell_field_count + 3;
     part->sections = calloc(most, sizeof *part->sections);
     part->section_bytes = calloc(most, sizeof *part->section_bytes);
     if (!part->sections || !part->section_bytes)
@@ -98,7 +103,7 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlodi_section *from = &file->index.sections[i];
         if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 ||
-            strcmp(from->tag, TAG_CELLS) == 0 ||
+            strcmp(from->tag, TAG_CELLS) == 0 || strcmp(from->tag, TAG_PARENTS) == 0 ||
             strcmp(from->tag, TAG_TOPOLOGIES) == 0)
             continue; // those behind the levels are about the finest one, or about other steps
         void *bytes = malloc((size_t)from->plain + 1);

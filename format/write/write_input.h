@@ -3,6 +3,8 @@
 #ifndef TETLOD_WRITE_INPUT_H
 #define TETLOD_WRITE_INPUT_H
 
+#include <stdbool.h>
+
 #include "format/tetlod.h"
 
 struct tetlodi_write_field {
@@ -55,6 +57,15 @@ struct tetlodi_write_cells {
     enum tetlod_cell_type type;
     int region;
     const double *values; /* [components * tets] */
+    double quantum; /* not 0: values, of floats, are stored as the multiples of it that are nearest */
+    double error;   /* the greatest difference that this makes to the original's values; 0 without a quantum */
+};
+
+/* Rows of values of cells, as a stream has them. */
+struct tetlodi_late_rows {
+    uint32_t count;
+    const uint32_t *tet_of; /* [count] the number of a tetrahedron with the row's values */
+    bool in_parents;        /* sections PTIM and PSTP, in place of CTIM and CSTP */
 };
 
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
@@ -79,10 +90,11 @@ struct tetlodi_write_input {
     const struct tetlodi_write_section *sections; /* further ones */
     uint32_t cell_field_count;
     const struct tetlodi_write_cells *cells;
+    const uint32_t *parents; /* [tets] alike where tetrahedra are of one cell, whose values they have; or NULL */
     /* Makes more of them when the levels are written, or NULL: original_of[i] is the number above of the finest level's
-     * vertex i, and original_tets[i] that of its tetrahedron i. Vertex i of a coarser level is the node there that this
-     * one comes from. What it gives is borrowed until tetlodi_write returns. */
-    enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+     * vertex i. Vertex i of a coarser level is the node there that this one comes from. What it gives is borrowed until
+     * tetlodi_write returns. */
+    enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                const struct tetlodi_write_section **out, uint32_t *count, struct tetlod_error *error);
     void *late_opaque;
     int (*progress)(void *opaque, double done); /* asked now and then by the caller's thread: 0 cancels; may be NULL */

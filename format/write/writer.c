@@ -567,10 +567,11 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     const struct tetlodi_write_input *in = w->in;
     const struct tetlodi_write_section *late = NULL;
     uint32_t count = 0, late_count = 0;
+    const struct tetlodi_late_rows rows = {w->cells.row_count, w->cells.tet_of, w->cells.in_parents};
     if (in->late)
-        TETLOD_TRY(in->late(in->late_opaque, w->node_at, w->original_of, &late, &late_count, w->error));
+        TETLOD_TRY(in->late(in->late_opaque, w->node_at, &rows, &late, &late_count, w->error));
     struct tetlodi_write_section *sections =
-        calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 3, sizeof *sections);
+        calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 4, sizeof *sections);
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
@@ -616,7 +617,7 @@ static enum tetlod_status check_input(const struct writer *w)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";
-    else if (in->section_count > MAX_SECTIONS - 3 - MAX_FIELDS)
+    else if (in->section_count > MAX_SECTIONS - 4 - MAX_FIELDS)
         wrong = "it has too many sections";
     else if (tetlodi_metadata_wrong(in->metadata))
         wrong = "its metadata is too large";
@@ -715,7 +716,9 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
         TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(write_levels(w));
     TETLOD_TRY(ask(w));
-    if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))
+    const struct tetlodi_cells_input cells = {w->in->cells, w->in->cell_field_count, w->in->tets, w->original_of,
+                                              w->in->parents};
+    if (!tetlodi_cells_encode(&w->cells, &cells))
         return out_of_memory(w);
     if (w->in->keep_order)
         TETLOD_TRY(write_order(w));

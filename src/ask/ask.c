@@ -133,8 +133,10 @@ static enum tetlod_status count_bytes(const struct asking *asking, uint32_t leve
     for (size_t s = 0; s < count; s++)
         *out += spans[s].size;
     free(spans);
-    uint32_t section = asking->regions ? tetlod_section_index(asking->info, "CVAL") : TETLOD_NONE;
+    uint32_t section = asking->regions ? tetlod_cell_section(asking->info, asking->region_field) : TETLOD_NONE;
+    uint32_t map = asking->regions && asking->info->cell_rows ? tetlod_section_index(asking->info, "PMAP") : TETLOD_NONE;
     *out += section == TETLOD_NONE ? 0 : asking->info->sections[section].stored;
+    *out += map == TETLOD_NONE ? 0 : asking->info->sections[map].stored;
     return TETLOD_OK;
 }
 

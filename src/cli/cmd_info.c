@@ -29,7 +29,7 @@ static const char help[] =
 
 static bool is_cell_values(const struct tetlod_section *section)
 {
-    return strcmp(section->tag, "CVAL") == 0;
+    return strcmp(section->tag, "CVAL") == 0 || strcmp(section->tag, "PVAL") == 0;
 }
 
 /* Sections of a file that is cut off, those of cells by the names of the fields. */
@@ -112,8 +112,13 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
         static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
         const struct tetlod_cell_field *field = &info->cell_fields[f];
         print_field("cell field    ", field->name, field->components, types[field->type], field->range, metadata);
-        printf("%s\n", field->region ? ", regions" : "");
+        printf("%s", field->region ? ", regions" : "");
+        if (field->quantum > 0)
+            printf(", rounded: error at most %.3g", field->error);
+        printf("\n");
     }
+    if (info->cell_rows && info->cell_rows < info->tets)
+        printf("cells         %u, split into the tetrahedra; their values are stored once a cell\n", info->cell_rows);
     json_decref(metadata);
     print_cut(info, fd);
     for (uint32_t t = 0, first = 0; t < info->topology_count; first += info->topologies[t++].step_count)

@@ -33,10 +33,8 @@ bool cli_section_here(const struct tetlod_section *section, int fd)
 
 bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field)
 {
-    for (uint32_t i = 0; i < info->section_count; i++)
-        if (strcmp(info->sections[i].tag, "CVAL") == 0 && cell_field-- == 0)
-            return cli_section_here(&info->sections[i], fd);
-    return false;
+    uint32_t section = tetlod_cell_section(info, cell_field);
+    return section != TETLOD_NONE && cli_section_here(&info->sections[section], fd);
 }
 
 /* The largest error of the controlled fields at a level; NaN if that of one of them is not known. */

@@ -62,6 +62,8 @@ static void move_tet(struct tetmesh *mesh, uint32_t from, uint32_t to)
     if (from == to)
         return;
     memcpy(mesh->corners + 4 * (size_t)to, mesh->corners + 4 * (size_t)from, 4 * sizeof *mesh->corners);
+    if (mesh->parents)
+        mesh->parents[to] = mesh->parents[from];
     for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
         size_t width = mesh->cell_fields[f].components;
         double *values = mesh->cell_fields[f].values;

@@ -25,6 +25,7 @@ void tetmesh_fini(struct tetmesh *mesh)
     free(mesh->cell_fields);
     free(mesh->positions);
     free(mesh->corners);
+    free(mesh->parents);
     *mesh = (struct tetmesh){0};
 }
 

@@ -33,6 +33,7 @@ struct tetmesh {
     struct point_field *fields; /* owned */
     struct point_field *cell_fields; /* owned: values of tetrahedra */
     uint32_t cell_field_count;
+    uint32_t *parents;         /* owned, [tet_count]: alike where tetrahedra were made of one cell; NULL: none was split */
     uint64_t unused_points;    /* points of the input that no tetrahedron used: dropped */
 };
 

@@ -38,6 +38,7 @@ struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
     const uint32_t *numbering;      /* the corners as the caller numbers them: what is stored */
+    const uint32_t *parents;        /* the mesh's, or NULL */
     struct oriented oriented;       /* `mesh` and `original` are in one turn (orient.h) */
     struct tetmesh turned;          /* the caller's mesh with those corners, if they differ */
     struct tetmesh rounded;
@@ -482,6 +483,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .sections = sections,
                                         .cell_field_count = build->original->cell_field_count,
                                         .cells = cells,
+                                        .parents = build->parents,
                                         .late = build->series ? series_sections : NULL,
                                         .late_opaque = build->series,
                                         .progress = build->options->progress ? encode_progress : NULL,
@@ -587,6 +589,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     struct build build = {.mesh = mesh,
                           .original = mesh,
                           .numbering = mesh->corners,
+                          .parents = mesh->parents,
                           .options = options,
                           .cost = {.field = TETLOD_NONE},
                           .error = error};

@@ -57,7 +57,7 @@ TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, s
                                                   const double *weights, const struct simplify_options *options, struct tetlod_error *error);
 
 /* The writer's late sections (struct tetlodi_write_input): `opaque` is the series. */
-enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                    const struct tetlodi_write_section **out, uint32_t *count,
                                    struct tetlod_error *error);
 

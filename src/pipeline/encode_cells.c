@@ -17,7 +17,7 @@
 /* One field. */
 struct cell_row {
     const struct series_build *series;
-    const uint32_t *original_tets;
+    const struct tetlodi_late_rows *rows;
     uint32_t cells, row; /* of the input's list; of the table */
     size_t count;        /* numbers of a step */
     double *first, *read, *now; /* [count] the first step's; a step's as they were read; in the stream's order */
@@ -47,10 +47,10 @@ static enum tetlod_status load(struct cell_row *row, uint32_t step, double *out,
         all += input->cells[c].components;
     }
     uint64_t offset = (step * all + before) * tets * sizeof *out;
-    if (input->cell_values.read(input->cell_values.opaque, offset, row->read, row->count * sizeof *out) != TETLOD_OK)
+    if (input->cell_values.read(input->cell_values.opaque, offset, row->read, tets * k * sizeof *out) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values of cells cannot be read from a temporary file");
-    for (size_t t = 0; t < tets; t++)
-        memcpy(out + t * k, row->read + row->original_tets[t] * (size_t)k, k * sizeof *out);
+    for (size_t i = 0; i < row->rows->count; i++)
+        memcpy(out + i * k, row->read + row->rows->tet_of[i] * (size_t)k, k * sizeof *out);
     return TETLOD_OK;
 }
 
@@ -90,8 +90,7 @@ static enum tetlod_status encode_group(struct cell_row *row, uint32_t group, str
              end = begin + STEP_GROUP < out->time.step_count ? begin + STEP_GROUP : out->time.step_count;
     const struct build_series_cells *cells = &row->series->input->cells[row->cells];
     row->group.size = 0;
-    if (!tetlodi_cell_steps_start(&row->steps, cells->type, cells->components, row->series->mesh->tet_count,
-                                  row->first))
+    if (!tetlodi_cell_steps_start(&row->steps, cells->type, cells->components, row->rows->count, row->first))
         return tetlodi_fail_nomem(error, "a step of cells", row->count * sizeof(double));
     for (uint32_t step = begin; step < end; step++)
         TETLOD_TRY(encode_step(row, step, out, error));
@@ -105,9 +104,10 @@ static enum tetlod_status encode_field(struct cell_row *row, struct series_cells
 {
     double *range = out->time.ranges[row->row];
     enum tetlod_status status = TETLOD_OK;
-    row->count = (size_t)row->series->mesh->tet_count * row->series->input->cells[row->cells].components;
+    uint32_t components = row->series->input->cells[row->cells].components;
+    row->count = (size_t)row->rows->count * components;
     row->first = array_new(row->count, sizeof *row->first);
-    row->read = array_new(row->count, sizeof *row->read);
+    row->read = array_new(row->series->mesh->tet_count, components * sizeof *row->read);
     row->now = array_new(row->count, sizeof *row->now);
     if (!row->first || !row->read || !row->now)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a step of cells", row->count * 3 * sizeof(double)));
@@ -139,7 +139,7 @@ static enum tetlod_status start(const struct series_build *series, uint32_t fiel
     return TETLOD_OK;
 }
 
-enum tetlod_status series_cells_encode(const struct series_build *series, const uint32_t *original_tets,
+enum tetlod_status series_cells_encode(const struct series_build *series, const struct tetlodi_late_rows *rows,
                                        struct series_cells_encoding *out, struct tetlod_error *error)
 {
     uint32_t fields = 0, row = 0;
@@ -149,7 +149,7 @@ enum tetlod_status series_cells_encode(const struct series_build *series, const 
         return TETLOD_OK;
     TETLOD_TRY(start(series, fields, out, error));
     for (uint32_t c = 0; c < series->input->cell_count; c++) {
-        struct cell_row at = {.series = series, .original_tets = original_tets, .cells = c, .row = row};
+        struct cell_row at = {.series = series, .rows = rows, .cells = c, .row = row};
         if (series->input->cells[c].missing)
             continue;
         out->time.fields[row] = series->input->cells[c].field;

@@ -429,7 +429,7 @@ static void list_table(struct series_encoding *encoding, const char *tag, const 
 }
 
 /* Tables first: a reader fetches them together. */
-static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
+static enum tetlod_status list_sections(struct series_encoding *encoding, bool in_parents, struct tetlod_error *error)
 {
     const struct series_cells_encoding *cells = &encoding->cells;
     tetlodi_time_encode(&encoding->time, &encoding->table);
@@ -437,17 +437,17 @@ static enum tetlod_status list_sections(struct series_encoding *encoding, struct
         return tetlodi_fail_nomem(error, "the table of steps", encoding->table.size);
     list_table(encoding, TAG_TIME, &encoding->table);
     if (cells->time.field_count)
-        list_table(encoding, TAG_CELL_TIME, &cells->table);
+        list_table(encoding, in_parents ? TAG_PARENT_TIME : TAG_CELL_TIME, &cells->table);
     for (uint32_t i = 0; i < encoding->row_count; i++) {
         TETLOD_TRY(spool_source(&encoding->spools[i], &encoding->sources[i], error));
         list_frames(encoding, TAG_STEP_VALUES, &encoding->sources[i]);
     }
     for (uint32_t f = 0; f < cells->time.field_count; f++)
-        list_frames(encoding, TAG_CELL_STEPS, &cells->sources[f]);
+        list_frames(encoding, in_parents ? TAG_PARENT_STEPS : TAG_CELL_STEPS, &cells->sources[f]);
     return TETLOD_OK;
 }
 
-enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const uint32_t *original_tets,
+enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                    const struct tetlodi_write_section **out, uint32_t *count,
                                    struct tetlod_error *error)
 {
@@ -468,9 +468,9 @@ enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, co
     }
     free(numbers);
     if (status == TETLOD_OK)
-        status = series_cells_encode(series, original_tets, &series->encoding->cells, error);
+        status = series_cells_encode(series, rows, &series->encoding->cells, error);
     if (status == TETLOD_OK)
-        status = list_sections(series->encoding, error);
+        status = list_sections(series->encoding, rows->in_parents, error);
     *out = status == TETLOD_OK ? series->encoding->sections : NULL;
     *count = status == TETLOD_OK ? series->encoding->section_count : 0;
     return status;

@@ -82,8 +82,8 @@ struct series_cells_encoding {
     uint64_t numbers, bytes;       /* that decoding the frames so far counts (SPEC 2.3); of these frames */
 };
 
-/* Encodes all steps; original_tets as of series_sections. To be freed also after a failure. */
-TETLOD_CHECKED enum tetlod_status series_cells_encode(const struct series_build *series, const uint32_t *original_tets,
+/* Encodes all steps; `rows` as of series_sections. To be freed also after a failure. */
+TETLOD_CHECKED enum tetlod_status series_cells_encode(const struct series_build *series, const struct tetlodi_late_rows *rows,
                                                       struct series_cells_encoding *out, struct tetlod_error *error);
 void series_cells_encoding_fini(struct series_cells_encoding *encoding);
 

@@ -39,7 +39,14 @@ static uint64_t field_bytes(const struct tetlod_file *file, uint32_t field)
 
 static bool is_cells(const struct tetlod_section *section)
 {
-    return strcmp(section->tag, "CVAL") == 0;
+    return strcmp(section->tag, "CVAL") == 0 || strcmp(section->tag, "PVAL") == 0;
+}
+
+/* Where there are cells, which tetrahedra are whose. */
+static uint64_t map_bytes(const struct tetlod_info *info)
+{
+    uint32_t map = info->cell_rows ? tetlod_section_index(info, "PMAP") : TETLOD_NONE;
+    return map == TETLOD_NONE ? 0 : info->sections[map].stored;
 }
 
 static struct sums sum_up(const struct tetlod_file *file)
@@ -60,6 +67,8 @@ static struct sums sum_up(const struct tetlod_file *file)
         sums.steps += steps ? section->stored : 0;
         sums.rest -= is_cells(section) || steps ? section->stored : 0;
     }
+    sums.cells += map_bytes(info);
+    sums.rest -= map_bytes(info);
     return sums;
 }
 
@@ -88,7 +97,7 @@ static void print_fields(FILE *out, const struct tetlod_file *file, const struct
 
 static void print_cells(FILE *out, const struct tetlod_info *info, const struct sums *sums)
 {
-    uint64_t rest = sums->cells;
+    uint64_t rest = sums->cells - map_bytes(info);
     uint32_t f = 0;
     for (uint32_t i = 0; i < info->section_count && f < info->cell_field_count && f < MAX_LINES; i++)
         if (is_cells(&info->sections[i])) {
@@ -97,6 +106,8 @@ static void print_cells(FILE *out, const struct tetlod_info *info, const struct 
         }
     if (f < info->cell_field_count)
         line(out, rest, info->bytes, "%u more cell fields", info->cell_field_count - f);
+    if (map_bytes(info))
+        line(out, map_bytes(info), info->bytes, "which tetrahedra make which cell");
 }
 
 static void print_table(FILE *out, const struct tetlod_file *file, const struct sums *sums)

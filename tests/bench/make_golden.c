@@ -24,6 +24,7 @@ static const struct {
     {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30, 0, 0}, 5},
     {"kept_order", {GEN_HOLES, 8, 4, 9, 3, TETLOD_FLOAT32, 0, 0, 0}, 0},
     {"cells_float32", {GEN_HOLES, 11, 4, 7, 3, TETLOD_FLOAT32, 0, 0, 0}, 0},
+    {"parents_float32", {GEN_GRID, 12, 6, 7, 3, TETLOD_FLOAT32, 0, 0, 0}, 0},
     {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12, 0}, 0},
     {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20, 0}, 0},
     {"tail_noise", {GEN_GRID, 10, 5, 4, 3, TETLOD_FLOAT64, 12, 16, 1}, 0},
@@ -53,6 +54,30 @@ static double *add_cells(struct tetlodi_write_input *input, struct tetlodi_write
     return values;
 }
 
+enum { TETS_OF_CELL = 7 };
+
+/* Seven tetrahedra at a time have the values of one cell, and the second field is rounded. The cells, to be freed. */
+static uint32_t *join_cells(struct tetlodi_write_input *input, struct tetlodi_write_cells cells[CELL_FIELDS],
+                            double *values)
+{
+    uint32_t *parents = malloc(input->tets * sizeof *parents);
+    const double *of[CELL_FIELDS];
+    for (int f = 0; f < CELL_FIELDS; f++)
+        of[f] = cells[f].values;
+    for (size_t t = 0; parents && t < input->tets; t++) {
+        parents[t] = (uint32_t)t / TETS_OF_CELL;
+        for (int f = 0; f < CELL_FIELDS; f++)
+            for (size_t n = cells[f].components, c = 0; c < n; c++)
+                values[of[f] - values + (ptrdiff_t)(t * n + c)] = of[f][t / TETS_OF_CELL * TETS_OF_CELL * n + c];
+    }
+    for (size_t t = 0; t < input->tets; t++)
+        values[of[1] - values + (ptrdiff_t)t] = 0x1p880 * floor(of[1][t] / 0x1p980 + 0.5);
+    cells[1].quantum = 0x1p880;
+    cells[1].error = 0x1p879;
+    input->parents = parents;
+    return parents;
+}
+
 /* The stream as it is written, or with an index that is not packed, as corpora of the fuzz targets want it. */
 static int save(const char *folder, const char *name, const struct memory_sink *memory, int plain)
 {
@@ -77,13 +102,18 @@ int main(int argc, char **argv)
             return 1;
         struct tetlodi_write_cells cells[CELL_FIELDS] = {0};
         double *values = NULL;
-        if (strcmp(golden[i].name, "cells_float32") == 0 && !(values = add_cells(&recode.input, cells)))
+        uint32_t *parents = NULL;
+        bool joins = strcmp(golden[i].name, "parents_float32") == 0, has_cells = strcmp(golden[i].name, "cells_float32") == 0;
+        if ((joins || has_cells) && !(values = add_cells(&recode.input, cells)))
+            return 1;
+        if (joins && !(parents = join_cells(&recode.input, cells, values)))
             return 1;
         recode.input.inverted_tets = golden[i].inverted;
         recode.input.keep_order = strcmp(golden[i].name, "kept_order") == 0;
         if (tetlodi_write(&recode.input, &sink, NULL) != TETLOD_OK || !save(argv[1], golden[i].name, &memory, argc > 2))
             return 1;
         free(values);
+        free(parents);
         free(memory.bytes);
         gen_free(&recode);
     }

@@ -169,7 +169,7 @@ class LibraryDecoder:
                          self._read)
         self.info = self._information()
         c = self._library.tetlod_info(self._file).contents
-        self.cell_ends = tuple(s.offset + s.stored for s in c.sections[:c.section_count] if s.tag == b'CVAL')
+        self.cell_ends = tuple(s.offset + s.stored for s in c.sections[:c.section_count] if s.tag in (b'CVAL', b'PVAL'))
         names = [f.name for f in self.info.fields]
         for name in fields or ():
             if name not in names:

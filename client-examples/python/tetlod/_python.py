@@ -22,7 +22,7 @@ class PythonDecoder:
                 raise unknown_field(name, [f['name'] for f in self._stream.fields])
         self._cursor: Any = None
         self.info = information(self._stream)
-        self.cell_ends = tuple(s['offset'] + s['stored'] for s in self._stream.sections if s['tag'] == 'CVAL')
+        self.cell_ends = tuple(s['offset'] + s['stored'] for s in self._stream.sections if s['tag'] in ('CVAL', 'PVAL'))
 
     def seek(self, level: int) -> None:
         if self._cursor is None:

@@ -184,9 +184,8 @@ class Stream:
         self._parse(Bytes(index), 64 + index_size, early_size)
         require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
         self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
-        self.cell_fields = []
-        if any(section['tag'] == 'CELL' for section in self.sections):
-            self._parse_cells(Bytes(self.section('CELL')))
+        self.cell_fields, self.cell_rows = [], None  # rows of values of cells, if they are those of PCEL
+        self._parse_cell_tables([section['tag'] for section in self.sections])
         self.topologies, self.group_times = [], None  # the latter: of the steps, in a topology group
         if any(section['tag'] == 'TOPO' for section in self.sections):
             self._parse_topologies(Bytes(self.section('TOPO')))
@@ -255,11 +254,11 @@ class Stream:
             tag, place = tag.decode(), flags & 2
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
-            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'TOPO') else PACKED, size)
+            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'PTIM', 'TOPO') else PACKED, size)
             require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
             known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'CTIM': 0, 'CSTP': 0,
-                     'TOPO': 2, 'NEXT': 0}
-            twice = tag not in ('CVAL', 'TVAL', 'CSTP') and any(tag == s['tag'] for s in self.sections)
+                     'PCEL': 2, 'PMAP': 0, 'PVAL': 0, 'PTIM': 0, 'PSTP': 0, 'TOPO': 2, 'NEXT': 0}
+            twice = tag not in ('CVAL', 'TVAL', 'CSTP', 'PVAL', 'PSTP') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
             require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
@@ -274,20 +273,45 @@ class Stream:
             return unpack(data, section['size']) if section['packed'] else data
         return None
 
-    def _parse_cells(self, data):
+    def _parse_cell_tables(self, tags):
+        if 'CELL' in tags:
+            require('PCEL' not in tags, 'two tables of cell fields')
+            self._parse_cells(Bytes(self.section('CELL')), 'CVAL', self.tets)
+        if 'PCEL' in tags:
+            data = Bytes(self.section('PCEL'))
+            self.cell_rows = data.take('Q')
+            require(0 < self.cell_rows <= self.tets, 'cell fields of too many cells or none')
+            if 'PMAP' in tags:
+                packed = [section['packed'] for section in self.sections if section['tag'] == 'PMAP']
+                require(not packed[0] and 'PVAL' not in tags[:tags.index('PMAP')], 'a map from tetrahedra to cells at the wrong place')
+            else:
+                require(self.cell_rows == self.tets, 'cells without the map to them')
+            self._parse_cells(data, 'PVAL', self.cell_rows)
+
+    def _parse_cells(self, data, tag, rows):
         """The table of cell fields (SPEC 3.6)."""
-        sizes = [section['size'] for section in self.sections if section['tag'] == 'CVAL']
+        values = [section for section in self.sections if section['tag'] == tag]
         count = data.take('H')
-        require(count <= 256 and count == len(sizes), 'cell fields that do not go with their values')
-        for size in sizes:
-            kind, components, flags, reserved, low, high, length = data.take('BBBBddH')
+        require(count <= 256 and count == len(values), 'cell fields that do not go with their values')
+        for section in values:
+            kind, components, flags, reserved, low, high = data.take('BBBBdd')
+            quantum, error = data.take('dd') if tag == 'PVAL' else (0.0, 0.0)
+            length = data.take('H')
+            require(0 <= quantum <= 2.0**900 and 0 <= error < math.inf and (kind < 2 if quantum else error == 0), 'rounded cell data of an unknown kind')
             require(kind < len(CELL_TYPES) and 1 <= components <= 64 and reserved == 0, 'cell data of an unknown kind')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'cell data without a range')
             name = data.name(length)
             require(all(name != field['name'] for field in self.cell_fields), 'two cell fields of one name')
-            require(size == self.tets * components * np.dtype(CELL_TYPES[kind]).itemsize, 'cell fields that do not go with their values')
+            size, numbers = section['size'], rows * components
+            fits = size == numbers * np.dtype(CELL_TYPES[kind]).itemsize
+            if quantum:
+                fits = not section['packed'] and (size == 0 or numbers <= allowed(STEP_ROWS, size))
+            if 'PMAP' in [other['tag'] for other in self.sections] and tag == 'PVAL':
+                mapped = [other['stored'] for other in self.sections if other['tag'] == 'PMAP'][0]
+                fits = fits and self.tets * components <= allowed(STEP_ROWS, section['stored'] + mapped)
+            require(fits, 'cell fields that do not go with their values')
             self.cell_fields.append({'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
-                                     'range': [low, high]})
+                                     'range': [low, high], 'quantum': quantum, 'error': error})
         require(data.at == len(data.data), 'the table of cell data is damaged')
 
     def _parse_topologies(self, data):
@@ -326,11 +350,51 @@ class Stream:
 
     def cells(self, name):
         """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first."""
+        return self.spread(self.cell_values(name))
+
+    def spread(self, rows):
+        """Values of cells as values of tetrahedra."""
+        parents = self.parents()
+        return rows if parents is None else rows[parents]
+
+    def cell_values(self, name):
+        """A row for each cell, or for each tetrahedron where `parents` gives None."""
         number = [field['name'] for field in self.cell_fields].index(name)
-        field = self.cell_fields[number]
-        values = np.frombuffer(self.section('CVAL', number), np.dtype(field['type']).newbyteorder('<'))
+        field, rows = self.cell_fields[number], self.cell_rows or self.tets
+        data, kind = self.section('PVAL' if self.cell_rows else 'CVAL', number), np.dtype(field['type']).newbyteorder('<')
+        shape = (rows, field['components']) if field['components'] > 1 else (rows,)
+        if field['quantum']:
+            from .reference_steps import CellGroup
+            codes = CellGroup(np.zeros(shape, '<i8'))
+            if data:
+                codes.decode(data)
+            values = (codes.values() * field['quantum']).astype(kind)
+            require(np.all(np.isfinite(values)), 'cell data that is not finite')
+            return values
+        values = np.frombuffer(data, kind)
         require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
-        return values.reshape(self.tets, -1) if field['components'] > 1 else values
+        return values.reshape(shape)
+
+    def parents(self):
+        """The cell of each tetrahedron (SPEC 3.6), cells numbered as they arrive; None: each is its own."""
+        data = self.section('PMAP') if self.cell_rows else None
+        if data is None:
+            return None
+        coder, fresh, models = Coder(126), bits(2), Number()
+        coder.start(data)
+        parents, seen, last, context, new = np.empty(self.tets, np.uint32), 0, 0, 0, 1
+        for t in range(self.tets):
+            new = 1 if t == 0 else coder.bit(fresh, new)
+            if new:
+                last, seen = seen, seen + 1
+            else:
+                distance = coder.number(models, context)
+                last, context = last + distance, abs(distance).bit_length()
+            require(0 <= last < min(seen, self.cell_rows), 'a map to cells that are not there')
+            parents[t] = last
+        require(seen == self.cell_rows, 'a map to cells that are not there')
+        coder.finish('the map from tetrahedra to cells')
+        return parents
 
     def series(self):
         """The steps in time (reference_steps.Series), or None."""

@@ -58,7 +58,7 @@ class Series:
                                                                           level['tets'] for level in levels) * steps
         require(counted <= allowed(STEP_ROWS, sum(sizes)), 'more steps than their bytes can hold')
         self._cursor, self._lower, self._found = None, {}, {}
-        cells = stream.section('CTIM')
+        cells = stream.section('PTIM' if stream.cell_rows else 'CTIM')
         self._cells = None if cells is None else CellSteps(stream, cells, steps)
 
     def _field(self, data):
@@ -193,7 +193,8 @@ class CellSteps:
 
     def __init__(self, stream, table, steps):
         tags = [section['tag'] for section in stream.sections]
-        require(tags[tags.index('CTIM') - 1] == 'TIME', 'a table of cells\' steps that does not follow that of steps')
+        table_tag, tag = ('PTIM', 'PSTP') if stream.cell_rows else ('CTIM', 'CSTP')
+        require(tags[tags.index(table_tag) - 1] == 'TIME', 'a table of cells\' steps that does not follow that of steps')
         self._stream, self.names, self.ranges, data = stream, [], {}, Bytes(table)
         fields, count = data.take('II')
         require(0 < fields <= 256 and count == steps, 'a table of cells\' steps beyond the limits')
@@ -210,17 +211,17 @@ class CellSteps:
         self._sizes = [[data.take('Q') for _ in range(steps)] for _ in range(fields)]
         require(all(sizes[0] == 0 and max(sizes) <= 1 << 40 for sizes in self._sizes), 'a frame of the first step')
         self._digests = [[data.take('16s') for _ in range(groups)] for _ in range(fields)]
-        self._sections = [section for section in stream.sections if section['tag'] == 'CSTP']
+        self._sections = [section for section in stream.sections if section['tag'] == tag]
         require([(s['stored'], s['packed']) for s in self._sections] == [(sum(sizes), False) for sizes in self._sizes],
                 'the table of cells\' steps does not go with the stream')
         coded = sum(stream.cell_fields[number]['components'] * sum(map(bool, sizes))
                     for number, sizes in zip(numbers, self._sizes))
-        require(coded * stream.tets <= allowed(STEP_ROWS, sum(map(sum, self._sizes))),
+        require(coded * (stream.cell_rows or stream.tets) <= allowed(STEP_ROWS, sum(map(sum, self._sizes))),
                 'more steps of cells than their bytes can hold')
 
     def values(self, name, step):
         """Of all tetrahedra, as stream.cells."""
-        first, row, begin = self._stream.cells(name), self.names.index(name), step // GROUP * GROUP
+        first, row, begin = self._stream.cell_values(name), self.names.index(name), step // GROUP * GROUP
         sizes, offset = self._sizes[row], self._sections[row]['offset'] + sum(self._sizes[row][:begin])
         size = sum(sizes[begin:begin + GROUP])
         wanted = self._digests[row][begin // GROUP] if size else digest(b'')
@@ -230,7 +231,7 @@ class CellSteps:
             if size:
                 steps.decode(group[:size])
             group = group[size:]
-        return steps.values()
+        return self._stream.spread(steps.values())
 
 
 class CellGroup:

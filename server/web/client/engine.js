@@ -54,6 +54,7 @@ export class Engine {
   #vectorsOf = '';    // what the page has arrows or streamlines of
   #cells = new Map(); // promises of fields of cells, by number
   #cellBytes = new Map(); // what they are made from, by number
+  #cellMap; // and the bytes that say which cell a tetrahedron is of
   #cellsAt = 0; // the step that they are those of
   #shows = 0;
   #seen = null;       // resolves when the page has seen the last pictures
@@ -428,7 +429,8 @@ export class Engine {
   }
 
   async #readCells(field) {
-    const { name, components, type, place: [offset, size] } = this.#base.cellFields[field];
+    const { name, components, type, place: [offset, size], map } = this.#base.cellFields[field];
+    if (map) this.#cellMap ||= await this.#source.apart(...map);
     this.#cellBytes.set(field, await this.#source.apart(offset, size));
     await this.#stepCells(field, this.#cellsAt);
     if (!this.#base.time) this.#cellBytes.delete(field); // there is no other step
@@ -438,10 +440,11 @@ export class Engine {
 
   // Values of cells become those of a step.
   async #stepCells(field, step) {
-    const { place: [own] } = this.#base.cellFields[field], { offset, size } = this.#view.cellsSpan(field, step);
+    const { place: [own], map } = this.#base.cellFields[field], { offset, size } = this.#view.cellsSpan(field, step);
     const group = size && await this.#source.apart(offset, size).catch(() => 0);
     if (step !== this.#cellsAt) return; // it went on meanwhile
     this.#view.put(own, this.#cellBytes.get(field));
+    if (map) this.#view.put(map[0], this.#cellMap);
     if (group) this.#view.put(offset, group);
     try {
       this.#view.loadCells(field, step);

@@ -78,14 +78,13 @@ static const char *name_of(enum tetlod_cell_type type)
     return names[type];
 }
 
-/* Values of tetrahedra, and where they are: their bytes, in the stream as a whole. */
+/* Values of tetrahedra, and where they are: their bytes, in the stream as a whole, and those of the map from tetrahedra
+ * to cells. */
 static void put_cell_fields(struct tetlodi_buffer *out, const struct tetlod_info *info)
 {
-    uint32_t section = 0;
-    for (uint32_t f = 0; f < info->cell_field_count; f++, section++) {
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
         const struct tetlod_cell_field *field = &info->cell_fields[f];
-        while (strcmp(info->sections[section].tag, "CVAL") != 0)
-            section++;
+        uint32_t section = tetlod_cell_section(info, f), map = info->cell_rows ? tetlod_section_index(info, "PMAP") : TETLOD_NONE;
         put(out, f ? ",{\"name\":" : "{\"name\":");
         put_string(out, field->name);
         put_member(out, "components", field->components);
@@ -96,6 +95,10 @@ static void put_cell_fields(struct tetlodi_buffer *out, const struct tetlod_info
         put(out, field->region ? ",\"region\":true,\"place\":" : ",\"region\":false,\"place\":");
         put_point(out, (const double[]){(double)info->sections[section].offset,
                                         (double)info->sections[section].stored}, 2);
+        if (map != TETLOD_NONE) {
+            put(out, ",\"map\":");
+            put_point(out, (const double[]){(double)info->sections[map].offset, (double)info->sections[map].stored}, 2);
+        }
         put(out, "}");
     }
 }
@@ -150,7 +153,8 @@ static void put_table(struct tetlodi_buffer *out, const struct tetlod_info *info
     }
     place[0] = (double)info->sections[section].offset;
     place[1] = (double)info->sections[section].stored;
-    if (section + 1 < info->section_count && strcmp(info->sections[section + 1].tag, "CTIM") == 0)
+    if (section + 1 < info->section_count && (strcmp(info->sections[section + 1].tag, "CTIM") == 0 ||
+                                               strcmp(info->sections[section + 1].tag, "PTIM") == 0))
         place[1] += (double)info->sections[section + 1].stored;
     put_point(out, place, 2);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * From cells to tetrahedra: all cells are checked and counted first; polyhedra, and cells of higher order that are
- * subdivided, get a point in their centre; then tetrahedra are copied and the others split. `origin` remembers whose
- * cell a tetrahedron is part of, for the cells' values.
+ * subdivided, get a point in their centre; then tetrahedra are copied and the others split. The
+ * mesh's parents remember whose cell a tetrahedron is part of.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -62,7 +62,6 @@ struct splitter {
     bool subdivide, is_turned;
     uint64_t most_tets, centres;
     uint32_t point_count, next_centre;
-    uint32_t *origin; /* [tetrahedron], or NULL: nobody asks */
     const struct point_field *orders; /* of Lagrange cells, or NULL: their numbers of points tell them */
 };
 
@@ -268,8 +267,8 @@ static void put_tets(struct splitter *s, uint64_t cell, uint32_t (*tets)[4], uns
     for (unsigned t = 0; s->is_turned && t < count; t++)
         cell_tet_turn(tets[t]);
     memcpy(out->corners + 4 * (size_t)out->tet_count, tets, count * sizeof *tets);
-    for (unsigned t = 0; s->origin && t < count; t++)
-        s->origin[out->tet_count + t] = (uint32_t)cell;
+    for (unsigned t = 0; t < count; t++)
+        out->parents[out->tet_count + t] = (uint32_t)cell;
     out->tet_count += count;
 }
 
@@ -468,7 +467,7 @@ static void move_tets(const struct splitter *s, struct cells *cells)
 /* ---- values of cells */
 
 /* Every tetrahedron gets the values of its cell. */
-static enum tetlod_status spread_values(struct tetmesh *mesh, const uint32_t *origin, struct tetlod_error *error)
+static enum tetlod_status spread_values(struct tetmesh *mesh, struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
         struct point_field *field = &mesh->cell_fields[f];
@@ -477,23 +476,22 @@ static enum tetlod_status spread_values(struct tetmesh *mesh, const uint32_t *or
         if (!values)
             return tetlodi_fail_nomem(error, field->name, (uint64_t)mesh->tet_count * width * sizeof *values);
         for (size_t t = 0; t < mesh->tet_count; t++)
-            memcpy(values + t * width, field->values + (size_t)origin[t] * width, width * sizeof *values);
+            memcpy(values + t * width, field->values + (size_t)mesh->parents[t] * width, width * sizeof *values);
         free(field->values);
         field->values = values;
     }
     return TETLOD_OK;
 }
 
-static enum tetlod_status new_corners(struct tetmesh *out, uint64_t tets, uint32_t **origin, struct tetlod_error *error)
+static enum tetlod_status new_corners(struct tetmesh *out, uint64_t tets, struct tetlod_error *error)
 {
     TETLOD_TRY(check_tet_count(tets, error));
     out->corners = array_new((size_t)tets, 4 * sizeof *out->corners);
-    *origin = out->cell_field_count ? array_new((size_t)tets, sizeof **origin) : NULL;
-    return out->corners && (*origin || !out->cell_field_count) ? TETLOD_OK
-                                                               : tetlodi_fail_nomem(error, "the tetrahedra", tets * 20);
+    out->parents = array_new((size_t)tets, sizeof *out->parents);
+    return out->corners && out->parents ? TETLOD_OK : tetlodi_fail_nomem(error, "the tetrahedra", tets * 20);
 }
 
-static enum tetlod_status split_cells(struct block *block, bool subdivide, struct tetmesh *out, uint32_t **origin,
+static enum tetlod_status split_cells(struct block *block, bool subdivide, struct tetmesh *out,
                                       struct io_report *report, struct tetlod_error *error)
 {
     struct splitter s = {.cells = &block->cells,
@@ -511,25 +509,24 @@ static enum tetlod_status split_cells(struct block *block, bool subdivide, struc
     }
     TETLOD_TRY(reserve_centres(&s, error));
     report->centres = s.centres;
-    TETLOD_TRY(new_corners(out, s.most_tets, origin, error));
-    s.origin = *origin;
+    TETLOD_TRY(new_corners(out, s.most_tets, error));
     TETLOD_TRY(split_all(&s, error));
+    out->parents = array_shrink(out->parents, out->tet_count, sizeof *out->parents);
     out->corners = array_shrink(out->corners, out->tet_count, 4 * sizeof *out->corners);
     return TETLOD_OK;
 }
 
-static enum tetlod_status split_grid(struct block *block, struct tetmesh *out, uint32_t **origin,
+static enum tetlod_status split_grid(struct block *block, struct tetmesh *out,
                                      struct io_report *report, struct tetlod_error *error)
 {
     uint64_t tets = grid_tet_count(block->dims);
-    TETLOD_TRY(new_corners(out, tets, origin, error));
+    TETLOD_TRY(new_corners(out, tets, error));
     grid_split(block->dims, out->positions, out->corners);
     for (uint32_t t = 0; t < tets; t++) {
         if (block->hidden && block->hidden[t / 5])
             continue;
         memmove(out->corners + 4 * (size_t)out->tet_count, out->corners + 4 * (size_t)t, 4 * sizeof *out->corners);
-        if (*origin)
-            (*origin)[out->tet_count] = t / 5;
+        out->parents[out->tet_count] = t / 5;
         out->tet_count++;
     }
     report->split_cells += out->tet_count / 5;
@@ -555,7 +552,6 @@ static enum tetlod_status take_tets(struct block *block, struct tetmesh *out, st
 enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out, struct io_report *report,
                                struct tetlod_error *error)
 {
-    uint32_t *origin = NULL;
     enum tetlod_status status = TETLOD_OK;
     *out = block->mesh;
     block->mesh = (struct tetmesh){0};
@@ -563,12 +559,11 @@ enum tetlod_status block_split(struct block *block, bool subdivide, struct tetme
         return take_tets(block, out, error);
     if (!block->dims[0] && !block->cells.types)
         TETLOD_TRY_DONE(cells_give_types(&block->cells, error));
-    TETLOD_TRY_DONE(block->dims[0] ? split_grid(block, out, &origin, report, error)
-                                   : split_cells(block, subdivide, out, &origin, report, error));
+    TETLOD_TRY_DONE(block->dims[0] ? split_grid(block, out, report, error)
+                                   : split_cells(block, subdivide, out, report, error));
     cells_fini(&block->cells); // gives room for the values
-    if (origin)
-        status = spread_values(out, origin, error);
+    if (out->parents)
+        status = spread_values(out, error);
 done:
-    free(origin);
     return status;
 }
