@@ -49,6 +49,15 @@ static uint64_t map_bytes(const struct tetlod_info *info)
     return map == TETLOD_NONE ? 0 : info->sections[map].stored;
 }
 
+static bool is_steps(const struct tetlod_section *section)
+{
+    static const char *const tags[] = {"TIME", "TVAL", "CTIM", "CSTP", "PTIM", "PSTP", "TOPO"};
+    bool found = false;
+    for (size_t i = 0; i < sizeof tags / sizeof *tags; i++)
+        found |= strcmp(section->tag, tags[i]) == 0;
+    return found;
+}
+
 static struct sums sum_up(const struct tetlod_file *file)
 {
     const struct tetlod_info *info = tetlod_info(file);
@@ -61,8 +70,7 @@ static struct sums sum_up(const struct tetlod_file *file)
     }
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlod_section *section = &info->sections[i];
-        bool steps = strcmp(section->tag, "TIME") == 0 || strcmp(section->tag, "TVAL") == 0 ||
-                     strcmp(section->tag, "TOPO") == 0;
+        bool steps = is_steps(section);
         sums.cells += is_cells(section) ? section->stored : 0;
         sums.steps += steps ? section->stored : 0;
         sums.rest -= is_cells(section) || steps ? section->stored : 0;

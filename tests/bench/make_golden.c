@@ -47,7 +47,8 @@ static double *add_cells(struct tetlodi_write_input *input, struct tetlodi_write
             double value = (double)(int64_t)(gen_random(&seed) >> 11) / 0x1p52 - 1; // -1 .. 1
             at[i] = f == 0 ? (double)(float)value : f == 1 ? value * 1e300 : f == 2 ? (double)(i * 8 / tets) - 4 : floor(value * most);
         }
-        cells[f] = (struct tetlodi_write_cells){names[f], components, (enum tetlod_cell_type)f, f == 2, at};
+        cells[f] = (struct tetlodi_write_cells){names[f], components, (enum tetlod_cell_type)f, f == 2, at,
+                                               0, 0};
     }
     input->cell_field_count = CELL_FIELDS;
     input->cells = cells;

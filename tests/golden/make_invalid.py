@@ -10,10 +10,10 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT = (
+ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX = (
     plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read())
     for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise',
-                 'topologies', 'series_cells'))
+                 'topologies', 'series_cells', 'parents_float32', 'series_parents'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -42,7 +42,7 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None, content=b'', unpacked=0):
     """A further section behind all others, empty or of some bytes."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL',
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'PCEL',
                                                                                    'TOPO'))  # those of these streams that are early
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked,
                         tetlod.digest(content))
@@ -154,6 +154,23 @@ def cases():
     yield 'topologies_table', 'decode', 'a topology group of other steps than its own table says', regrouped(4, 'I', 1, 4 + 32, 'I', 3)
     yield 'topologies_still', 'open', 'topology groups without steps in the first one', retagged(MESHES, b'TIME', b'XIME')
     yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
+    yield 'parents_and_cells', 'open', 'PCEL and CELL', section(PARENTS, b'CELL', 2, 0)
+    yield 'parents_twice', 'open', 'PMAP twice', section(PARENTS, b'PMAP', 0)
+    yield 'parents_early', 'open', 'values of cells before level 0', section(ONE, b'PVAL', 2)
+    yield 'parents_many', 'open', 'more values of cells than fields', section(PARENTS, b'PVAL', 0)
+    yield 'parents_none', 'open', 'no cells', parents_changed(0, 'Q', 0)
+    yield 'parents_rows', 'open', 'more cells than tetrahedra', parents_changed(0, 'Q', tetlod.open(PARENTS).tets + 1)
+    yield 'parents_more', 'open', 'cells whose values have another number of rows', parents_changed(0, 'Q', tetlod.open(PARENTS).cell_rows + 1)
+    quantum = 8 + 2 + 38 + 6 + 4 + 16  # of the second field
+    yield 'parents_quantum', 'open', 'a quantum that is negative', parents_changed(quantum, 'd', -1.0)
+    yield 'parents_error', 'open', 'an error of rounding that is not finite', parents_changed(quantum + 8, 'd', INFINITY)
+    yield 'parents_exact', 'open', 'an error of values that are not rounded', parents_changed(8 + 2 + 4 + 24, 'd', 1.0)
+    yield 'parents_integer', 'open', 'integers that are rounded', parents_changed(quantum + 38 + 6, 'd', 1.0)
+    yield 'parents_map_random', 'decode', 'a map of other bytes', with_section(PARENTS, 'PMAP', bytes(255 - b for b in tetlod.open(PARENTS).section('PMAP')))
+    yield 'parents_map_zero', 'decode', 'a map to one cell only', with_section(PARENTS, 'PMAP', bytes(len(tetlod.open(PARENTS).section('PMAP'))))
+    yield 'parents_map_long', 'decode', 'a map with bytes behind it', with_section(PARENTS, 'PMAP', tetlod.open(PARENTS).section('PMAP') + b'\1' * 8)
+    yield 'parents_rounded', 'decode', 'rounded values of the fourth mode', with_section(PARENTS, 'PVAL', b'\xff\xff\xff\x00' * 100, 1)
+    yield 'parents_steps', 'decode', 'a table of cells\' steps of another number of them', parents_retimed(4, 'I', 10)
     yield 'cells_whole', 'decode', 'a value of cells that is 2^53 + 1', whole_number(CELLS)
     yield 'packed_rest', 'open', 'bytes behind a packed index that are not zero', longer_index(b'\0\0\0\0\1')
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
@@ -239,6 +256,19 @@ def cells_shuffled(change, row=0):
         struct.pack_into('<16s', table, len(table) - 16 * groups * (rows - row) + 16 * group, tetlod.digest(part))
         values += part
     return with_section(with_section(HEAT, 'CTIM', bytes(table)), 'CSTP', values, row)
+
+
+def parents_changed(at, form, value):
+    """The table of the values of cells with a number changed."""
+    table = bytearray(tetlod.open(PARENTS).section('PCEL'))
+    struct.pack_into('<' + form, table, at, value)
+    return with_section(PARENTS, 'PCEL', bytes(table))
+
+
+def parents_retimed(at, form, value):
+    table = bytearray(tetlod.open(HEX).section('PTIM'))
+    struct.pack_into('<' + form, table, at, value)
+    return with_section(HEX, 'PTIM', bytes(table))
 
 
 def renamed(data, second):

@@ -241,7 +241,7 @@ static void check_fed_steps(const struct tetlod_file *whole, struct tetlod_curso
     feed_band(feed, in, whole, level);
     CHECK_INT(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL), TETLOD_ERR_TRUNCATED);
     put_span(feed, in, (struct tetlod_span){info->sections[section].offset, info->sections[section].stored});
-    if (strcmp(info->sections[section + 1].tag, "CTIM") == 0)
+    if (strcmp(info->sections[section + 1].tag, "CTIM") == 0 || strcmp(info->sections[section + 1].tag, "PTIM") == 0)
         put_span(feed, in,
                  (struct tetlod_span){info->sections[section + 1].offset, info->sections[section + 1].stored});
     REQUIRE(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL) == TETLOD_OK);
