@@ -3,6 +3,7 @@
 #ifndef TETLOD_READER_FUZZ_H
 #define TETLOD_READER_FUZZ_H
 
+#include "src/io/io.h"
 #include "src/io/read_input.h"
 
 /* Reads; a mesh that is accepted must be valid, pass through mesh_check, and come back the same from VTU and legacy

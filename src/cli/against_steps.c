@@ -14,6 +14,7 @@
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/level/level_mesh.h"
+#include "src/pipeline/build.h"
 #include "src/report/series_json.h"
 #include "src/util/array.h"
 

@@ -9,6 +9,7 @@
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/build.h"
 #include "src/util/array.h"
 
 struct scan {

@@ -1,4 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cut/cut.h"
+
 #include <stdlib.h>
 
 #include "format/fail.h"

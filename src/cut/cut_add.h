@@ -3,7 +3,12 @@
 #ifndef TETLOD_CUT_ADD_H
 #define TETLOD_CUT_ADD_H
 
-#include "src/cut/cut.h"
+#include <stdbool.h>
+
+#include "format/tetlod.h"
+
+struct cut;
+struct tetmesh;
 
 /* No vertices, triangles and lines; the memory stays. */
 void cut_empty(struct cut *cut);

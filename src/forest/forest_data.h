@@ -5,7 +5,7 @@
 
 #include <stdatomic.h>
 
-#include "src/forest/forest.h"
+#include "format/tetlod.h"
 
 struct column {
     char *name; /* owned; NULL for the position */

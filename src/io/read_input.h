@@ -3,8 +3,9 @@
 #ifndef TETLOD_READ_INPUT_H
 #define TETLOD_READ_INPUT_H
 
-#include "src/io/io.h"
 #include "src/io/services/assemble.h"
+#include "src/io/services/report.h"
+#include "src/mesh/tetmesh.h"
 
 /* io_read for a file that is in memory; the path only tells the extension, messages do not have it. On failure *out may
  * hold what there is so far. */

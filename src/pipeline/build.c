@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/write/writer.h"
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/measure/overlay_levels.h"
@@ -26,10 +27,6 @@
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the
  * limit speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
 static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
-
-/* Up to this domain error, the default, the proved bound is stored as it is; above, the exact maximum is taken as well
- * (PROOF.md, 5). */
-static const double DOMAIN_ERROR_SMALL = 0.001;
 
 /* Exact maxima up to this fraction of the range are not looked for. */
 static const double NO_DIFFERENCE = 1e-12;
@@ -256,47 +253,6 @@ static void raise_max(const struct build *build, uint32_t mark)
                  (range[0] == range[1] || range_has_scale(range)))
             errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
     }
-}
-
-struct build_options build_options_default(void)
-{
-    return (struct build_options){.metric = METRIC_ENVELOPE,
-                                  .contract = CONTRACT_EDGES,
-                                  .max_error = 1,
-                                  .min_tets = 1,
-                                  .boundary_angle = 30,
-                                  .domain_error = DOMAIN_ERROR_SMALL,
-                                  .growth = 1.1,
-                                  .compression = 19};
-}
-
-bool build_options_out_of_range(const struct build_options *options, struct build_range *out)
-{
-    const struct build_range ranges[] = {
-        {"max-error", "max_error", options->max_error, 0, 1e6}, // predictions may pass the range
-        {"domain-error", "domain_error", options->domain_error, 0, 1},
-        {"boundary-angle", "boundary_angle", options->boundary_angle, 0, 180},
-        {"growth", "growth", options->growth, 1.001, 16},
-        {"threads", "threads", options->threads, 0, PARALLEL_MAX_THREADS},
-        {"compress", "compression", options->compression, 1, 22},
-        {"position-bits", "position_bits", options->quantise.position_bits, 0, QUANTISE_MAX_BITS},
-        {"field-bits", "field_bits", options->quantise.field_bits, 0, QUANTISE_MAX_BITS},
-        {"position-error", "position_error", options->quantise.position_error, 0, 1},
-        {"field-error", "field_error", options->quantise.field_error, 0, 1},
-    };
-    for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++)
-        if (!(ranges[i].value >= ranges[i].least && ranges[i].value <= ranges[i].most)) {
-            *out = ranges[i];
-            return true;
-        }
-    return false;
-}
-
-bool build_asks_overlay(const struct build_options *options)
-{
-    const struct quantise_options *quantise = &options->quantise;
-    return options->certify_all || options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED ||
-           options->domain_error > DOMAIN_ERROR_SMALL || quantise->position_bits || quantise->position_error > 0;
 }
 
 static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening,

@@ -2,7 +2,7 @@
 #ifndef TETLOD_BUILD_MEMORY_H
 #define TETLOD_BUILD_MEMORY_H
 
-#include "src/pipeline/build.h"
+#include "src/pipeline/build_options.h"
 
 /* Bytes that building a stream takes at its peak, the mesh included, about: each phase frees what is its own before the
  * next. */

@@ -8,34 +8,8 @@
 #ifndef TETLOD_BUILD_SERIES_H
 #define TETLOD_BUILD_SERIES_H
 
-#include "format/write/writer.h"
 #include "src/log/contraction_log.h"
-#include "src/pipeline/build.h"
-#include "src/simplify/simplify.h"
-
-enum { MAX_SERIES_STEPS = 1 << 20, MAX_SERIES_BANDS = 32 };
-
-/* A field of cells that has values at every step. */
-struct build_series_cells {
-    uint32_t field, components; /* of the mesh's fields of cells */
-    enum tetlod_cell_type type; /* holds them all */
-    bool missing;   /* a step is without it: it has no steps */
-};
-
-struct build_series {
-    uint32_t step_count;
-    const double *times;           /* [step], not falling */
-    struct tetlod_source values;   /* [step][control][components * vertices], each control's in its type */
-    const enum tetlod_type *types; /* [control] */
-    const double *bands;           /* falling errors, fractions of the range; the last is 0 */
-    uint32_t band_count;
-    bool own_ranges;               /* of each step's own range (SPEC 3.7), not of that over all steps */
-    bool points_move;              /* the last control says how far */
-    const double (*ranges)[2];     /* [control, but how far points move] over more steps than these, or NULL */
-    const struct build_series_cells *cells; /* ascending */
-    uint32_t cell_count;
-    struct tetlod_source cell_values; /* [step][cells][components * tetrahedra] */
-};
+#include "src/pipeline/build_options.h"
 
 /* The bands of a series whose user names none. */
 const double *build_series_bands(uint32_t *out_count);

@@ -15,6 +15,7 @@
 #include "format/coding/step_code.h"
 #include "format/coding/time_table.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/build_series.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
 

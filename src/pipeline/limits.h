@@ -3,7 +3,7 @@
 #ifndef TETLOD_LIMITS_H
 #define TETLOD_LIMITS_H
 
-#include "src/pipeline/build.h"
+#include "src/pipeline/build_options.h"
 
 struct limits {
     uint32_t *fields; /* [control_count] of the mesh */

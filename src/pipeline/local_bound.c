@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/write/writer.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 

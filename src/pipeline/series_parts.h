@@ -4,7 +4,8 @@
 #define TETLOD_SERIES_PARTS_H
 
 #include "format/coding/cell_steps.h"
-#include "src/pipeline/build_series.h"
+#include "src/log/contraction_log.h"
+#include "src/pipeline/build_options.h"
 #include "src/simplify/retrace.h"
 #include "src/util/spool.h"
 

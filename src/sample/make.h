@@ -4,7 +4,6 @@
 #define TETLOD_SAMPLE_MAKE_H
 
 #include "src/mesh/tetmesh.h"
-#include "src/sample/sample.h"
 
 enum tetlod_status sample_make_cube(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_fin(struct tetmesh *out, uint32_t size, struct tetlod_error *error);

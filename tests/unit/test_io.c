@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "src/io/services/file_values.h"
+#include "src/io/io.h"
 #include "src/io/read_input.h"
 #include "src/io/services/tag_map.h"
 #include "src/sample/sample.h"

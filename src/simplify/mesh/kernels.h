@@ -7,20 +7,6 @@
 #define TETLOD_KERNELS_H
 
 #include "src/simplify/mesh/star_data.h"
-#include "src/util/wide.h"
-
-/* Planes of a star. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it
- * counts as turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four
- * tetrahedra stand together. */
-enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
-
-static inline size_t plane_count(uint32_t components)
-{
-    return PLANE_GRADIENTS + 6 * (size_t)components;
-}
-
-/* So many tetrahedra are looked at between tests of whether to go on; the last of a star's repeat the first. */
-enum { BLOCK = 2 * WIDE };
 
 /* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each
  * other. */

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/simplify/mesh/kernels.h"
 #include "src/util/array.h"
 
 void star_data_fini(struct star_data *data)

@@ -11,6 +11,20 @@
 #define TETLOD_STAR_DATA_H
 
 #include "src/simplify/mesh/working.h"
+#include "src/util/wide.h"
+
+/* Planes of a star. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it
+ * counts as turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four
+ * tetrahedra stand together. */
+enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
+
+static inline size_t plane_count(uint32_t components)
+{
+    return PLANE_GRADIENTS + 6 * (size_t)components;
+}
+
+/* So many tetrahedra are looked at between tests of whether to go on; the last of a star's repeat the first. */
+enum { BLOCK = 2 * WIDE };
 
 struct star_data {
     uint32_t vertex, tet_count, count; /* count: of the neighbours */
@@ -21,11 +35,11 @@ struct star_data {
     uint32_t *shared;     /* [neighbour] tetrahedra that have it */
     uint8_t *along;       /* [neighbour] the edge to it is on the boundary */
     double *rows;         /* [neighbour * stride] less the vertex's own */
-    double *planes;       /* see kernels.h */
+    double *planes;       /* those of four tetrahedra together */
     uint32_t *doubtful;   /* [tet] scratch: some of their numbers */
     /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
     double *reach;
-    size_t room; /* tetrahedra that fit, a multiple of BLOCK (kernels.h) */
+    size_t room; /* tetrahedra that fit, a multiple of BLOCK */
     uint32_t *numbers; /* [slot] which neighbour it is, if `slots` says so too: nothing has to be cleared */
 };
 
