@@ -27,10 +27,10 @@ NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE
 NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium lintian dh
 NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setuptools wheel pip venv
 # Debian packages of all that
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -38,15 +38,17 @@ DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 SERVER ?= 1
 PACKAGES := libzstd expat zlib liblz4 liblzma jansson $(if $(filter 0,$(SERVER)),,libmicrohttpd)
 REQUIRED := $(PACKAGES)
-# Libraries of single formats: used where they are installed; HDF5=0 and so on leave one out
+# Libraries of single formats, and libcurl for URLs: used where they are installed; HDF5=0 and so on leave one out
 # (What is missing is said once, by look_for_needs: here nothing complains)
 HDF5 ?= $(shell $(PKG_CONFIG) --exists hdf5 2>/dev/null && echo 1)
 NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf 2>/dev/null && echo 1)
 HDF5 := $(HDF5)
 NETCDF := $(NETCDF)
+CURL ?= $(shell $(PKG_CONFIG) --exists libcurl 2>/dev/null && echo 1)
+CURL := $(CURL)
 CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
-PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf)
-OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS)
+PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf) $(if $(filter 1,$(CURL)),libcurl)
+OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS) $(if $(filter 1,$(CURL)),-DTETLOD_CURL)
 OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c src/io/readers/xdmf_item.c) \
     $(if $(filter 1,$(NETCDF)),,src/io/readers/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/readers/cgns.c)
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \

@@ -48,7 +48,8 @@ static enum tetlod_status make_answer(void *opaque, struct run *run, struct cach
     struct ask_result result;
     options.wanted = wanted;
     options.opaque = run;
-    enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question, &options, &result, error);
+    enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question, NULL, &options, &result,
+                                           error);
     if (status == TETLOD_ERR_CANCELLED)
         return fail_unwanted(error);
     if (status == TETLOD_ERR_FIELD) // no level certifies the field: the request is right, there is no answer

@@ -4,6 +4,7 @@
 #define TETLOD_ASK_H
 
 #include "src/ask/answer.h"
+#include "src/ask/forms.h"
 
 /* How wide an answer may be: in its own units, or relative to what it can be at most: the field's range, the volume, or
  * both. */
@@ -25,16 +26,20 @@ struct ask_result {
     struct ask_interval interval;
     bool exact;     /* the level is the original in what was asked: only rounding is left */
     uint32_t level; /* TETLOD_NONE: the index said it */
+    uint32_t tets, of_tets, level_count; /* of that level, and of the stream or the step's topology group */
+    bool of_step;
+    double time;    /* of the step */
     uint64_t bytes; /* that a client reads for it: header, index, levels with the quantity's fields, regions */
 };
 
-/* Levels up to `finest` are there (TETLOD_NONE: none). Of the levels whose domain is the original's (or, for sums,
- * whose boundary has swept a known volume), the coarsest with an answer within the width, or that decides the
- * predicate; else the finest. ERR_FIELD if there is no such field or component, or if no level certifies it;
- * ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
+/* Of a stream's own values, or of those of a step (NULL: none). Levels up to `finest` are there (TETLOD_NONE: none).
+ * Of the levels whose domain is the original's (or, for sums, whose boundary has swept a known volume), the coarsest
+ * with an answer within the width, or that decides the predicate; else the finest. ERR_FIELD if there is no such
+ * field or component, or if no level certifies it; ERR_ARGUMENT as ask_answer; ERR_TRUNCATED; or as the cursor. */
 TETLOD_CHECKED enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest,
                                              const struct ask_question *question,
-                                             const struct ask_options *options, struct ask_result *out,
+                                             const struct step_selection *step, const struct ask_options *options,
+                                             struct ask_result *out,
                                              struct tetlod_error *error);
 
 #endif

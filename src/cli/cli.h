@@ -19,8 +19,8 @@ enum exit_status {
     EXIT_USAGE = 2,
     EXIT_INVALID = 3,
     EXIT_QUALITY = 4,   /* verify: the stream is valid, but levels are worse meshes than its original */
-    EXIT_NO = 4,        /* ask: the predicate does not hold */
-    EXIT_UNDECIDED = 5  /* ask, features: the finest level does not decide it */
+    EXIT_NO = 4,        /* ask: the predicate does not hold; diff: beyond the limit */
+    EXIT_UNDECIDED = 5  /* ask, features, diff: the finest level does not decide it */
 };
 
 struct command {
@@ -30,7 +30,7 @@ struct command {
 
 extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
     command_convert, command_sample, command_serve, command_explode, command_plot,
-    command_formats, command_ask, command_features;
+    command_formats, command_ask, command_diff, command_features;
 
 /* What `tetlod help words` prints. */
 extern const char cli_words[];

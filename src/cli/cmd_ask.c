@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include <jansson.h>
 #include <math.h>
-#include <stdlib.h>
-#include <unistd.h>
 
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/print_json.h"
+#include "src/cli/step_option.h"
+#include "src/cli/stream_input.h"
 #include "src/level/metadata.h"
 #include "src/report/ask_json.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod ask FILE.tetlod QUESTION [--within WIDTH] [--json]\n"
+    "usage: tetlod ask STREAM QUESTION [--within WIDTH] [--time T | --step N] [--json]\n"
     "\n"
     "Answers a question about the original with an interval that certainly holds the answer, from the\n"
-    "coarsest level that is fine enough. Only that level's bytes are read.\n"
+    "coarsest level that is fine enough. Only that level's bytes are read. STREAM is a file or a URL: of\n"
+    "a stream on any host that answers Range requests, or of a mesh of a tetlod server.\n"
     "\n"
     "  'mean(p)'  'integral(p)'  'min(p)'  'max(p)'     over the domain\n"
     "  'volume()'  'volume(T > 400)'                    also <, <=, >=\n"
@@ -29,6 +30,9 @@ static const char help[] =
     "\n"
     "      --within W  how wide the interval may be, in the answer's units; or % of the field's range\n"
     "                  (of the volume; of the volume times the range) (default: 1%; 0: the finest level)\n"
+    "      --time T    in a series of the step whose time is nearest to T; more than half a step outside is\n"
+    "                  refused. Without it, of the first step\n"
+    "      --step N    the same of the step with this number, from 0\n"
     "      --json      as JSON\n"
     "\n"
     "Exit status: 0 answered, or yes; 4 no; 5 unknown even at the finest level.\n";
@@ -45,8 +49,10 @@ static int print_as_text(const struct tetlod_info *info, const char *unit, const
     if (result->level == TETLOD_NONE)
         printf("the index");
     else
-        printf("level %u of 0..%u, %u of %u tetrahedra", result->level, info->level_count - 1,
-               info->levels[result->level].tets, info->tets);
+        printf("level %u of 0..%u, %u of %u tetrahedra", result->level, result->level_count - 1, result->tets,
+               result->of_tets);
+    if (result->of_step)
+        printf(", time %.9g", result->time);
     printf(", %llu of %llu bytes\n", (unsigned long long)result->bytes, (unsigned long long)info->bytes);
     return EXIT_DONE;
 }
@@ -67,47 +73,57 @@ static int print_answer(const struct tetlod_info *info, const char *text, const 
     return predicate && status == EXIT_DONE ? statuses[ask_decide(question, &result->interval) + 1] : status;
 }
 
-static int ask(const char *path, const char *text, const struct ask_options *options, bool json)
+static int ask(const char *place, const char *text, const struct step_selection *step,
+               const struct ask_options *options, bool json)
 {
     struct tetlod_error error = {0}, inner = {0};
     struct ask_question question;
     struct ask_result result;
-    struct tetlod_file *file;
-    int fd, exit = EXIT_DONE;
+    struct stream_input input;
+    int exit = EXIT_DONE;
     if (ask_parse(text, &question, &error) != TETLOD_OK)
         return cli_fail(&error);
-    if (cli_open_stream(path, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
-        return cli_fail(&error);
-    enum tetlod_status status = ask_stream(file, cli_finest_here(tetlod_info(file), fd), &question, options, &result,
-                                           &inner);
+    enum tetlod_status status = stream_input_open(&input, place, parallel_cores(), &error);
     if (status == TETLOD_OK) {
-        exit = print_answer(tetlod_info(file), text, &question, &result, json);
-    } else {
-        tetlodi_fail(&error, status, "%s: %.230s", path, inner.message);
-        exit = cli_fail(&error);
+        status = ask_stream(input.file, input.finest, &question, step, options, &result, &inner);
+        if (status == TETLOD_OK)
+            exit = print_answer(tetlod_info(input.file), text, &question, &result, json);
+        else
+            stream_input_fail(&input, place, status, &inner, &error);
     }
-    tetlod_close(file);
-    close(fd);
-    return exit;
+    stream_input_close(&input);
+    return status == TETLOD_OK ? exit : cli_fail(&error);
+}
+
+/* Reads an option's value; false after a usage message. */
+static bool take_option(int option, struct ask_options *within, struct step_option *step)
+{
+    if (option == 'w' && !ask_parse_within(optarg, within)) {
+        cli_usage("ask", "--within takes a number of the answer's units, or a percentage such as 1%%, not '%s'",
+                  optarg);
+        return false;
+    }
+    if (option == 'T' || option == 'S')
+        return step_option_take(step, &command_ask, option == 'T', optarg);
+    return option == 'w' || option == 'j';
 }
 
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {{"within", required_argument, NULL, 'w'}, {"json", no_argument, NULL, 'j'},
-                                            {0}};
+                                            {"time", required_argument, NULL, 'T'},
+                                            {"step", required_argument, NULL, 'S'},   {0}};
     struct ask_options within = {.width = 0.01, .relative = true};
+    struct step_option step = {0};
     bool json = false;
     for (int option; (option = cli_option(&command_ask, argc, argv, "", options)) != -1;) {
-        if (option == 'w' && !ask_parse_within(optarg, &within))
-            return cli_usage("ask",
-                             "--within takes a number of the answer's units, or a percentage such as 1%%, not '%s'", optarg);
-        if (option != 'w' && option != 'j')
+        if (!take_option(option, &within, &step))
             return EXIT_USAGE;
         json |= option == 'j';
     }
     if (!cli_operands(&command_ask, argc, 2, "the stream and the question"))
         return EXIT_USAGE;
-    return ask(argv[optind], argv[optind + 1], &within, json);
+    return ask(argv[optind], argv[optind + 1], step.given ? &step.selection : NULL, &within, json);
 }
 
 const struct command command_ask = {"ask", "answer a question about the original, with its proof", help, run};

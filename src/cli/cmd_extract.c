@@ -11,6 +11,7 @@
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"
 #include "src/cli/extract_step.h"
+#include "src/cli/step_option.h"
 #include "src/io/io.h"
 #include "src/level/level_mesh.h"
 #include "src/stream/selection.h"
@@ -61,8 +62,7 @@ struct request {
     const char *input, *output, *field;
     struct selection selection;
     bool original_order, quiet;
-    struct step_selection step;
-    bool of_step;
+    struct step_option step;
 };
 
 static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
@@ -182,8 +182,8 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
-    if (request->of_step)
-        return extract_step(file, &request->step, request->original_order, mesh, about, about_size, error);
+    if (request->step.given)
+        return extract_step(file, &request->step.selection, request->original_order, mesh, about, about_size, error);
     if (request->selection.box_count) {
         enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
@@ -221,7 +221,7 @@ static int extract(struct request *request)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
     enum tetlod_status status = find_field(info, request->field, &request->selection.field, &inner);
-    if (status == TETLOD_OK && !request->of_step)
+    if (status == TETLOD_OK && !request->step.given)
         status = choose_here(info, fd, request, &level, &inner);
     if (status == TETLOD_OK && !is_stream(request->output))
         status = extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
@@ -259,22 +259,6 @@ static bool parse_box(struct selection *selection, const char *value)
     cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'",
               MAX_BOXES, value);
     return false;
-}
-
-static bool parse_step(struct request *request, int option, const char *value)
-{
-    bool again = request->of_step;
-    request->of_step = true;
-    request->step.by_time = option == 'T';
-    if (again) {
-        cli_usage("extract", "--time or --step: one step can be chosen");
-        return false;
-    }
-    if (option == 'T' && !text_number(value, false, &request->step.time)) {
-        cli_usage("extract", "--time takes a number, not '%s'", value);
-        return false;
-    }
-    return option == 'T' || cli_parse_count(&command_extract, "step", value, 0, UINT32_MAX, &request->step.step);
 }
 
 /* What does not go with a step. */
@@ -336,7 +320,7 @@ static int run(int argc, char **argv)
         else if (option == 'q')
             request.quiet = true;
         else if (option == 'T' || option == 'S')
-            good = parse_step(&request, option, optarg);
+            good = step_option_take(&request.step, &command_extract, option == 'T', optarg);
         else if (option == 'B')
             good = parse_box(selection, optarg);
         else if (option == 'E')
@@ -364,10 +348,10 @@ static int run(int argc, char **argv)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
     if (request.original_order && selection->kind != TAKE_FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
-    if (request.of_step && against_step(&request))
+    if (request.step.given && against_step(&request))
         return cli_usage("extract", "--time and --step do not go with %s", against_step(&request));
-    request.step.error = selection->kind == TAKE_FINEST ? 0 : selection->error;
-    request.step.absolute = absolute;
+    request.step.selection.error = selection->kind == TAKE_FINEST ? 0 : selection->error;
+    request.step.selection.absolute = absolute;
     request.input = argv[optind];
     if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;

@@ -10,7 +10,7 @@
 #include "src/cli/progress.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
-#include "src/report/series_json.h"
+#include "src/stream/series_time.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 #include "src/util/parallel.h"

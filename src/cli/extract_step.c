@@ -9,8 +9,7 @@
 #include "src/mesh/displacement.h"
 #include "src/level/level_mesh.h"
 #include "src/report/promise.h"
-#include "src/report/series_json.h"
-#include "src/report/series_time.h"
+#include "src/stream/series_time.h"
 
 struct step_choice {
     const struct step_selection *selection;
@@ -116,20 +115,6 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
     return status;
 }
 
-/* Beyond half a step outside of the series the nearest step is not what was meant. */
-static enum tetlod_status check_time(const struct tetlod_file *file, double time, struct tetlod_error *error)
-{
-    struct tetlod_series *series;
-    struct series_times times;
-    TETLOD_TRY(tetlod_series_new(&series, file, error));
-    bool near = series_has_time(tetlod_info(file), tetlod_series_info(series), time, &times);
-    tetlod_series_free(series);
-    return near ? TETLOD_OK
-                : tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                               "it has no time %.9g: its times go from %.9g to %.9g; the nearest is %.9g", time,
-                               times.first, times.last, time < times.first ? times.first : times.last);
-}
-
 enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection, bool original_order,
                                 struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
@@ -138,7 +123,7 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_sele
     struct tetlod_file *part;
     uint32_t topology = selection_topology(info, selection, &choice.step);
     if (selection->by_time)
-        TETLOD_TRY(check_time(file, selection->time, error));
+        TETLOD_TRY(series_check_time(file, selection->time, error));
     if (!info->topology_count)
         return extract_from(file, &choice, original_order, out, about, about_size, error);
     choice.total = series_steps_before(info, info->topology_count);

@@ -14,7 +14,7 @@ static const struct command *const commands[] = {
 #ifndef TETLOD_NO_SERVER
     &command_serve,   &command_explode,
 #endif
-    &command_ask,     &command_features, &command_plot,
+    &command_ask,     &command_diff,    &command_features, &command_plot,
     &command_formats,
 };
 

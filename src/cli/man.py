@@ -33,7 +33,7 @@ def main():
         for line in text('help', name).splitlines():
             print(quoted(line))
         print('.fi')
-    print('.SH EXIT STATUS\n0 done, 1 failed (input and output, memory), 2 usage, 3 invalid input (mesh or stream), 4 a valid stream whose levels are worse meshes\nthan its original (verify); 4 no, 5 unknown (ask, features).')
+    print('.SH EXIT STATUS\n0 done, 1 failed (input and output, memory), 2 usage, 3 invalid input (mesh or stream), 4 a valid stream whose levels are worse meshes\nthan its original (verify); 4 no, 5 unknown (ask, features); 4 beyond the limit, 5 undecided (diff).')
     print('.SH SEE ALSO\nThe stream is specified in format/SPEC.md of the sources.')
 
 

@@ -10,24 +10,16 @@
 #include "format/fail.h"
 #include "src/measure/clusters.h"
 #include "src/measure/exact_cell.h"
+#include "src/measure/weights_map.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* An intersection goes at least this far inside both tetrahedra, by barycentric weights; less is a contact. */
-static const double THIN = 1e-9;
-
 /* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
 static const double HOPELESS = 1e-4;
 
 enum { MAX_ENDS = 24, CHUNK = 16, MAX_SHEET = 256, MAX_POLYGON = 8 };
-
-/* lambda_j(p) = rows[j-1] . (p - origin), j = 1..3. */
-struct weights_map {
-    double origin[3], rows[3][3];
-    double noise; /* what rounding makes of a weight of about 1 */
-};
 
 /* A component of a field, in both meshes. */
 struct compared {
@@ -66,11 +58,6 @@ struct cell {
     double slack; /* of a weight */
 };
 
-static const double *corner(const struct tetmesh *mesh, uint32_t tet, int c)
-{
-    return mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)tet + (size_t)c];
-}
-
 /* Are the tetrahedra parts of the same body, as far as that is known? */
 static bool same_body(const struct overlay *overlay, uint32_t tet_a, uint32_t tet_b)
 {
@@ -82,79 +69,6 @@ static bool same_body(const struct overlay *overlay, uint32_t tet_a, uint32_t te
 static double value_of(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet, int k)
 {
     return compared->values[m][(size_t)overlay->meshes[m]->corners[4 * (size_t)tet + (size_t)k] * compared->stride];
-}
-
-static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_map *out)
-{
-    const double *p[4];
-    double edges[3][3];
-    for (int c = 0; c < 4; c++)
-        p[c] = corner(mesh, tet, c);
-    memcpy(out->origin, p[0], sizeof out->origin);
-    for (int j = 0; j < 3; j++)
-        for (int i = 0; i < 3; i++)
-            edges[j][i] = p[j + 1][i] - out->origin[i];
-    double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
-    for (int j = 0; j < 3; j++) {
-        const double *u = edges[(j + 1) % 3], *v = edges[(j + 2) % 3];
-        for (int i = 0; i < 3; i++)
-            out->rows[j][i] = (u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]) / volume6;
-    }
-    out->noise = 48 * DBL_EPSILON * size2 * sqrt(size2) / fabs(volume6);
-}
-
-/* A number at each of the four corners of a tetrahedron. */
-typedef double four __attribute__((vector_size(32)));
-typedef int64_t four_bits __attribute__((vector_size(32)));
-
-static inline double largest_of(const four *x)
-{
-    return larger(larger((*x)[0], (*x)[1]), larger((*x)[2], (*x)[3]));
-}
-
-static inline double smallest_of(const four *x)
-{
-    return smaller(smaller((*x)[0], (*x)[1]), smaller((*x)[2], (*x)[3]));
-}
-
-/* Offsets of four places from the map's origin. */
-static inline void offsets_of(const struct weights_map *map, const double *const p[4], four out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
-}
-
-/* Weight k of four places. Weight 0 comes last: it is what the others leave. */
-static inline void weigh_at(const struct weights_map *map, const four r[3], int k, four weights[4])
-{
-    const double *row = map->rows[(k + 2) % 3];
-    weights[k] = k ? row[0] * r[0] + row[1] * r[1] + row[2] * r[2] : 1 - weights[1] - weights[2] - weights[3];
-}
-
-/* Weights in a tetrahedron, whose map is given, of the corners of another one, and what rounding may make of them.
- * False if they all lie on or behind one of its faces: most pairs, so that is asked face by face. */
-static bool weigh_corners(const struct weights_map *map, const struct tetmesh *mesh, uint32_t tet, double out[4][4],
-                          double *slack)
-{
-    double largest = 1;
-    const double *p[4];
-    four r[3], weights[4];
-    for (int c = 0; c < 4; c++)
-        p[c] = corner(mesh, tet, c);
-    offsets_of(map, p, r);
-    for (int k = 1; k < 5; k++) {
-        four *w = &weights[k % 4];
-        weigh_at(map, r, k % 4, weights);
-        double most = largest_of(w);
-        largest = larger(largest, larger(most, -smallest_of(w)));
-        if (!(most > THIN - map->noise * largest))
-            return false;
-    }
-    for (int c = 0; c < 4; c++)
-        for (int k = 0; k < 4; k++)
-            out[c][k] = weights[k][c];
-    *slack = map->noise * largest;
-    return true;
 }
 
 /* Clips the edges of the cell's tetrahedron of mesh m to the other one, in which its corners have the weights `in`, and
@@ -293,7 +207,7 @@ static void raise_bounds(const struct overlay *overlay, struct worker *worker, c
 static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, const double *out[4])
 {
     for (int c = 0; c < 4; c++)
-        out[c] = corner(overlay->meshes[m], tet, c);
+        out[c] = mesh_corner(overlay->meshes[m], tet, c);
 }
 
 /* With room for last digits: beside 0 they are no digits of what the box ends at. */
@@ -394,7 +308,7 @@ static bool cross_face(const struct overlay *overlay, const struct weights_map *
     uint32_t across = overlay->neighbours[4 * (size_t)tet + face];
     if (across == TETLOD_NONE || !overlay->usable[1][across / 4])
         return false;
-    const double *p = corner(overlay->meshes[1], across / 4, (int)(across % 4));
+    const double *p = mesh_corner(overlay->meshes[1], across / 4, (int)(across % 4));
     const double *const four_places[4] = {p, p, p, p};
     four r[3], weights[4];
     offsets_of(map, four_places, r);
@@ -434,7 +348,7 @@ static bool find_cover(const struct overlay *overlay, const struct worker *worke
     double middle[3] = {0, 0, 0};
     for (int i = 0; i < 3; i++)
         for (int c = 0; c < 4; c++)
-            middle[i] += weights_there[c] * corner(overlay->meshes[0], tet, c)[i];
+            middle[i] += weights_there[c] * mesh_corner(overlay->meshes[0], tet, c)[i];
     for (uint32_t first = 0; first < overlay->meshes[1]->tet_count; first++) {
         struct sheet sheet = {.tets = {first}, .count = 1};
         struct weights_map map;
@@ -494,76 +408,10 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
     }
 }
 
-static void tet_box(const struct tetmesh *mesh, uint32_t tet, double box[6])
-{
-    for (int i = 0; i < 3; i++) {
-        double x[4];
-        for (int c = 0; c < 4; c++)
-            x[c] = corner(mesh, tet, c)[i];
-        box[i] = smaller(smaller(x[0], x[1]), smaller(x[2], x[3]));
-        box[i + 3] = larger(larger(x[0], x[1]), larger(x[2], x[3]));
-    }
-}
-
 static bool looked_at(const struct overlay *overlay, int m, uint32_t tet)
 {
     const uint8_t *wanted = overlay->options->wanted;
     return overlay->usable[m][tet] && (!m || !wanted || wanted[tet]);
-}
-
-/* A tetrahedron: its box, and what its four weights are at a place. */
-struct reach {
-    double box[6];
-    struct weights_map map;
-    /* weight k is at_origin[k] + sum over i of rows[i][k] r[i]; their absolute values */
-    double at_origin[4], rows[3][4], sizes[3][4];
-};
-
-static void reach_set(struct reach *reach, const struct tetmesh *mesh, uint32_t tet)
-{
-    tet_box(mesh, tet, reach->box);
-    make_map(mesh, tet, &reach->map);
-    for (int i = 0; i < 3; i++) {
-        double *row = reach->rows[i];
-        for (int k = 0; k < 3; k++)
-            row[k] = reach->map.rows[k][i];
-        row[3] = -(row[0] + row[1] + row[2]);
-        for (int k = 0; k < 4; k++)
-            reach->sizes[i][k] = fabs(row[k]);
-    }
-    for (int k = 0; k < 4; k++)
-        reach->at_origin[k] = k == 3;
-}
-
-/* What rounding may make of weights in a node's box, and the largest that they are there. */
-static inline double weights_in(const struct reach *reach, const float own[6], double most[4])
-{
-    double size[4] = {1, 1, 1, 1};
-    memcpy(most, reach->at_origin, sizeof reach->at_origin);
-    for (int i = 0; i < 3; i++) {
-        double middle = ((double)own[i] + (double)own[i + 3]) / 2 - reach->map.origin[i], half = ((double)own[i + 3] - (double)own[i]) / 2;
-        double farthest = fabs(middle) + half;
-        for (int k = 0; k < 4; k++) {
-            most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;
-            size[k] += reach->sizes[i][k] * farthest;
-        }
-    }
-    return 2 * reach->map.noise * (size[0] + size[1] + size[2]); // no weight in the box is larger than that sum
-}
-
-/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which
- * all corners in it were then found to be? */
-static inline bool reaches(const void *context, const float own[6])
-{
-    const struct reach *reach = context;
-    double most[4];
-    if (!bvh_boxes_meet(reach->box, own))
-        return false;
-    double noise = weights_in(reach, own, most);
-    bool behind = false;
-    for (int k = 0; k < 4; k++)
-        behind |= most[k] <= THIN - noise;
-    return !behind;
 }
 
 /* The vertices of a cluster of the finer mesh, in a tetrahedron of the coarser one. */
@@ -685,7 +533,8 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
         return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count);
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         bool degenerate =
-            tet_orientation(corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2), corner(mesh, t, 3)) == 0;
+            tet_orientation(mesh_corner(mesh, t, 0), mesh_corner(mesh, t, 1), mesh_corner(mesh, t, 2),
+                            mesh_corner(mesh, t, 3)) == 0;
         const uint8_t *usable = overlay->options->usable[m];
         overlay->usable[m][t] = !degenerate && (!usable || usable[t]);
         report->degenerate[m] += degenerate;

@@ -61,10 +61,12 @@ enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, s
     *out = (struct sheets){.promised = array_new(mesh->tet_count, 1)};
     if (!neighbours || !out->promised)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the sheets", 17 * (uint64_t)mesh->tet_count));
-    TETLOD_TRY_DONE(orient(&out->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL,
-                           error));
+    TETLOD_TRY_DONE(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
+    TETLOD_TRY_DONE(orient(&out->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count,
+                           neighbours, error));
     const uint32_t *corners = out->oriented.corners ? out->oriented.corners : mesh->corners;
-    TETLOD_TRY_DONE(adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
+    if (out->oriented.corners) // others are opposite the faces
+        TETLOD_TRY_DONE(adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
     out->orientation = sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, out->promised);
 done:
     free(neighbours);

@@ -26,8 +26,10 @@ json_t *ask_json(const struct tetlod_info *info, const char *text, const struct 
                                "bytes", (json_int_t)result->bytes, "of_bytes", (json_int_t)info->bytes);
     if (object && result->level != TETLOD_NONE) {
         json_object_set_new(object, "level", json_integer(result->level));
-        json_object_set_new(object, "tets", json_integer(info->levels[result->level].tets));
+        json_object_set_new(object, "tets", json_integer(result->tets));
     }
+    if (object && result->of_step)
+        json_object_set_new(object, "time", json_real(result->time));
     if (object && verdict)
         json_object_set_new(object, "answer", json_string(verdict));
     json_decref(metadata);

@@ -15,19 +15,6 @@ bool series_own_ranges(const struct tetlod_info *info)
     return own;
 }
 
-uint32_t series_steps_before(const struct tetlod_info *info, uint32_t topology)
-{
-    uint32_t steps = 0;
-    for (uint32_t t = 0; t < topology && t < info->topology_count; t++)
-        steps += info->topologies[t].step_count;
-    return steps;
-}
-
-uint32_t series_step_count(const struct tetlod_info *info, const struct tetlod_series_info *steps)
-{
-    return info->topology_count ? series_steps_before(info, info->topology_count) : steps->step_count;
-}
-
 /* What all steps of a band come to: bytes, and the largest error of a field. */
 static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t *bytes, double *error)
 {

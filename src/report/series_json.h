@@ -20,10 +20,4 @@ json_t *series_json(const struct tetlod_series *series, const struct tetlod_info
 
 void series_print(FILE *out, const struct tetlod_series *series, const struct tetlod_info *info);
 
-/* Steps of the topology groups before one. */
-uint32_t series_steps_before(const struct tetlod_info *info, uint32_t topology);
-
-/* All steps, through all topology groups. */
-uint32_t series_step_count(const struct tetlod_info *info, const struct tetlod_series_info *steps);
-
 #endif

@@ -28,7 +28,8 @@ LAYERS = {
     'src/io/services': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
-    'src/ask': MESHES + ['src/cut/line.h', 'format/read/summary.h'],
+    'src/ask': MESHES + ['src/cut/line.h', 'src/stream/', 'format/read/summary.h'],
+    'src/diff': MESHES + ['src/ask/', 'src/measure/weights_map.h'],
     'src/simplify': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
     'src/simplify/mesh': MESHES + ['src/log/contraction_log.h'],
     'src/simplify/rounds': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
@@ -41,7 +42,7 @@ LAYERS = {
                               'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
                              'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
-    'src/report': MESHES + ['src/level/', 'src/ask/'],
+    'src/report': MESHES + ['src/level/', 'src/ask/ask.h', 'src/diff/decide.h'],
     'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
     'server/net': ARRAYS + ['server/http/message.h'],
     'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/stream/',
@@ -50,11 +51,10 @@ LAYERS = {
     'server/jobs': MESHES + ['src/io/io.h', 'src/report/info_json.h', 'src/level/', 'src/forest/', 'server/http/',
                              'server/store/'],
     'server/http': MESHES + ['server/store/'],
-    'server/store': MESHES + ['src/report/', 'src/level/', 'format/read/parts.h'],
-    'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
-    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/prefix.h'] + MESHES + [
-                'src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',
-                'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/ask.h', 'server/server.h',
+    'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
+    'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
+    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/',
+                                                                'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/ask.h', 'src/ask/forms.h', 'src/diff/decide.h', 'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
@@ -67,6 +67,7 @@ PACKAGES = {
                                                               'server/http/'], 'lz4.h': ['src/io/'], 'zstd.h': ['server/http/'],
     'jansson.h': ['src/level/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
+    'curl/curl.h': ['src/cli/web_source.c'],
 }
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
 SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')

@@ -172,13 +172,57 @@ mutant('exact: distances of another order', 'src/simplify/exact/cover.h',
        'return n[0] * r[0] + n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2];', 'return n[0] * r[0] + (n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2]);',
        'all decisions are taken from the same numbers', 'unit/test_exact')
 
+# ---- differences of two results (14)
+
+DIFF = 'cli/test_diff.py'
+mutant('diff: no bound above', 'src/diff/difference.c',
+       'larger(cell->upper, fabs(d[i]) + errors[i]);',
+       'larger(cell->upper, fabs(d[i]));',
+       'what the levels are off widens the upper end', DIFF)
+mutant('diff: no bound below', 'src/diff/difference.c',
+       'cell->lower = fabs(d[i]) - errors[i];',
+       'cell->lower = fabs(d[i]);',
+       'and the lower one', DIFF)
+mutant('diff: a square without its bound', 'src/diff/difference.c',
+       'high = own + by;',
+       'high = own;',
+       'the same of the mean square', DIFF)
+mutant('diff: a square with all of it', 'src/diff/difference.c',
+       'low = larger(own - by, 0)',
+       'low = own',
+       'the same from below', DIFF)
+mutant('diff: slivers count', 'src/diff/difference.c',
+       'if (volume < SLIVER *',
+       'if (volume < 0 *',
+       'rounding puts one sheet over another', DIFF)
+mutant('diff: all bodies', 'src/diff/bodies.c',
+       'return found && found->kept;',
+       'return found;',
+       'each body is compared with itself', DIFF)
+mutant('diff: half a search', 'src/diff/difference.c',
+       'cell.volumes[0] * (1 - COVERED)',
+       'cell.volumes[0] * 0',
+       'all that overlap are found', DIFF)
+mutant('diff: moved boundaries decide', 'src/diff/decide.c',
+       'bounds[1] = swept > 0 ? furthest : ',
+       'bounds[1] = ',
+       'places that a boundary has left are not known', DIFF)
+mutant('diff: nothing was swept', 'src/diff/difference.c',
+       'if (volume > swept)',
+       'if (volume > 0)',
+       'what was swept does not show a difference', DIFF)
+mutant('diff: a square without what was swept', 'src/diff/decide.c',
+       'found->squares[1] + swept * components * furthest * furthest',
+       'found->squares[1]',
+       'what was swept may differ', DIFF)
+
 # ---- the overlay, which checks it: what rules pairs out (8)
 
-mutant('overlay: half of a box', 'src/measure/overlay.c', 'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
+mutant('overlay: half of a box', 'src/measure/weights_map.h', 'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
        'a box reaches as far as its farthest corner', 'unit/test_overlay')
-mutant('overlay: a box behind a face', 'src/measure/overlay.c', 'behind |= most[k] <= THIN - noise;', 'behind |= most[k] <= THIN;',
+mutant('overlay: a box behind a face', 'src/measure/weights_map.h', 'behind |= most[k] <= THIN - noise;', 'behind |= most[k] <= THIN;',
        'a box is behind a face if rounding cannot have put it there', 'unit/test_overlay')
-mutant('overlay: corners behind a face', 'src/measure/overlay.c', 'if (!(most > THIN - map->noise * largest))', 'if (!(most > THIN))',
+mutant('overlay: corners behind a face', 'src/measure/weights_map.h', 'if (!(most > THIN - map->noise * largest))', 'if (!(most > THIN))',
        'the same of corners', 'unit/test_overlay')
 mutant('overlay: a vertex behind a face', 'src/measure/overlay.c', 'THIN - weights_in(reach, clusters', 'THIN - 0 * weights_in(reach, clusters',
        'the same of the vertices of a cluster', 'unit/test_overlay')

@@ -21,6 +21,7 @@ same results and about a hundred times slower.
 """
 import os
 
+from ._answers import Answer
 from ._build import build
 from ._library import library_path
 from ._mesh import Mesh
@@ -31,7 +32,7 @@ from .adapters import register_meshio
 from .reference import StreamError
 
 __version__ = '0.1.0'
-__all__ = ['Field', 'FieldError', 'Level', 'Mesh', 'StepSequence', 'Stream', 'StreamError', 'build', 'library_path',
+__all__ = ['Answer', 'Field', 'FieldError', 'Level', 'Mesh', 'StepSequence', 'Stream', 'StreamError', 'build', 'library_path',
            'open',
            'paraview_plugin', 'read', 'register_meshio']
 

@@ -9,6 +9,7 @@ import warnings
 from types import TracebackType
 from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Type, Union
 
+from ._answers import Answer, ask
 from ._library import LibraryDecoder, library_path
 from ._mesh import Cells, Mesh
 from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for, names_of
@@ -116,6 +117,16 @@ class Stream:
         errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
         return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
                     level.domain_error, self._step_cells(step, len(tets)), steps.times[step])
+
+    def ask(self, question: str, within: Optional[Fraction] = None, *, time: Optional[float] = None,
+            step: Optional[int] = None) -> Answer:
+        """What is certain of a question about the original, as `tetlod ask` says it: 'mean(p)', 'max(T) < 500', 'p at (0,0,1)'.
+
+        within: how wide the interval may be, in the answer's units, or '1%' (the default) of what it can be. time, step: of a
+        series. The program answers ($TETLOD, or of the PATH); of a URL it reads the bytes that the answer needs. The stream
+        stays at its level.
+        """
+        return ask(self._source, question, within, time, step)
 
     def level_for(self, **choice: Any) -> int:
         """The level that `seek` would move to."""
