@@ -42,7 +42,7 @@ LAYERS = {
                               'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
                              'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
-    'src/report': MESHES + ['src/level/', 'src/ask/ask.h', 'src/diff/decide.h'],
+    'src/report': MESHES + ['src/level/', 'src/ask/', 'src/diff/decide.h'],
     'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
     'server/net': ARRAYS + ['server/http/message.h'],
     'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/stream/',
@@ -51,10 +51,11 @@ LAYERS = {
     'server/jobs': MESHES + ['src/io/io.h', 'src/report/info_json.h', 'src/level/', 'src/forest/', 'server/http/',
                              'server/store/'],
     'server/http': MESHES + ['server/store/'],
-    'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
-    'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h', 'format/grids.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/',
-                                                                'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/ask.h', 'src/ask/forms.h', 'src/diff/decide.h', 'server/server.h',
+    'server/store': MESHES + ['src/report/', 'src/level/', 'format/read/parts.h'],
+    'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
+    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/prefix.h'] + MESHES + [
+                'src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',
+                'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/', 'src/diff/decide.h', 'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
