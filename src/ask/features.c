@@ -19,7 +19,7 @@
 #include "src/util/array.h"
 
 struct bar {
-    uint32_t vertex, name; /* name: number of the proven bar whose place it holds, or TETLOD_NONE */
+    uint32_t vertex, end, name; /* name: number of the proven bar whose place it holds, or TETLOD_NONE */
     double peak, death;
 };
 
@@ -42,7 +42,7 @@ struct search {
     bool *seen;
     /* union-find: of each vertex that has been reached */
     uint32_t *parent, *peak, *name;
-    double *low; /* of a root: the key of the vertex that was added last */
+    uint32_t *low; /* of a root: the vertex that was added last */
     uint32_t *names; /* [vertex] the proven bar that has it for a place, or TETLOD_NONE */
 };
 
@@ -100,7 +100,7 @@ static enum tetlod_status search_init(struct search *search, struct tetlod_error
     if (!search->turned[0] || !search->turned[1] || !search->turned[2] || !search->offsets || !search->tets ||
         !search->order || !search->queue || !search->seen || !search->parent || !search->peak || !search->name ||
         !search->names || !search->low)
-        return tetlodi_fail_nomem(error, "the merge tree", 65 * vertices + sizeof *search->tets * entries);
+        return tetlodi_fail_nomem(error, "the merge tree", 61 * vertices + sizeof *search->tets * entries);
     search->lower = turn(search, 0, search->is_down ? mesh->upper : mesh->lower);
     search->middle = turn(search, 1, mesh->middle);
     search->upper = turn(search, 2, search->is_down ? mesh->lower : mesh->upper);
@@ -147,24 +147,24 @@ static uint32_t root_of(struct search *search, uint32_t vertex)
 }
 
 static enum tetlod_status add_bar(struct bars *bars, const struct search *search, uint32_t root, const double *heights,
-                                  double death, struct tetlod_error *error)
+                                  uint32_t end, double death, struct tetlod_error *error)
 {
     if (!ARRAY_RESERVE(bars->list, bars->capacity, bars->count + 1))
         return tetlodi_fail_nomem(error, "the features", (bars->count + 1) * sizeof *bars->list);
     uint32_t peak = search->peak[root];
-    bars->list[bars->count++] = (struct bar){peak, search->name[root], heights[peak], death};
+    bars->list[bars->count++] = (struct bar){peak, end, search->name[root], heights[peak], death};
     return TETLOD_OK;
 }
 
-/* Two components meet at a height: the one with the lower peak ends there. */
+/* Two components meet at a vertex: the one with the lower peak ends there. */
 static enum tetlod_status join(struct search *search, struct bars *bars, const double *heights, uint32_t one,
-                               uint32_t other, double height, struct tetlod_error *error)
+                               uint32_t other, uint32_t at, double height, struct tetlod_error *error)
 {
     uint32_t a = search->peak[one], b = search->peak[other];
     bool is_older = heights[a] != heights[b] ? heights[a] > heights[b] : a < b;
     uint32_t older = is_older ? one : other, younger = is_older ? other : one;
     if (!search->has_floor && exceeds(heights[search->peak[younger]], height, search->query->persistence))
-        TETLOD_TRY(add_bar(bars, search, younger, heights, height, error));
+        TETLOD_TRY(add_bar(bars, search, younger, heights, at, height, error));
     else if (search->name[older] == TETLOD_NONE)
         search->name[older] = search->name[younger];
     search->parent[younger] = older;
@@ -184,9 +184,9 @@ static enum tetlod_status add_vertex(struct search *search, struct bars *bars, c
                 continue;
             uint32_t one = root_of(search, vertex), other = root_of(search, near);
             if (one != other)
-                TETLOD_TRY(join(search, bars, heights, one, other, keys[vertex], error));
+                TETLOD_TRY(join(search, bars, heights, one, other, vertex, keys[vertex], error));
         }
-    search->low[root_of(search, vertex)] = keys[vertex];
+    search->low[root_of(search, vertex)] = vertex;
     return TETLOD_OK;
 }
 
@@ -201,9 +201,11 @@ static enum tetlod_status sweep(struct search *search, struct bars *bars, const 
         TETLOD_TRY(add_vertex(search, bars, keys, heights, search->order[count], error));
     for (uint32_t i = 0; i < count; i++) {
         uint32_t root = search->order[i];
-        double death = search->has_floor ? search->floor : search->low[root];
-        if (search->parent[root] == root && exceeds(heights[search->peak[root]], death, search->query->persistence))
-            TETLOD_TRY(add_bar(bars, search, root, heights, death, error));
+        if (search->parent[root] != root)
+            continue;
+        double death = search->has_floor ? search->floor : keys[search->low[root]];
+        if (exceeds(heights[search->peak[root]], death, search->query->persistence))
+            TETLOD_TRY(add_bar(bars, search, root, heights, search->low[root], death, error));
     }
     return TETLOD_OK;
 }
@@ -272,6 +274,7 @@ static enum tetlod_status add_feature(struct features *out, const struct search 
         return tetlodi_fail_nomem(error, "the features", (out->count + 1) * sizeof *out->list);
     feature.kind = search->query->kind;
     feature.vertex = bar->vertex;
+    feature.end = bar->end;
     feature.persistence = bar->peak - bar->death;
     memcpy(feature.at, search->mesh->positions + 3 * (size_t)bar->vertex, sizeof feature.at);
     if (search->is_down) {

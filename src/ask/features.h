@@ -33,7 +33,7 @@ struct feature_query {
 struct feature {
     enum feature_kind kind;
     bool proven;
-    uint32_t vertex;
+    uint32_t vertex, end; /* its place; where it joins a higher (lower) one, or the body's other extreme */
     double at[3];       /* the vertex' place */
     double range[2];    /* proven: of the greatest (least) value; possible: of the value at the place */
     double persistence; /* proven: at least; possible: what the level makes of it, at most that if the kind is bounded */

@@ -42,6 +42,9 @@ const char build_help[] =
     "                          (under 1 kB)\n"
     "      --local-bound       a field 'NAME bound' of each controlled field: how far off it is at most\n"
     "                          at each point of a level\n"
+    "      --keep-features P   every level has as many maxima and minima of a persistence above P as the\n"
+    "                          original (tetlod features), in each controlled component: 0.02 or 2% of\n"
+    "                          its range. Coarser levels than that allows are not stored\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried\n"
     "                          bound; field-quadric (Cignoni and others; default of exact) or quadric\n"
     "                          (Garland and Heckbert). Two more are also the limit: sva, the accumulated\n"
@@ -89,7 +92,7 @@ enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
     FIELD = OF_FIELDS, NO_FIELD, ABS_ERROR, CARRY, REGION, NO_REGION,
     CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS,
-    DOMAIN_ERROR, BOUNDARY_ANGLE,
+    DOMAIN_ERROR, BOUNDARY_ANGLE, KEEP_FEATURES,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
     TIMES = OF_SERIES, BANDS, RANGE,
 };
@@ -101,7 +104,7 @@ static const struct option options[] = {
     {"region", required_argument, NULL, REGION}, {"no-region", no_argument, NULL, NO_REGION},
     {"certify", required_argument, NULL, CERTIFY}, {"certify-all", no_argument, NULL, CERTIFY_ALL},
     {"local-bound", no_argument, NULL, LOCAL_BOUND},
-    {"summary", no_argument, NULL, SUMMARY},
+    {"summary", no_argument, NULL, SUMMARY}, {"keep-features", required_argument, NULL, KEEP_FEATURES},
     {"metric", required_argument, NULL, METRIC}, {"contract", required_argument, NULL, CONTRACT},
     {"max-error", required_argument, NULL, MAX_ERROR},
     {"min-tets", required_argument, NULL, MIN_TETS}, {"domain-error", required_argument, NULL, DOMAIN_ERROR},
@@ -230,6 +233,16 @@ static bool take_contract(struct build_request *request, const char *text)
     return true;
 }
 
+static bool take_kept_features(struct build_request *request, const char *text)
+{
+    double *out = &request->build.keep_features;
+    if (!cli_parse_fraction(&command_build, "keep-features", text, out))
+        return false;
+    if (*out <= 0)
+        cli_usage("build", "--keep-features takes a persistence above 0, a fraction of the range such as 2%%");
+    return *out > 0;
+}
+
 static bool contraction_option(struct build_request *request, int option, const char *value)
 {
     struct build_options *build = &request->build;
@@ -254,6 +267,8 @@ static bool contraction_option(struct build_request *request, int option, const 
         return take_contract(request, value);
     case MAX_ERROR:
         return cli_parse_fraction(&command_build, "max-error", value, &build->max_error);
+    case KEEP_FEATURES:
+        return take_kept_features(request, value);
     case MIN_TETS:
         return parse_unsigned("min-tets", value, 1, UINT32_MAX, &build->min_tets);
     case DOMAIN_ERROR:

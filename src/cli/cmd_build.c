@@ -115,6 +115,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
         json_object_set_new(json_object_get(object, "options"), SERIES_RANGE, json_string("step"));
     if (object && request->carry)
         json_object_set_new(json_object_get(object, "options"), "carry", json_string(request->carry));
+    if (object && build->keep_features > 0)
+        json_object_set_new(json_object_get(object, "options"), "keep_features", json_real(build->keep_features));
     if (object && build->regions)
         json_object_set_new(json_object_get(object, "options"), "region", json_string(build->regions));
     if (object && request->reading.options.nan_fill) {
@@ -234,6 +236,8 @@ static const char *against_series(const struct build_request *request)
         return "rounding (--position-bits, --field-bits, --for mail and the like)";
     if (request->moves_boundary && build->domain_error > 0)
         return "--domain-error: it keeps its boundary";
+    if (build->keep_features > 0)
+        return "--keep-features";
     return build->certify_all ? "--certify-all" : build->local_bound ? "--local-bound" : NULL;
 }
 

@@ -171,6 +171,8 @@ static struct build_options options_of(const struct tetlod_build_options *option
     build.compression = options->compression;
     build.certify_all = options->certify_all;
     build.local_bound = options->local_bound;
+    build.summary = options->summary;
+    build.keep_features = options->keep_features;
     build.keep_order = options->keep_order;
     build.quantise = (struct quantise_options){options->position_bits, options->field_bits, options->position_error,
                                                options->field_error};

@@ -33,6 +33,7 @@ static enum tetlod_status check_series(const struct tetlod_build_options *option
     const char *wrong = options->certify_exact                                  ? "certify_exact"
                         : options->certify_all                                  ? "certify_all"
                         : options->local_bound                                  ? "local_bound"
+                        : options->keep_features > 0                            ? "keep_features"
                         : options->position_bits || options->position_error > 0 ? "rounded positions"
                         : options->field_bits || options->field_error > 0       ? "rounded fields"
                                                                                 : NULL;

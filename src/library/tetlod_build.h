@@ -95,6 +95,9 @@ struct tetlod_build_options {
     void *warn_opaque;
     const char *const *without; /* fields that are not controlled: names, lists, patterns */
     uint32_t without_count;
+    int summary;                /* 1: exact sums over the original, for `tetlod ask` */
+    double keep_features;       /* levels keep the extrema of this persistence, a fraction of the range; 0: they need
+                                 * not */
 };
 
 TETLOD_API void tetlod_build_defaults(struct tetlod_build_options *options);
@@ -121,7 +124,7 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_bu
 struct tetlod_build_series;
 
 /* The texts of the options are borrowed until the series is freed. domain_error counts as 0. TETLOD_ERR_ARGUMENT:
- * certify_exact, certify_all, local_bound and rounding are for one mesh. *out is to be freed also after a failure. */
+ * certify_exact, certify_all, local_bound, keep_features and rounding are for one mesh. *out is to be freed also after a failure. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build_series_new(struct tetlod_build_series **out,
                                                                      const struct tetlod_build_options *options,
                                                                      struct tetlod_error *error);

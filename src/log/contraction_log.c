@@ -103,6 +103,14 @@ enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint
     return TETLOD_OK;
 }
 
+void log_move_mark(struct contraction_log *log, uint32_t from, uint32_t to)
+{
+    size_t width = log->component_count;
+    log->marks[to] = log->marks[from];
+    memmove(log->certified + to * width, log->certified + from * width, width * sizeof *log->certified);
+    memmove(log->predicted + to * width, log->predicted + from * width, width * sizeof *log->predicted);
+}
+
 void log_finish(struct contraction_log *log)
 {
     log->children = array_shrink(log->children, log->count, 4 * sizeof *log->children);

@@ -94,6 +94,9 @@ uint32_t log_extend(struct contraction_log *log, uint32_t count);
 TETLOD_CHECKED enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint32_t tets, double moved,
                                            const double *certified, const double *predicted, struct tetlod_error *error);
 
+/* Puts a mark in the place of another one. */
+void log_move_mark(struct contraction_log *log, uint32_t from, uint32_t to);
+
 /* Gives back the room of records that were not used. */
 void log_finish(struct contraction_log *log);
 

@@ -16,6 +16,7 @@
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/build_series.h"
 #include "src/pipeline/cell_types.h"
+#include "src/pipeline/keep_features.h"
 #include "src/pipeline/limits.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
@@ -47,6 +48,7 @@ struct build {
     const struct build_options *options;
     struct contraction_log log;
     struct series_build *series;    /* if there is one */
+    struct kept_features kept;      /* if they are asked for */
     struct tetlodi_write_level *levels; /* coarse to fine */
     double *errors;                     /* [mark][field][measure], fine to coarse */
     struct overlay_levels *overlay;     /* if it is asked for */
@@ -124,6 +126,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_limit = domain_error * mesh_diagonal(build->original),
         .boundary_least = BOUNDARY_KEPT * mesh_diagonal(build->original),
         .regions = regions_of(build),
+        .fixed = build->kept.fixed,
         .local_bound = options->local_bound || finds_cost(options),
         .growth = options->growth,
         .threads = options->threads,
@@ -561,7 +564,11 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(check_ranges(&build));
     if (options->series)
         TETLOD_TRY_DONE(series_new(&build.series, build.mesh, options, error));
+    if (options->keep_features > 0)
+        TETLOD_TRY_DONE(kept_features_init(&build.kept, build.original, options, error));
     TETLOD_TRY_DONE(contract(&build));
+    if (options->keep_features > 0)
+        TETLOD_TRY_DONE(kept_features_filter(&build.kept, build.mesh, &build.log, error));
     copy_components(&build);
     if (options->local_bound)
         TETLOD_TRY_DONE(add_local_bounds(&build));
@@ -579,6 +586,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     report->keys = build.series ? series_key_count(build.series) : 0;
 done:
     series_free(build.series);
+    kept_features_fini(&build.kept);
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
     oriented_fini(&build.oriented);

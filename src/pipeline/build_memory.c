@@ -34,7 +34,9 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
                        (build_asks_overlay(options) ? overlay_levels_bytes(mesh) : 0);
     uint64_t records = tets * WRITER_RECORDS, last = records > WRITER_TAIL ? records : WRITER_TAIL;
     uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last;
+    uint64_t keep = options->keep_features > 0 ? log + coarsening_bytes(mesh) + 85 * vertices + 32 * tets : 0;
     uint64_t most = contract > measure ? contract : measure;
+    most = most > keep ? most : keep;
     held += quantise_wanted(&options->quantise) ? held : 0; // the rounded mesh
     uint64_t sum = held + (most > encode ? most : encode);
     return PROGRAM + sum + sum / ALLOCATOR;

@@ -20,6 +20,7 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
     const struct build_range ranges[] = {
         {"max-error", "max_error", options->max_error, 0, 1e6}, // predictions may pass the range
         {"domain-error", "domain_error", options->domain_error, 0, 1},
+        {"keep-features", "keep_features", options->keep_features, 0, 1},
         {"boundary-angle", "boundary_angle", options->boundary_angle, 0, 180},
         {"growth", "growth", options->growth, 1.001, 16},
         {"threads", "threads", options->threads, 0, PARALLEL_MAX_THREADS},

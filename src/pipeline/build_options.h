@@ -55,6 +55,7 @@ struct build_options {
     enum certify certify;    /* (simplify.h) */
     bool local_bound;        /* every controlled field gets its local bound, as a field of its own (local_bound.h) */
     bool summary;            /* the section SUMS: exact sums over the original (make_summary.h) */
+    double keep_features;    /* every level has as many extrema of this persistence (keep_features.h); 0: it need not */
     bool certify_all;        /* every field gets a `max`: the exact maximum, where it has no bound */
     unsigned contract;       /* CONTRACT_... (simplify.h) */
     double max_error;        /* fraction of the range */

@@ -264,6 +264,7 @@ enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
     TETLOD_TRY_DONE(log_init(&log, mesh, error));
     TETLOD_TRY_DONE(working_init(&working, mesh, NULL, controlled, controlled_count, limits, &log, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, working.node, working.flags, error));
+    regions_fix_vertices(mesh->vertex_count, options->fixed, working.node, working.flags);
     TETLOD_TRY_DONE(border_find(&working, pool, error));
     TETLOD_TRY_DONE(border_init(&border, &working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, pool_size(pool), error));

@@ -44,6 +44,7 @@ struct simplify_options {
     double boundary_limit; /* units of length */
     double boundary_least; /* how far the boundary may move even where it meets another part of it: by rounding */
     const double *regions; /* [tet] its region, or NULL */
+    const bool *fixed;     /* [vertex] does it stay where it is? or NULL */
     bool local_bound;      /* the log keeps every node's bound */
     double growth;         /* vertices of a level / vertices of the one below */
     unsigned threads;      /* 0: all cores; the result does not depend on it */

@@ -38,7 +38,7 @@ LAYERS = {
     'src/forest': MESHES,
     'src/stream': MESHES + ['src/forest/'],
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
-    'src/pipeline': MESHES + ['format/common/', 'format/coding/', 'format/read/summary.h', 'format/write/',
+    'src/pipeline': MESHES + ['format/common/', 'format/coding/', 'format/read/summary.h', 'format/write/', 'src/ask/features.h',
                               'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
                              'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],

@@ -43,14 +43,15 @@ class COptions(Structure):
                 ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
                 ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
                 ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p),
-                ('warn', WARN), ('warn_opaque', c_void_p), ('without', POINTER(c_char_p)), ('without_count', c_uint32)]
+                ('warn', WARN), ('warn_opaque', c_void_p), ('without', POINTER(c_char_p)), ('without_count', c_uint32),
+                ('summary', c_int), ('keep_features', c_double)]
 
 
 FUNCTIONS = (('tetlod_build_defaults', None, (POINTER(COptions),)),
              ('tetlod_build', c_int, (POINTER(CMesh), POINTER(COptions), WRITE, c_void_p, POINTER(CError))))
-FRACTIONS = ('max_error', 'domain_error', 'position_error', 'field_error')
+FRACTIONS = ('max_error', 'domain_error', 'position_error', 'field_error', 'keep_features')
 NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'local_bound', 'position_bits', 'field_bits',
-           'keep_order', 'threads', 'memory')
+           'keep_order', 'threads', 'memory', 'summary')
 OPTIONS = {'field', 'no_field', 'region', 'certify', 'compress', 'metadata', 'progress', *FRACTIONS, *NUMBERS}
 
 

@@ -34,3 +34,10 @@ enum tetlod_status regions_fix(const struct tetmesh *mesh, const double *regions
     free(first);
     return status;
 }
+
+void regions_fix_vertices(uint32_t vertex_count, const bool *fixed, const uint32_t *vertex, uint8_t *flags)
+{
+    for (uint32_t i = 0; i < vertex_count && fixed; i++)
+        if (fixed[vertex ? vertex[i] : i])
+            flags[i] |= VERTEX_FIXED;
+}

@@ -12,4 +12,7 @@ TETLOD_CHECKED enum tetlod_status regions_fix(const struct tetmesh *mesh, const 
                                               const uint32_t *vertex, uint8_t *flags,
                                               struct tetlod_error *error);
 
+/* The same of each vertex for which `fixed` [number in the mesh] says so; it may be NULL. */
+void regions_fix_vertices(uint32_t vertex_count, const bool *fixed, const uint32_t *vertex, uint8_t *flags);
+
 #endif

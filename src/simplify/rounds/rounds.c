@@ -694,6 +694,7 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     if (options->local_bound)
         TETLOD_TRY_DONE(log_keep_bounds(out, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, rounds.working.node, rounds.working.flags, error));
+    regions_fix_vertices(mesh->vertex_count, options->fixed, rounds.working.node, rounds.working.flags);
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.pool, error));
     TETLOD_TRY_DONE(report(&rounds));
