@@ -125,7 +125,7 @@ WASM_LDFLAGS := -lc-printscan-no-floating-point -Wl,--strip-all -Wl,--max-memory
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_steps) src/cut/line.c src/cut/normals.c \
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_function view_steps) src/cut/line.c src/cut/normals.c \
     $(patsubst %,format/coding/%.c,base cell_steps cells header index section tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm

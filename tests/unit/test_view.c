@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What the browser's module does, natively: so that sanitizers see it. What it gives is held against the library by
  * tests/web/test_decoder.mjs. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "server/web/wasm/view.h"
@@ -36,6 +37,33 @@ static uint32_t *copy_words(const uint32_t *words, size_t count)
     for (size_t i = 0; copy && i < count; i++)
         copy[i] = words[i];
     return copy;
+}
+
+/* The square of the first field, wherever it is shown; what is no function is refused. */
+static void draw_a_function(struct view *view)
+{
+    double c[3];
+    for (int i = 0; i < 3; i++)
+        c[i] = (view_info(view)->bounds[0][i] + view_info(view)->bounds[1][i]) / 2;
+    const uint32_t number = view->shown.field_count;
+    const double square[] = {0, 0, 1, 0, 1, 0, 4, 0}, bad[] = {0, 0, 1, 0, 4, 0}, tensor[] = {0, 0, 1, 0, 12, 0};
+    CHECK_INT(view_define(view, bad, 1, 2), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(view_define(view, tensor, 1, 2), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(view_define(view, square, 1, 3), TETLOD_OK);
+    const double *range = view_shade(view, number, 0), middle = (range[0] + range[1]) / 2;
+    CHECK(!(range[0] < 0));
+    CHECK_INT(view_isosurface(view, WITH_NORMALS, number, 0, middle), TETLOD_OK);
+    view_clip(view, c[0], c[1], c[2], 1, 2, 3);
+    CHECK_INT(view_surface(view, WITH_LINES), TETLOD_OK);
+    CHECK_INT(view_slice(view, WITH_LINES, c[0], c[1], c[2], 0, 0, 1), TETLOD_OK);
+    const struct view_part *part = view_part(view);
+    for (uint32_t v = 0; v < part->point_count; v++)
+        CHECK(fabs((double)part->values[v] - (double)part->vectors[v] * (double)part->vectors[v]) <=
+              1e-6 * fabs((double)part->values[v]) + 1e-30);
+    view_unclip(view);
+    const double *to = view_info(view)->bounds[1];
+    CHECK_INT(view_along(view, c[0], c[1], c[2], to[0], to[1], to[2]), TETLOD_OK);
+    CHECK_INT(view_resample(view, 5, 0), TETLOD_OK);
 }
 
 static void draw_all(struct view *view)
@@ -75,6 +103,7 @@ static void test_every_level_moves_and_is_drawn(void)
         REQUIRE(view);
         uint32_t levels = view_info(view)->level_count;
         draw_all(view);
+        draw_a_function(view);
         for (uint32_t k = 1; k < levels; k++) {
             CHECK_INT(view_seek(view, k), TETLOD_OK);
             CHECK_INT(view_move(view, k - 1), TETLOD_OK);

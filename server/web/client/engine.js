@@ -591,21 +591,31 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null }) {
-    const shade = field === undefined ? -1 : this.#fieldIndex(field);
+  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null }) {
+    const defined = formula && this.#checkFormula(formula);
+    const shade = formula ? this.#info.fields.length : field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined && what.cellField === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const cellShade = cellField === undefined ? -1 : this.#cellIndex(cellField);
-    const valueOf = (what) => ({ field: of(what.field), component: this.#component(this.#info.fields[of(what.field)], what.component ?? (what.field === undefined && cellShade < 0 ? component : 0)) });
+    const componentOf = (what) => what.component ?? (what.field === undefined && cellShade < 0 ? component : 0);
+    const valueOf = (what) => {
+      if (what.formula) return { field: shade, component: 0 };
+      return { field: of(what.field), component: this.#component(this.#info.fields[of(what.field)], componentOf(what)) };
+    };
     const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
     return {
-      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
-      component: shade < 0 ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
+      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined, vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
+      component: shade < 0 || formula ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold)) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
+  }
+
+  // With the fields' numbers; the module refuses what is no function.
+  #checkFormula({ inputs, program, text }) {
+    return { inputs: inputs.map(([name, component]) => [this.#fieldIndex(name), component]), program, text };
   }
 
   #checkRegions({ field: name, hidden = [] }) {
@@ -659,7 +669,7 @@ export class Engine {
   // The vectors whose length colours; null: what colours is linear.
   get #lengthOf() {
     const { shade, component, cellShade } = this.#spec;
-    return cellShade < 0 && shade >= 0 && component < 0 ? { field: shade, components: this.#info.fields[shade].components } : null;
+    return cellShade < 0 && shade >= 0 && component < 0 && !this.#spec.formula ? { field: shade, components: this.#info.fields[shade].components } : null;
   }
 
   #drawRays() {
@@ -674,6 +684,7 @@ export class Engine {
   // Returns the range.
   // Which tetrahedra are drawn.
   #filter() {
+    if (this.#spec?.formula) this.#view.define(this.#spec.formula);
     this.#view.filter(this.#spec?.threshold, this.#spec?.regions);
   }
 
@@ -688,12 +699,12 @@ export class Engine {
     const range = this.#colour();
     if (shade < 0 && cellShade < 0) return null;
     const cells = cellShade >= 0;
-    const { name } = cells ? this.#info.cellFields[cellShade] : this.#info.fields[shade];
+    const { name } = cells ? this.#info.cellFields[cellShade] : this.#info.fields[shade] ?? { name: this.#spec.formula.text };
     const of = cells ? cellComponent : component;
     const key = JSON.stringify([this.#shown, cells || this.#at, cells, name, of]);
     const fresh = t === 1 && key !== this.#sampleOf;
     if (fresh) this.#sampleOf = key;
-    return { field: name, cells, component: of < 0 ? 'magnitude' : of, range, sample: fresh ? this.#view.sample() : undefined };
+    return { field: name, cells, component: of < 0 ? 'magnitude' : of, formula: Boolean(this.#spec.formula) && !cells, range, sample: fresh ? this.#view.sample() : undefined };
   }
 
   #draw(t) {
@@ -713,6 +724,7 @@ export class Engine {
   // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's
   // in a move.
   #drawZone({ field, component, value }, t) {
+    if (this.#spec.formula && field === this.#info.fields.length) return null; // nothing is proved of it
     const at = (level) => boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
     const { bound: fine, certified } = at(this.#shown);
     const bound = t < 1 ? fine + (1 - t) * (at(this.#coarser).bound - fine) : fine;

@@ -213,6 +213,15 @@ export class View {
     this.#check(this.#code.view_rest(this.#view));
   }
 
+  /**
+   * The field behind those of the stream is from now on a function {inputs: [[field, component]], program: [[operation,
+   * number]]}.
+   */
+  define({ inputs, program }) {
+    const words = Float64Array.from([...inputs, ...program].flat());
+    this.#check(this.#lend(words, (address) => this.#code.view_define(this.#view, address, inputs.length, program.length)));
+  }
+
   /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now, whose
    *  least and greatest value it returns. */
   shade(field, component) {

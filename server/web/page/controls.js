@@ -6,7 +6,7 @@ import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
 import {
   colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf,
-  measuresOf, spanOf, targetFieldOf, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
+  measuresOf, spanOf, targetFieldOf, tensorParts, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
 } from './levels.js';
 import { notice } from './notices.js';
 import { bytes, clamp, parseNumber, percent, significant } from './numbers.js';
@@ -158,12 +158,15 @@ export class Controls {
   bindColors() {
     const { store, info } = this;
     const component = byId('component');
-    component.addEventListener('change', () => store.set({ component: component.value === 'magnitude' ? 'magnitude' : Number(component.value) }));
-    store.watch(['field', 'cells', 'component'], (state) => {
+    const chosen = () => (/^\d+$/.test(component.value) ? Number(component.value) : component.value);
+    component.addEventListener('change', () => store.set({ component: chosen(), formula: '' }));
+    store.watch(['field', 'cells', 'component', 'formula'], (state) => {
       const { components } = colouredOf(info, state).field;
+      const tensor = !state.cells && [6, 9].includes(components) ? Object.entries(tensorParts) : [];
       byId('component-row').hidden = components === 1;
-      options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
+      options(component, [['magnitude', 'magnitude'], ...tensor, ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
       component.value = state.component;
+      if (component.selectedIndex < 0) component.value = 'magnitude'; // a tensor's part, of another field
     });
     this.bindMapFile();
     const hand = (patch) => {
@@ -259,7 +262,7 @@ export class Controls {
     });
     store.watch(['clip'], (state) =>
       this.listPlanes(byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
-    store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component'], (state) => this.listIsosurfaces(state.isosurfaces));
+    store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component', 'formula'], (state) => this.listIsosurfaces(state.isosurfaces));
     const opacity = byId('isosurface-opacity');
     opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
     store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
@@ -305,7 +308,7 @@ export class Controls {
         number();
       };
     });
-    this.follow(['threshold', 'field', 'cells', 'component'], ({ threshold, cells }) => {
+    this.follow(['threshold', 'field', 'cells', 'component', 'formula'], ({ threshold, cells }) => {
       box.checked = Boolean(threshold);
       byId('threshold-body').hidden = !threshold;
       byId('threshold-words').textContent = cells ? 'Cells with values between these.' : 'Cells whose corners all have values between these.';

@@ -47,7 +47,8 @@ export function planeOutline(bounds, plane) {
   return points.sort((p, q) => angle(p) - angle(q));
 }
 
-// The part of a polygon { x, y } that is inside a rectangle from (margin, margin), side by side (Sutherland and Hodgman).
+// The part of a polygon { x, y } that is inside a rectangle from (margin, margin), side by side (Sutherland and
+// Hodgman).
 export function clipToWindow(polygon, width, height, margin) {
   const sides = [(p) => p.x - margin, (p) => width - margin - p.x, (p) => p.y - margin, (p) => height - margin - p.y];
   return sides.reduce((points, inside) => points.flatMap((p, i) => {
@@ -59,12 +60,13 @@ export function clipToWindow(polygon, width, height, margin) {
   }), polygon);
 }
 
-// The value of a part within a triangle, with these weights of its corners: of vectors the length, which is not linear.
-function valueIn({ values, vectors }, corners, weights) {
+// The value of a part within a triangle, with these weights of its corners: of vectors the length, or another function,
+// which is not linear.
+function valueIn({ values, vectors, evaluate = (row) => Math.hypot(...row) }, corners, weights) {
   const at = (list, n, c) => corners.reduce((sum, corner, i) => sum + weights[i] * list[n * corner + c], 0);
   if (!vectors) return at(values, 1, 0);
   const n = vectors.length / values.length;
-  return Math.hypot(...Array.from({ length: n }, (_, c) => at(vectors, n, c)));
+  return evaluate(Array.from({ length: n }, (_, c) => at(vectors, n, c)));
 }
 
 // The nearest triangle of a part that a ray meets (Möller and Trumbore): { distance, value, point } or null.
@@ -112,7 +114,8 @@ export function sidesOf({ triangles, lines, points }) {
   });
 }
 
-// The lines of a part that are sides of triangles seen from behind. `eye` is where the viewer is, or where he looks if that
+// The lines of a part that are sides of triangles seen from behind. `eye` is where the viewer is, or where he looks if
+// that
 // is `parallel`; `sides` of sidesOf.
 export function linesBehind({ points, triangles, lines }, sides, eye, parallel) {
   const wanted = new Uint8Array(lines.length / 2);

@@ -41,6 +41,7 @@ export class Layer {
     this.showLines = false;
     this.visible = true;
     this.logarithmic = false;
+    this.shaderOf = ''; // how many of these, and the function
     this.attributes = []; // of vectors whose lengths colour
     this.shaded = false; // without light, colours are exactly the map's
     this.offset = [0, 0, 0];
@@ -52,7 +53,8 @@ export class Layer {
   }
 
   // A message that leaves triangles or lines out means the last ones.
-  // `lengths`: the module, where a part has vectors whose length colours; null: what somebody else asked the stream for.
+  // `lengths`: the module, where a part has vectors whose length colours; null: what somebody else asked the stream
+  // for.
   update(part, logarithmic, lengths) {
     if (part) {
       part = { ...part, triangles: part.triangles ?? this.part?.triangles, lines: part.lines === undefined ? this.part?.lines : part.lines };
@@ -70,13 +72,16 @@ export class Layer {
 
   // Shaders are made anew where there are more or fewer of them.
   takeVectors(lengths) {
-    const before = this.attributes.length;
+    const before = this.shaderOf;
+    const formula = this.part.vectors ? lengths?.formula ?? null : null;
+    this.part.evaluate = formula ? (row) => formula.value(row) : undefined;
     this.attributes = this.part.vectors && lengths ? lengths.attributesOf(this.part, vtkDataArray) : [];
     const names = this.attributes.map((attribute) => attribute.getName());
+    this.shaderOf = names.length ? `${names.length} ${formula?.text ?? ''}` : '';
     for (const { data, mapper } of [this.triangles, this.lines]) {
       for (const attribute of this.attributes) data.getPointData().addArray(attribute);
-      if (names.length === before) continue;
-      mapper.setViewSpecificProperties(names.length ? lengths.shadersOf(names, mapper, () => this.logarithmic) : {});
+      if (this.shaderOf === before) continue;
+      mapper.setViewSpecificProperties(names.length ? lengths.shadersOf(names, mapper, () => this.logarithmic, formula) : {});
       mapper.setCustomShaderAttributes(names);
     }
   }
@@ -124,7 +129,8 @@ export class Layer {
     return linesBehind(part, this.sides.of, ...this.behind);
   }
 
-  // Lines of triangles that are seen from behind only, from `eye` ([place or direction, parallel]); null: all. True if that changes the picture.
+  // Lines of triangles that are seen from behind only, from `eye` ([place or direction, parallel]); null: all. True if
+  // that changes the picture.
   showBehind(eye) {
     this.behind = eye && [add(eye[0], this.offset, eye[1] ? 0 : -1), eye[1]];
     if (!this.lines.actor.getVisibility()) return false;

@@ -1,26 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Lengths of vectors in the picture: linear on a triangle are their components, from which each pixel takes its length and the
-// colour. Loaded when a length colours.
+// Lengths of vectors, and other functions of components, in the picture: linear on a triangle are the components, from
+// which each pixel takes the value and the colour. Loaded when a length colours.
 
 const mostComponents = 32; // that graphics processors have room for beside the rest, four to an attribute
-const replacementsFor = (names) => {
+const lengthOf = (names) => `sqrt(${names.map((name) => `dot(${name}VS, ${name}VS)`).join(' + ')})`;
+const replacementsFor = (names, formula) => {
   const declare = (kind, suffix) => names.map((name) => `${kind} vec4 ${name}${suffix};`).join('\n');
-  const squares = names.map((name) => `dot(${name}VS, ${name}VS)`).join(' + ');
+  const inputs = formula?.inputs.map((_, i) => `${names[i >> 2]}VS.${'xyzw'[i & 3]}`);
+  const value = formula ? formula.shader(inputs) : lengthOf(names);
   const at = (shaderType, originalValue, replacementValue, replaceFirst = true) => ({ shaderType, originalValue, replacementValue, replaceFirst, replaceAll: false });
   return [
     at('Vertex', '//VTK::Color::Dec', `${declare('attribute', 'MC')}\n${declare('varying', 'VS')}\n//VTK::Color::Dec`),
     at('Vertex', '//VTK::Color::Impl', `${names.map((name) => `${name}VS = ${name}MC;`).join('\n')}\n//VTK::Color::Impl`),
-    at('Fragment', '//VTK::Color::Dec', `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;
+    at('Fragment', '//VTK::Color::Dec', `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;${formula?.functions ?? ''}
 float lengthPlace() {
-  float squares = ${squares};
-  float value = lengthIsLogarithmic == 0 ? sqrt(squares) : 0.15051499783 * log2(max(squares, 1e-38));
+  float value = ${value};
+  if (lengthIsLogarithmic != 0) value = value > 0.0 ? 0.30102999566 * log2(value) : -38.0;
   return clamp(lengthTexels.x + lengthTexels.y * value, -1000.0, 1000.0);
 }\n//VTK::Color::Dec`),
     at('Fragment', 'tcoordVCVSOutput.st', 'vec2(lengthPlace(), 0.49)', false),
   ];
 };
 
-// Where vtk.js has the colours of values in its texture (ScalarColoringHelper): beside the map's there is one at each end.
+// Where vtk.js has the colours of values in its texture (ScalarColoringHelper): beside the map's there is one at each
+// end.
 function texelsOf(lookup) {
   const [low, high] = lookup.getMappingRange();
   const texel = (high - low) / (lookup.getNumberOfAvailableColors() - 1);
@@ -28,7 +31,8 @@ function texelsOf(lookup) {
   return [(1.5 * texel - low) * scale, scale];
 }
 
-// The vectors of a part as attributes of four components each; what there is no room for, or is none, leaves colours to the values.
+// The vectors of a part as attributes of four components each; what there is no room for, or is none, leaves colours to
+// the values.
 export function attributesOf({ vectors, values }, vtkDataArray) {
   const components = vectors && values.length ? vectors.length / values.length : 0;
   if (!components || components > mostComponents) return [];
@@ -47,7 +51,7 @@ function tellLengths(program, lookup, logarithmic) {
 }
 
 /** What a mapper takes to draw attributes with these names. */
-export const shadersOf = (names, mapper, isLogarithmic) => ({
-  OpenGL: { ShaderReplacements: replacementsFor(names) },
+export const shadersOf = (names, mapper, isLogarithmic, formula) => ({
+  OpenGL: { ShaderReplacements: replacementsFor(names, formula) },
   ShadersCallbacks: [{ callback: (_, drawn) => tellLengths(drawn.getProgram(), mapper.getLookupTable(), isLogarithmic()) }],
 });

@@ -96,7 +96,7 @@ export const spanOf = (field) => field.range[1] - field.range[0];
 // What is drawn of a field: its only component has no choice.
 function componentIn({ components }, component) {
   if (components === 1) return 0;
-  return component === 'magnitude' || component >= components ? 'magnitude' : component;
+  return Number.isInteger(component) && component < components ? component : 'magnitude';
 }
 export const componentOf = (info, state) => componentIn(fieldOf(info, state.field), state.component);
 
@@ -104,7 +104,8 @@ export const componentOf = (info, state) => componentIn(fieldOf(info, state.fiel
 export function colouredOf(info, state) {
   const cells = info.cellFields.find((f) => f.name === state.cells);
   const field = cells ?? fieldOf(info, state.field);
-  return { field, cells: Boolean(cells), component: componentIn(field, state.component) };
+  const formula = formulaNamed(info, formulaText(info, state));
+  return { field, cells: Boolean(cells), component: componentIn(field, state.component), formula };
 }
 
 // The field that bounds the error of this one at every point, if the stream has it.
@@ -114,11 +115,21 @@ export const localBoundOf = (info, name) => info.fields.find((f) => f.bounds ===
 // level has no bound: null.
 // `local`: what the local bound says there, if it is known.
 export function boundShown(info, level, state, local) {
-  const { field, cells, component } = colouredOf(info, state);
+  const { field, cells, component, formula } = colouredOf(info, state);
+  if (formula) return formulaBound(formula, info, level);
   if (!cells && field.bounds) return { bound: null, certified: true, words: `is how far off ${field.bounds} is at most` };
   if (cells) return level === info.levels.length - 1 ? { bound: 0, certified: true, words: 'exact' } : { bound: null, certified: false, words: 'of the cell, without a bound' };
   const found = boundOf(info, level, field.name, component, local);
   return { ...found, words: wordsOfBound(info, field.name, found) };
+}
+
+/** As boundShown, of a function; with `values` of a probe at that place. */
+export function formulaBound(formula, info, level, values = null) {
+  const { bound, certified } = formula.at(info, level, values);
+  if (!Number.isFinite(bound)) return { bound: null, certified: false, words: 'without a bound' };
+  const { low, high } = formula.at(info, info.levels.length - 1);
+  const share = Number.isFinite(high - low) && high > low ? `${percent(roundedUp(bound / (high - low), 3))}, ` : '';
+  return { bound, certified, words: bound ? `± ${significant(roundedUp(bound, 2), 2)} (${share}${certified ? 'certified' : 'measured'})` : 'exact' };
 }
 
 // Fields of cells whose numbers can be those of regions.
@@ -127,7 +138,9 @@ export const regionFields = (info) => info.cellFields.filter(({ components, type
 // Whose isosurfaces: of what is coloured, or of another field, of its length if it has several components.
 export function isosurfacesOf(info, state) {
   const field = fieldOf(info, state.isosurfaceField);
-  if (!field || field.name === state.field) return { field: state.field, component: componentOf(info, state), colored: !colouredOf(info, state).cells };
+  const { cells, formula } = colouredOf(info, state);
+  if (!field || field.name === state.field)
+    return { field: state.field, component: componentOf(info, state), colored: !cells, formula };
   return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
 }
 
@@ -140,11 +153,12 @@ export function vectorsOf(info, { vectors, vectorField, field }) {
 
 // Names of the fields that the picture needs; probes and a plotted line tell the local bound, where there is one.
 export const shownFields = (info, state) => [...new Set([
-  state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
+  state.field, ...(colouredOf(info, state).formula?.fields ?? []), ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
   (state.pins.length || state.line ? localBoundOf(info, state.field) : null) ?? state.field])];
 
 export function titleOf(info, state) {
-  const { field: { name, components }, component } = colouredOf(info, state);
+  const { field: { name, components }, component, formula } = colouredOf(info, state);
+  if (formula) return state.formula || `${tensorParts[state.component] ?? formula.text} ${name}`;
   if (components === 1) return name;
   return component === 'magnitude' ? `|${name}|` : `${name} ${componentName(components, component)}`;
 }
@@ -157,10 +171,45 @@ export function unitOf(info, name) {
 
 // 'Pressure [Pa]', as it stands at the scalar bar.
 export function titleWithUnit(info, state) {
-  const unit = unitOf(info, state.cells || state.field);
+  const unit = state.formula ? '' : unitOf(info, state.cells || state.field);
   return titleOf(info, state) + (unit && ` [${unit}]`);
 }
 
 const amountOf = (info, name, x) => `${significant(x, 2)}${unitOf(info, name) && ` ${unitOf(info, name)}`}`;
 
-export const componentName = (components, i) => (components <= 3 ? 'xyz'[i] : String(i));
+const named = { 6: 'xx yy zz xy yz xz'.split(' '), 9: 'xx xy xz yx yy yz zx zy zz'.split(' ') };
+export const componentNames = (components) =>
+  named[components] ?? Array.from({ length: components }, (_, i) => (components <= 3 ? 'xyz'[i] : String(i)));
+export const componentName = (components, i) => componentNames(components)[i];
+
+// ---- functions of components (formula.js, which is loaded when one is shown)
+
+/** What is drawn of tensors beside their components. */
+export const tensorParts = { mises: 'von Mises', principal1: 'largest principal', principal2: 'middle principal', principal3: 'smallest principal' };
+const isTensor = ({ components }) => components === 6 || components === 9;
+
+let Formula = null;
+const formulas = new Map(); // by text and names of the fields
+
+export const useFormulas = (module) => { ({ Formula } = module); };
+
+/** The text of the function that colours, or ''. */
+export function formulaText(info, { field, cells, component, formula }) {
+  if (info.cellFields.some((f) => f.name === cells)) return '';
+  if (formula) return formula;
+  return Object.hasOwn(tensorParts, component) && isTensor(fieldOf(info, field)) ? `${component}("${field}")` : '';
+}
+
+/** The function with this text; null: none, it is not loaded yet, or it is not understood. */
+export function formulaNamed(info, text) {
+  if (!text || !Formula) return null;
+  const key = JSON.stringify([text, info.fields.map(({ name, components }) => [name, components])]);
+  if (!formulas.has(key)) {
+    try {
+      formulas.set(key, new Formula(text, info.fields));
+    } catch (error) {
+      formulas.set(key, null);
+    }
+  }
+  return formulas.get(key);
+}

@@ -36,7 +36,7 @@ export class LinePlot {
     byId('line-close').addEventListener('click', () => viewer.store.set({ line: null }));
     this.drawing.addEventListener('pointermove', (event) => this.tellValue(event.offsetX));
     this.drawing.addEventListener('pointerleave', () => this.tellBound());
-    viewer.store.watch(['line', 'field', 'cells', 'component'], () => this.sample());
+    viewer.store.watch(['line', 'field', 'cells', 'component', 'formula'], () => this.sample());
     viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.sample());
     new ResizeObserver(() => this.draw()).observe(this.drawing);
   }

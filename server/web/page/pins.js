@@ -4,7 +4,7 @@
 
 import { byId, coalesced, element } from './dom.js';
 import { add, length } from './geometry.js';
-import { boundShown, colouredOf, localBoundOf, titleOf } from './levels.js';
+import { boundShown, colouredOf, formulaBound, localBoundOf, titleOf } from './levels.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
@@ -28,7 +28,7 @@ export class Pins {
     Object.assign(this, { viewer, layer, pointer, list: byId('pins'), marks: [] });
     this.ask = coalesced(() => this.#ask());
     byId('add-pin').addEventListener('click', () => this.#add(null));
-    viewer.store.watch(['pins', 'field', 'cells', 'component'], () => {
+    viewer.store.watch(['pins', 'field', 'cells', 'component', 'formula'], () => {
       this.#list();
       this.ask();
     });
@@ -102,14 +102,14 @@ export class Pins {
     const { viewer, marks } = this;
     const { told: info, level, store: { state }, stream } = viewer;
     if (level < 0 || !stream.fields.includes(state.field)) return;
-    const { field: { name }, cells, component } = colouredOf(info, viewer.coloredState);
+    const { field: { name }, cells, component, formula } = colouredOf(info, viewer.coloredState);
     for (const { place, mark, value } of marks) {
       const answer = await stream.probe(place).catch(() => null);
       if (marks !== this.marks) return;
       const found = answer?.[cells ? 'cells' : 'values'][name];
       const local = answer?.values[localBoundOf(info, name)]?.[0] * (component === 'magnitude' ? Math.sqrt(found.length) : 1);
-      const { words } = boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
-      const number = found && significant(component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
+      const { words } = formula && answer ? formulaBound(formula, info, level, answer.values) : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
+      const number = found && significant(formula ? formula.valueAt(answer.values) : component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
       value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}${local > 0 ? ' here' : ''}` : 'nothing is drawn here';
       mark.lastChild.textContent = found ? number : 'nothing';
     }

@@ -4,40 +4,52 @@
 import { planeOf } from './geometry.js';
 import { colouredOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
 
+// A quotient may be anything: then as far as the largest component reaches.
+function spanOfFormula(formula, info) {
+  const { low, high } = formula.at(info, info.levels.length - 1);
+  if (Number.isFinite(high - low)) return [low, high > low ? high : low + 1];
+  const most = Math.max(...formula.fields.flatMap((name) => fieldOf(info, name).range.map(Math.abs)));
+  return [-most, most];
+}
+
 // What the state's fractions are of; it does not change while the stream comes.
-function rangeIn({ field: { range, components }, component }) {
+function rangeIn({ field: { range, components }, component, formula }, info) {
+  if (formula) return spanOfFormula(formula, info);
   return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
 }
 
 /** What isosurfaces are fractions of, and what a threshold's ends are. */
 export const isosurfaceRange = (state, info) => {
-  const { field, component } = isosurfacesOf(info, state);
-  return rangeIn({ field: fieldOf(info, field), component });
+  const { field, component, formula } = isosurfacesOf(info, state);
+  return rangeIn({ field: fieldOf(info, field), component, formula }, info);
 };
-export const thresholdRange = (state, info) => rangeIn(colouredOf(info, state));
+export const thresholdRange = (state, info) => rangeIn(colouredOf(info, state), info);
 
 function thresholdOf(state, info) {
   if (!state.threshold) return null;
   const [low, high] = thresholdRange(state, info);
   const [from, to] = state.threshold;
-  const { field: { name }, cells, component } = colouredOf(info, state);
-  return { [cells ? 'cellField' : 'field']: name, component, low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
+  const { field: { name }, cells, component, formula } = colouredOf(info, state);
+  const of = formula ? { formula: true } : { [cells ? 'cellField' : 'field']: name, component };
+  return { ...of, low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */
 export function specOf(state, info) {
   const [low, high] = isosurfaceRange(state, info);
-  const { field, component } = isosurfacesOf(info, state);
+  const { field, component, formula } = isosurfacesOf(info, state);
+  const of = formula ? { formula: true } : { field, component };
   const coloured = colouredOf(info, state);
   return {
     field: state.field,
     cellField: coloured.cells ? coloured.field.name : undefined,
     component: coloured.component,
+    formula: coloured.formula && { inputs: coloured.formula.inputs, program: coloured.formula.program, text: coloured.formula.text },
     regions: state.regions && state.hidden.length ? { field: state.regions, hidden: state.hidden } : null,
     surface: state.surface !== 'off',
     edges: state.edges || (state.sliceEdges && state.slices.length > 0),
     slices: state.slices.map((plane) => planeOf(info.bounds, plane)),
-    isosurfaces: state.isosurfaces.map((fraction) => ({ field, component, value: low + fraction * (high - low), zone: state.zone })),
+    isosurfaces: state.isosurfaces.map((fraction) => ({ ...of, value: low + fraction * (high - low), zone: state.zone })),
     threshold: thresholdOf(state, info),
     clip: state.clip && planeOf(info.bounds, state.clip),
     rays: state.volume && !state.volumeSize,
@@ -47,7 +59,9 @@ export function specOf(state, info) {
   };
 }
 
-/** The level, as `TetlodStream.refineTo` takes it; without `info`, which says what there is, for `TetlodStream.open`. */
+/**
+ * The level, as `TetlodStream.refineTo` takes it; without `info`, which says what there is, for `TetlodStream.open`.
+ */
 export function targetOf(state, info) {
   const target = { error: state.error, tets: state.maxTets || defaultTets() };
   if (state.maxBytes) target.bytes = state.maxBytes;

@@ -7,7 +7,8 @@ import { clamp } from './numbers.js';
 export const mostVectors = 3000;
 
 export const defaults = Object.freeze({
-  // the target: the coarsest level with at most this error (a fraction of the field's range; 0: the finest level), within budgets
+  // the target: the coarsest level with at most this error (a fraction of the field's range; 0: the finest level),
+  // within budgets
   error: 0.01,
   measure: 'max',
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
@@ -16,7 +17,8 @@ export const defaults = Object.freeze({
   step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
   field: '',
-  component: 'magnitude',
+  component: 'magnitude', // or a number, or mises, principal1 … principal3 of tensors
+  formula: '', // a function of components that colours instead of the field
   cells: '', // values of cells that colour instead of the field
   range: 'auto', // auto, data, visible, manual
   low: 0,
@@ -90,7 +92,8 @@ const codecs = {
   maxBytes: positive,
   step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
-  component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
+  formula: text,
+  component: { read: (t) => (/^(magnitude|mises|principal[123])$/.test(t) ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
   cells: text,
   range: oneOf('auto', 'data', 'visible', 'manual'),
   low: real,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the page loads after the picture and the panel: probes that stay, the plot over a line, files, a second view.
 
+import { bindCalculator } from './calculator.js';
 import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { LinePlot } from './line_plot.js';
@@ -17,6 +18,7 @@ export class Tools {
   constructor(viewer, { layer, save, pointer, canOpenAnother }) {
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);
+    bindCalculator(viewer);
     this.drafts = new Drafts(viewer);
     bindExports(viewer, save);
     bindSecondView(viewer, canOpenAnother);

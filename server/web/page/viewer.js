@@ -8,7 +8,7 @@ import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
 import {
-  colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, wantedLevel,
+  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, useFormulas, wantedLevel,
 } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
@@ -42,6 +42,7 @@ export class Viewer extends EventTarget {
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
   #lengths = null; // lengths.js, from the first spec on in which a length colours
+  #formulas = false; // formula.js is loaded, or being loaded
   #closing = new AbortController();
   #asked = 0;      // changes of what the worker is to make
   #spec = '';      // what it was asked to make last
@@ -93,10 +94,10 @@ export class Viewer extends EventTarget {
   /** From now on changes of the state are followed. */
   follow() {
     const { store, scene } = this;
-    store.watch(['map', 'cells', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'],
+    store.watch(['map', 'cells', 'formula', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'],
                 this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
+    store.watch(['field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
                  'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
@@ -278,15 +279,20 @@ export class Viewer extends EventTarget {
   // What the picture is coloured by: until a field has come, the one before.
   get coloredState() {
     const { store: { state }, shade } = this;
-    const here = state.cells ? shade?.cells && shade.field === state.cells : this.stream.fields.includes(state.field);
+    const text = colouredOf(this.info, state).formula?.text ?? null;
+    const here = state.cells ? shade?.cells && shade.field === state.cells
+      : this.stream.fields.includes(state.field) && text === (shade?.formula ? shade.field : null);
     if (!shade || here) return state;
     const { field, cells, component } = shade;
-    return cells ? { ...state, cells: field, component } : { ...state, cells: '', field, component };
+    if (shade.formula) return { ...state, formula: field };
+    const shown = { ...state, formula: '', component };
+    return cells ? { ...shown, cells: field } : { ...shown, cells: '', field };
   }
 
   // The index has one range for all components; that of one of them, or of their length, is the picture's.
   dataRange() {
-    const { field: { name, range, components }, cells, component } = colouredOf(this.info, this.coloredState);
+    const { field: { name, range, components }, cells, component, formula } = colouredOf(this.info, this.coloredState);
+    if (formula) return this.#isShade({ field: formula.text, cells, component: 0 }) ? this.shade.range : isosurfaceRange({ ...this.coloredState, isosurfaceField: '' }, this.info);
     if (components > 1 && this.#isShade({ field: name, cells, component })) return this.shade.range;
     return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
   }
@@ -302,8 +308,8 @@ export class Viewer extends EventTarget {
 
   // Where there are isosurfaces, as far as is known.
   isosurfaceSpan() {
-    const { colored, component } = isosurfacesOf(this.info, this.store.state);
-    return colored && component === 'magnitude' ? this.dataRange() : this.isosurfaceRange();
+    const { colored, component, formula } = isosurfacesOf(this.info, this.store.state);
+    return colored && (formula || component === 'magnitude') ? this.dataRange() : this.isosurfaceRange();
   }
 
   // The colours' range as values; a logarithm needs positive ones.
@@ -373,13 +379,22 @@ export class Viewer extends EventTarget {
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('fieldsloading', { fields });
     try {
-      if (spec.component === 'magnitude') this.#lengths ??= await import('./lengths.js');
+      if (spec.component === 'magnitude' || spec.formula) this.#lengths ??= await import('./lengths.js');
+      if (formulaText(this.info, state) && !this.#formulas) this.#loadFormulas();
       await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked });
     } catch (error) {
       if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed',
                                                                                 { message: error.message, retry: this.show });
     }
     if (fields.length) this.#tell('fieldsloaded', { fields });
+  }
+
+  // The picture is of the field until they are there.
+  async #loadFormulas() {
+    this.#formulas = true;
+    useFormulas(await import('./formula.js'));
+    this.#tell('info'); // what is told of the state
+    this.#remake();
   }
 
   // Fields come when they are first shown; the picture before stays meanwhile.
@@ -422,17 +437,23 @@ export class Viewer extends EventTarget {
 
   // ---- from the stream
 
+  // How what colours is made of vectors in the picture.
+  #lengthsOf(shade) {
+    const formula = shade?.formula ? formulaNamed(this.info, shade.field) : null;
+    return this.#lengths && { ...this.#lengths, formula };
+  }
+
   // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do
   // not flicker.
-  #takeShade({ field, cells, component, range: [low, high], sample }) {
+  #takeShade({ field, cells, component, formula, range: [low, high], sample }) {
     const fresh = !this.#isShade({ field, cells, component });
     const [least, most] = fresh ? [Infinity, -Infinity] : this.shade.range;
     const grown = low < least || high > most;
-    if (fresh || grown) this.shade = { field, cells, component, range: [Math.min(low, least),
+    if (fresh || grown) this.shade = { field, cells, component, formula, range: [Math.min(low, least),
                                                                         Math.max(high,
                                                                                  most)], sample: this.shade?.sample };
     if (sample) this.shade.sample = sample;
-    if (fresh || sample || (grown && colouredOf(this.info, this.coloredState).field.components > 1) ||
+    if (fresh || sample || (grown && (formula || colouredOf(this.info, this.coloredState).field.components > 1)) ||
         this.store.state.range === 'visible') this.recolorNow();
   }
 
@@ -443,7 +464,7 @@ export class Viewer extends EventTarget {
     }
     const pictures = event.detail;
     this.scene.addEventListener('render', this.#tellPictured, { once: true });
-    this.scene.update(pictures, this.store.state, this.#lengths);
+    this.scene.update(pictures, this.store.state, this.#lengthsOf(pictures.shade));
     this.#takeShade(pictures.shade);
     this.#drawn = pictures.t === 1 && pictures.tag === this.#asked ? pictures.level : -1;
     this.level = pictures.level; // the base: nothing was refined to get there

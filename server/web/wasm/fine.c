@@ -12,8 +12,10 @@
 static const double ACCURACY = 1.0 / 512;
 enum { MAX_ROUNDS = 8, MAX_TETS = 1 << 20 };
 
-/* What is looked for: lengths from `low` to `high`. */
+/* What is looked for: lengths, or values of a function, from `low` to `high`. */
 struct target {
+    const struct view *view;
+    const struct point_field *field;
     uint32_t components;
     double low, high;
 };
@@ -26,15 +28,29 @@ static double product(const double *a, const double *b, uint32_t components)
     return sum;
 }
 
-static double length_of(const double *vector, uint32_t components)
+/* May the function have such a value there? It is looked at in the corners and between them, and has as much room on
+ * each side: nothing is proved. */
+static bool may_have(const double *const corners[4], const struct target *target)
 {
-    return sqrt(product(vector, vector, components));
+    double low = INFINITY, high = -INFINITY, row[MAX_FUNCTION_INPUTS];
+    for (int i = 0; i < 4; i++)
+        for (int j = i; j < 4; j++) {
+            for (uint32_t c = 0; c < target->components; c++)
+                row[c] = (corners[i][c] + corners[j][c]) / 2;
+            double value = view_value_of(target->view, target->field, row);
+            low = fmin(low, value);
+            high = fmax(high, value);
+        }
+    double room = high - low;
+    return target->low <= high + room && target->high >= low - room;
 }
 
 /* May a vector within the tetrahedron be that long? None is longer than the longest corner's, none is farther from the
  * mean than the corner that is. */
 static bool may_meet(const double *const corners[4], const struct target *target)
 {
+    if (target->field == &target->view->defined.field)
+        return may_have(corners, target);
     // products: of a corner and four times the mean
     double products[4], squares[4], mean = 0, longest = 0, farthest = 0;
     for (int i = 0; i < 4; i++) {
@@ -52,14 +68,15 @@ static bool may_meet(const double *const corners[4], const struct target *target
     return target->low <= longest && target->high >= sqrt(mean) - sqrt(farthest) - rounding;
 }
 
-/* What the length between two corners, taken as linear, is too large by in the middle, where that is largest or nearly
- * so. */
-static double deviation_of(const double *a, const double *b, uint32_t components)
+/* What the value between two corners, taken as linear, is off by in the middle, where that of a length is largest or
+ * nearly so. */
+static double deviation_of(const double *a, const double *b, const struct target *target)
 {
-    double squares = 0;
-    for (uint32_t c = 0; c < components; c++)
-        squares += (a[c] + b[c]) * (a[c] + b[c]);
-    return (length_of(a, components) + length_of(b, components) - sqrt(squares)) / 2;
+    double middle[MAX_FUNCTION_INPUTS];
+    for (uint32_t c = 0; c < target->components; c++)
+        middle[c] = (a[c] + b[c]) / 2;
+    double ends = view_value_of(target->view, target->field, a) + view_value_of(target->view, target->field, b);
+    return fabs(ends / 2 - view_value_of(target->view, target->field, middle));
 }
 
 static bool add_tet(struct view_fine *fine, const uint32_t corners[4], uint32_t parent)
@@ -201,20 +218,20 @@ static void swap_corners(struct view_fine *fine)
 }
 
 /* The largest of its edges. */
-static double deviation_of_tet(const struct view_fine *fine, const uint32_t *corners, uint32_t components)
+static double deviation_of_tet(const struct view_fine *fine, const uint32_t *corners, const struct target *target)
 {
     double most = 0;
     for (int e = 0; e < 6; e++)
         most = fmax(most, deviation_of(fine->rows + (size_t)corners[ends[e][0]] * fine->width,
-                                       fine->rows + (size_t)corners[ends[e][1]] * fine->width, components));
+                                       fine->rows + (size_t)corners[ends[e][1]] * fine->width, target));
     return most;
 }
 
-static void measure(struct view_fine *fine, uint32_t components)
+static void measure(struct view_fine *fine, const struct target *target)
 {
     fine->deviation = 0;
     for (size_t t = 0; t < fine->mesh.tet_count; t++)
-        fine->deviation = fmax(fine->deviation, deviation_of_tet(fine, fine->mesh.corners + 4 * t, components));
+        fine->deviation = fmax(fine->deviation, deviation_of_tet(fine, fine->mesh.corners + 4 * t, target));
 }
 
 /* One that is near enough stays. Beside one that is divided it has straight edges: what gapes between them is within
@@ -226,11 +243,11 @@ static bool divide_all(struct view_fine *fine, const struct target *target)
         return false;
     for (uint32_t t = 0; t < fine->coarse.tet_count; t++) {
         const uint32_t *corners = fine->coarse.corners + 4 * (size_t)t;
-        bool is_near = deviation_of_tet(fine, corners, target->components) <= fine->accuracy;
+        bool is_near = deviation_of_tet(fine, corners, target) <= fine->accuracy;
         if (is_near ? !add_tet(fine, corners, fine->parents[1][t]) : !divide_tet(fine, t, target))
             return false;
     }
-    measure(fine, target->components);
+    measure(fine, target);
     return true;
 }
 
@@ -238,7 +255,7 @@ static double longest_of(const struct view *view, const struct point_field *fiel
 {
     double longest = 0;
     for (size_t v = 0; v < view->shown.vertex_count; v++)
-        longest = fmax(longest, length_of(field->values + v * field->components, field->components));
+        longest = fmax(longest, fabs(view_value_of(view, field, field->values + v * field->components)));
     return longest;
 }
 
@@ -246,9 +263,9 @@ enum tetlod_status view_divide(struct view *view, const struct point_field *fiel
 {
     struct view_fine *fine = &view->fine;
     fine->accuracy = ACCURACY * longest_of(view, field);
-    const struct target target = {field->components, value, margin ? value + fine->accuracy : value};
+    const struct target target = {view, field, field->components, value, margin ? value + fine->accuracy : value};
     bool made = take_tets(view, field, &target);
-    measure(fine, field->components);
+    measure(fine, &target);
     for (int i = 0; made && i < MAX_ROUNDS && fine->deviation > fine->accuracy && fine->mesh.tet_count < MAX_TETS / 8;
          i++)
         made = divide_all(fine, &target);
@@ -257,6 +274,6 @@ enum tetlod_status view_divide(struct view *view, const struct point_field *fiel
         return tetlodi_fail_nomem(&view->error, "an isosurface", 64 * (uint64_t)fine->mesh.tet_count);
     fine->lengths = lengths;
     for (uint32_t v = 0; v < fine->mesh.vertex_count; v++)
-        lengths[v] = length_of(fine->rows + (size_t)v * fine->width, field->components);
+        lengths[v] = view_value_of(view, field, fine->rows + (size_t)v * fine->width);
     return TETLOD_OK;
 }

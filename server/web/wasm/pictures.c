@@ -21,7 +21,7 @@ enum tetlod_status view_begin_pictures(struct view *view)
     view->has_boundary = view->has_lines = view->has_kept = view->has_rays = false;
     view->grid_size = 0;
     view->shade_field = TETLOD_NONE;
-    view->by_cells = false;
+    view->by_cells = view->has_rows = false;
     if (!shade || !function)
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)vertices);
     for (uint32_t v = 0; v < vertices; v++)
@@ -29,8 +29,13 @@ enum tetlod_status view_begin_pictures(struct view *view)
     return TETLOD_OK;
 }
 
-void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out)
+void view_take_values(const struct view *view, const struct tetmesh *mesh, uint32_t vertices, uint32_t field,
+                      int32_t component, double *out)
 {
+    if (field == mesh->field_count) {
+        view_take_function(view, mesh, vertices, out);
+        return;
+    }
     const struct point_field *of = field < mesh->field_count ? &mesh->fields[field] : NULL;
     for (uint32_t v = 0; v < vertices; v++) {
         const double *values = of && of->values ? of->values + (size_t)v * of->components : NULL;
@@ -48,12 +53,13 @@ void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t fi
 const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
     double low = INFINITY, high = -INFINITY;
-    view_take_values(&view->shown, view->shown.vertex_count, field, component, view->shade);
+    view_take_values(view, &view->shown, view->shown.vertex_count, field, component, view->shade);
     if (view->by_cells || field != view->shade_field || component != view->shade_component)
         view->grid_size = 0;
     view->by_cells = false;
     view->shade_field = field;
     view->shade_component = component;
+    view->has_rows = field == view->shown.field_count && view_take_rows(view);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
         low = view->shade[v] < low ? view->shade[v] : low;
         high = view->shade[v] > high ? view->shade[v] : high;
@@ -65,6 +71,8 @@ const double *view_shade(struct view *view, uint32_t field, int32_t component)
 
 const struct point_field *view_length_field(const struct view *view)
 {
+    if (view->has_rows && !view->by_cells)
+        return &view->defined.field;
     bool length = !view->by_cells && view->shade_component < 0 && view->shade_field < view->shown.field_count;
     const struct point_field *field = length ? &view->shown.fields[view->shade_field] : NULL;
     return field && field->values ? field : NULL;
@@ -77,7 +85,7 @@ static struct view_points shown_points(const struct view *view)
     struct view_array shade = {view->shade, 1, 1};
     if (field)
         shade = (struct view_array){field->values, field->components, field->components};
-    return (struct view_points){{view->shown.positions, 3, 3}, shade, field != NULL};
+    return (struct view_points){{view->shown.positions, 3, 3}, shade, field};
 }
 
 static double volume_of(const struct view *view, const uint32_t *corners)
@@ -158,19 +166,19 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
                                struct view_part *part)
 {
     const struct view_array *places = &of->places, *shade = &of->shade;
-    if (!reserve(part, cut->vertex_count, with & WITH_NORMALS, of->lengths ? shade->count : 0))
+    if (!reserve(part, cut->vertex_count, with & WITH_NORMALS, of->field ? shade->count : 0))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)cut->vertex_count);
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
-        double squares = 0;
+        double row[MAX_FUNCTION_INPUTS];
         for (uint32_t i = 0; i < 3; i++)
             part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, places->values, places->stride,
                                                                 i) - view->centre[i]);
         for (uint32_t c = 0; c < part->components; c++) {
-            double x = cut_value(cut, v, shade->values, shade->stride, c);
-            part->vectors[(size_t)v * part->components + c] = (float)x;
-            squares += x * x;
+            row[c] = cut_value(cut, v, shade->values, shade->stride, c);
+            part->vectors[(size_t)v * part->components + c] = (float)row[c];
         }
-        part->values[v] = (float)(of->lengths ? sqrt(squares) : cut_value(cut, v, shade->values, shade->stride, 0));
+        part->values[v] = (float)(of->field ? view_value_of(view, of->field, row)
+                                            : cut_value(cut, v, shade->values, shade->stride, 0));
     }
     take_counts(part, cut, with);
     if (part->normals)
@@ -208,13 +216,13 @@ static void blend_floats(const struct cut *trimmed, const float *from, uint32_t 
     }
 }
 
-static void take_lengths(struct view_part *part)
+static void take_lengths(const struct view *view, struct view_part *part)
 {
+    double row[MAX_FUNCTION_INPUTS];
     for (size_t v = 0; v < part->point_count; v++) {
-        double squares = 0;
         for (uint32_t c = 0; c < part->components; c++)
-            squares += (double)part->vectors[v * part->components + c] * (double)part->vectors[v * part->components + c];
-        part->values[v] = (float)sqrt(squares);
+            row[c] = (double)part->vectors[v * part->components + c];
+        part->values[v] = (float)view_value_of(view, view_length_field(view), row);
     }
 }
 
@@ -239,7 +247,7 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
     blend_floats(&view->trimmed, whole->values, 1, part->values);
     if (part->components) {
         blend_floats(&view->trimmed, whole->vectors, part->components, part->vectors);
-        take_lengths(part);
+        take_lengths(view, part);
     }
     if (part->normals)
         blend_floats(&view->trimmed, whole->normals, 3, part->normals);
@@ -336,9 +344,11 @@ uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32
 {
     const struct point_field *of = field < view->shown.field_count ? &view->shown.fields[field] : NULL;
     view->fine.deviation = view->fine.accuracy = 0;
-    if (component < 0 && of && of->values)
+    if (field == view->shown.field_count && view->has_rows)
+        of = &view->defined.field;
+    if (of && of->values && (component < 0 || of == &view->defined.field))
         return cut_length(view, with, of, value);
-    view_take_values(&view->shown, view->shown.vertex_count, field, component, view->function);
+    view_take_values(view, &view->shown, view->shown.vertex_count, field, component, view->function);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++)
         view->function[v] -= value;
     TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));

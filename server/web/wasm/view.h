@@ -68,7 +68,7 @@ struct view_array {
 /* What a surface is drawn of: places, and what colours. */
 struct view_points {
     struct view_array places, shade;
-    bool lengths; /* colours show the length of `shade` */
+    const struct point_field *field; /* colours show the length, or the function, of `shade`; NULL: its value */
 };
 
 /* The tetrahedra that an isosurface of a length may pass through, divided (fine.c). Begins zeroed; its memory is used
@@ -91,6 +91,25 @@ struct view_hidden {
     double *numbers;
 };
 
+/* A function of components of fields: steps over a stack. Its field has these components at each vertex of the mesh that
+ * is shown. It counts as the field behind those of the stream. */
+/* (a field has at most 64 components, too) */
+enum { MAX_FUNCTION_INPUTS = 64, MAX_FUNCTION_STEPS = 256, MAX_FUNCTION_DEPTH = 64 };
+struct view_input {
+    uint32_t field, component;
+};
+struct view_step {
+    uint32_t operation;
+    double number;
+};
+struct view_function {
+    struct point_field field;
+    struct view_input inputs[MAX_FUNCTION_INPUTS];
+    uint32_t step_count; /* 0: none is defined */
+    struct view_step steps[MAX_FUNCTION_STEPS];
+    size_t row_cap;
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -103,6 +122,7 @@ struct view {
     bool moving;                     /* from those below, not from the cursor */
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
+    struct view_function defined;
     struct view_fine fine;           /* of the last isosurface of a length */
     double shade_range[2];
     /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
@@ -110,6 +130,7 @@ struct view {
     bool by_cells;                   /* tetrahedra have the values that colour, not vertices */
     double *of_tets, *of_kept;       /* those of the mesh that is shown, and of `kept` */
     struct view_sample sample;
+    bool has_rows;                   /* the function colours, and its inputs are known */
     uint32_t shade_field;
     int32_t shade_component;
     double *probed;                  /* a value for each component of each field */
@@ -202,6 +223,9 @@ enum { WITH_LINES = 1, WITH_NORMALS = 2, WITH_MARGIN = 4 };
 /* The value that colours, of the mesh as it is now; component -1: the length of all of them, which pictures, grids and
  * lines take of interpolated components; field -1: nothing colours, the value is 0. Returns its least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
+/* From now on the field behind those of the stream is a function: `words` has two numbers for each input (field,
+ * component) and two for each step (operation, number), as view_function.c reads them. */
+VIEW_EXPORT(view_define) uint32_t view_define(struct view *view, const double *words, uint32_t inputs, uint32_t steps);
 /* Some of those values, as many of each as it has of the volume. */
 VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
 /* From now on pictures are of what is behind a plane; or of everything again. */
@@ -272,7 +296,16 @@ VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 const struct tetlod_info *view_info(const struct view *view);
 
 /* One value per vertex: a component, or the length of all. A field that is not decoded counts as 0. */
-void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out);
+void view_take_values(const struct view *view, const struct tetmesh *mesh, uint32_t vertices, uint32_t field,
+                      int32_t component, double *out);
+
+/* The function: of a row of its inputs; of the vertices of a mesh; its inputs at those of the mesh that is shown (false:
+ * no memory). */
+double view_evaluate(const struct view_function *function, const double *inputs);
+void view_take_function(const struct view *view, const struct tetmesh *mesh, uint32_t vertices, double *out);
+bool view_take_rows(struct view *view);
+/* Of a row of a field that view_length_field gave: the function, or the length. */
+double view_value_of(const struct view *view, const struct point_field *field, const double *row);
 
 /* What pictures are of. */
 const struct tetmesh *view_drawn(struct view *view);
@@ -282,7 +315,7 @@ const double *view_of_drawn(const struct view *view);
 
 bool view_reserve_points(struct view_part *part, uint32_t count, bool normals);
 
-/* The field whose length colours; NULL: what colours is linear on each tetrahedron. */
+/* The field whose length colours, or the function that colours; NULL: what colours is linear on each tetrahedron. */
 const struct point_field *view_length_field(const struct view *view);
 
 /* Values along a segment, and on a grid, by view->shade or the length of a field. (lengths.c) */

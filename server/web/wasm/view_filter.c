@@ -103,7 +103,7 @@ uint32_t view_filter(struct view *view)
     if (view->has_kept || (!view->has_range && !view->hidden.count))
         return TETLOD_OK;
     if (view->has_range && !range->of_cells)
-        view_take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
+        view_take_values(view, view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
                          range->component, view->function);
     view->has_kept = keep(view);
     return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra",
