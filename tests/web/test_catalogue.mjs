@@ -43,7 +43,8 @@ async function a_link_loads_what_its_card_says() {
 
 // One answer, whatever is found in it; nothing is asked about streams that nobody looks at.
 async function a_thousand_streams_are_one_answer() {
-  for (let i = 0; i < many; i++) linkSync(join(folder, i % 2 ? 'fin.tetlod' : 'wake.tetlod'), join(folder, `run-${i}.tetlod`));
+  for (let i = 0; i < many; i++)
+    linkSync(join(folder, i % 2 ? 'fin.tetlod' : 'wake.tetlod'), join(folder, `run-${i}.tetlod`));
   const server = await program([folder]);
   const page = await openPage(browser, server.url);
   const asked = [];
@@ -52,7 +53,10 @@ async function a_thousand_streams_are_one_answer() {
   await page.waitForFunction((count) => document.querySelectorAll('tbody tr').length === count, many + 2);
   const took = await page.evaluate(() => performance.now());
   console.log(`# ${many + 2} streams after ${Math.round(took)} ms`);
-  assert.deepEqual(asked.map((url) => new URL(url).search), ['?limit=1000', '?limit=1000&after=run-998']);
+  assert.deepEqual(
+    asked.map((url) => new URL(url).search),
+    ['?limit=1000', '?limit=1000&after=run-998'],
+  );
   const names = () => page.locator('tbody tr td:first-child a').allInnerTexts();
   assert.deepEqual((await names()).slice(0, 4), ['fin', 'run-0', 'run-1', 'run-2']);
   await page.locator('#find').fill('run-99 velo');
@@ -78,7 +82,11 @@ async function solids_open_lit() {
     await page.goto(`${solids.url}view/beam_${kind}`);
     await settled(page);
     const { surface, shading, slices, field } = await page.evaluate(() => window.tetlod.state);
-    assert.deepEqual({ surface, shading, slices, field }, { surface: 'solid', shading: 'all', slices: [], field: 'Displacement' }, kind);
+    assert.deepEqual(
+      { surface, shading, slices, field },
+      { surface: 'solid', shading: 'all', slices: [], field: 'Displacement' },
+      kind,
+    );
     assert.deepEqual(page.complaints, []);
     await page.context().close();
   }

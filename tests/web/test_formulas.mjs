@@ -20,11 +20,15 @@ const info = { fields, cellFields: [], levels: [{ errors }] };
 const values = { p: [2], u: [1, -2, 2], S: [10, 20, 30, 4, 5, 6], 'T 1': [1, 2, 3, 4, 5, 6, 7, 8, 9] };
 
 let state = 1;
-const random = (low, high) => { state = (state * 48271) % 2147483647; return low + (high - low) * (state / 2147483647); };
+const random = (low, high) => {
+  state = (state * 48271) % 2147483647;
+  return low + (high - low) * (state / 2147483647);
+};
 
 function texts_are_functions() {
   const of = (text) => new Formula(text, fields).valueAt(values);
-  const near = (text, wanted) => assert.ok(Math.abs(of(text) - wanted) < 1e-9 * Math.max(1, Math.abs(wanted)), `${text}: ${of(text)}`);
+  const near = (text, wanted) =>
+    assert.ok(Math.abs(of(text) - wanted) < 1e-9 * Math.max(1, Math.abs(wanted)), `${text}: ${of(text)}`);
   near('1 + 2 × p ^ 2 − 3 ÷ 4', 8.25);
   near('-p^2 + (u.x - u.y) * 2', 2);
   near('norm(u)', 3);
@@ -34,26 +38,60 @@ function texts_are_functions() {
   near('mises(S)', Math.sqrt(((10 - 20) ** 2 + (20 - 30) ** 2 + (30 - 10) ** 2) / 2 + 3 * (16 + 25 + 36)));
   near('principal1(S) + principal2(S) + principal3(S)', 60);
   near('mises("T 1")', new Formula('mises("T 1".xx, "T 1".yy, "T 1".zz, 3, 7, 5)', fields).valueAt(values));
-  for (const [text, words] of [['p +', 'missing'], ['u', 'has components'], ['q', "no field 'q'"], ['sin(p)', "no function 'sin'"], ['u.w', 'x, y, z'],
-    ['mises(u)', '6 or 9'], ['p p', 'not expected'], ['p $', 'not understood'], ['sqrt(p, p)', 'takes 1'], ['(p', "')' is missing"]])
+  for (const [text, words] of [
+    ['p +', 'missing'],
+    ['u', 'has components'],
+    ['q', "no field 'q'"],
+    ['sin(p)', "no function 'sin'"],
+    ['u.w', 'x, y, z'],
+    ['mises(u)', '6 or 9'],
+    ['p p', 'not expected'],
+    ['p $', 'not understood'],
+    ['sqrt(p, p)', 'takes 1'],
+    ['(p', "')' is missing"],
+  ])
     assert.throws(() => new Formula(text, fields), new RegExp(words.replace(/[()]/g, '\\$&')), text);
 }
 
 // Whatever the original's components are, as far from the level's as the certificate lets them be.
 function bounds_hold() {
-  const texts = ['p * u.x', 'u.x / p', 'sqrt(p)', 'norm(u)', 'mises(S)', 'principal1(S)', 'principal2(S)', 'principal3(S)', 'abs(u.x) - u.y^2',
-    'min(p, u.x) * max(u.y, 0.5)', 'mises("T 1")', 'norm(u) / (p + 1)'];
+  const texts = [
+    'p * u.x',
+    'u.x / p',
+    'sqrt(p)',
+    'norm(u)',
+    'mises(S)',
+    'principal1(S)',
+    'principal2(S)',
+    'principal3(S)',
+    'abs(u.x) - u.y^2',
+    'min(p, u.x) * max(u.y, 0.5)',
+    'mises("T 1")',
+    'norm(u) / (p + 1)',
+  ];
   for (const text of texts) {
     const formula = new Formula(text, fields);
     const whole = formula.at(info, 0);
-    assert.ok(whole.certified && whole.bound > 0 && whole.bound < whole.high - whole.low, `${text}: ${JSON.stringify(whole)}`);
+    assert.ok(
+      whole.certified && whole.bound > 0 && whole.bound < whole.high - whole.low,
+      `${text}: ${JSON.stringify(whole)}`,
+    );
     for (let i = 0; i < 400; i++) {
-      const original = Object.fromEntries(fields.map(({ name, components, range }) => [name, Array.from({ length: components }, () => random(...range))]));
-      const level = Object.fromEntries(fields.map(({ name, range: [low, high] }) =>
-        [name, original[name].map((x) => x + Math.sign(random(-1, 1)) * 0.01 * (high - low))]));
+      const original = Object.fromEntries(
+        fields.map(({ name, components, range }) => [name, Array.from({ length: components }, () => random(...range))]),
+      );
+      const level = Object.fromEntries(
+        fields.map(({ name, range: [low, high] }) => [
+          name,
+          original[name].map((x) => x + Math.sign(random(-1, 1)) * 0.01 * (high - low)),
+        ]),
+      );
       const apart = Math.abs(formula.valueAt(original) - formula.valueAt(level));
       const { bound } = formula.at(info, 0, level);
-      assert.ok(apart <= bound * (1 + 1e-9) && apart <= whole.bound * (1 + 1e-9), `${text}: ${apart}, more than ${bound}, ${whole.bound}`);
+      assert.ok(
+        apart <= bound * (1 + 1e-9) && apart <= whole.bound * (1 + 1e-9),
+        `${text}: ${apart}, more than ${bound}, ${whole.bound}`,
+      );
     }
   }
   assert.equal(new Formula('p / u.x', fields).at(info, 0).bound, Infinity); // u.x may be nothing
@@ -76,7 +114,12 @@ function define(text) {
   return formula;
 }
 
-const texts = ['flow.x * flow.y + heat', 'norm(flow)', 'principal1(flow.x, flow.y, flow.z, heat, 0.3, flow.x)', 'mises(flow.x, flow.y, flow.z, heat, 0, 1)'];
+const texts = [
+  'flow.x * flow.y + heat',
+  'norm(flow)',
+  'principal1(flow.x, flow.y, flow.z, heat, 0.3, flow.x)',
+  'mises(flow.x, flow.y, flow.z, heat, 0, 1)',
+];
 
 function pictures_and_lines_have_the_value_of_interpolated_components() {
   const [low, high] = described.bounds;
@@ -87,7 +130,10 @@ function pictures_and_lines_have_the_value_of_interpolated_components() {
     for (const part of [view.slice(centre, [1, 0.7, 0.35]), view.surface()])
       for (let v = 0; v < part.values.length; v += 7) {
         const row = [...part.vectors.subarray(formula.inputs.length * v, formula.inputs.length * (v + 1))];
-        assert.ok(Math.abs(formula.value(row) - part.values[v]) < 1e-5, `${text}: ${part.values[v]}, not ${formula.value(row)}`);
+        assert.ok(
+          Math.abs(formula.value(row) - part.values[v]) < 1e-5,
+          `${text}: ${part.values[v]}, not ${formula.value(row)}`,
+        );
       }
     const [from, to] = [low.map((x) => x + 0.03), high.map((x, i) => x - 0.05 * (i + 1))];
     const ends = view.along(from, to);
@@ -108,10 +154,24 @@ function isosurfaces_are_where_the_value_is() {
     assert.ok(part.triangles.length > 100, text);
     for (let v = 0; v < part.values.length; v += 11) {
       const found = view.probe([...part.points.subarray(3 * v, 3 * v + 3)], described.fields);
-      if (found) assert.ok(Math.abs(formula.valueAt(found.values) - value) < (greatest - least) / 200, `${text}: ${formula.valueAt(found.values)}, not ${value}`);
+      if (found)
+        assert.ok(
+          Math.abs(formula.valueAt(found.values) - value) < (greatest - least) / 200,
+          `${text}: ${formula.valueAt(found.values)}, not ${value}`,
+        );
     }
   }
-  assert.throws(() => view.define({ inputs: [[0, 0]], program: [[1, 0], [2, 0]] }), /do not leave one number/);
+  assert.throws(
+    () =>
+      view.define({
+        inputs: [[0, 0]],
+        program: [
+          [1, 0],
+          [2, 0],
+        ],
+      }),
+    /do not leave one number/,
+  );
   assert.throws(() => view.define({ inputs: [[0, 5]], program: [[1, 0]] }), /do not leave one number/);
 }
 
@@ -128,31 +188,59 @@ async function open(text) {
   await page.goto(`${server.url}view/beam#smooth=0&shading=off&range=data&map=viridis${text}`);
   await settled(page);
 }
-const coloured = (title) => page.waitForFunction((wanted) => window.tetlod?.settled && window.tetlod.viewer.shade?.formula && window.tetlod.viewer.shade.field === wanted, title);
+const coloured = (title) =>
+  page.waitForFunction(
+    (wanted) =>
+      window.tetlod?.settled && window.tetlod.viewer.shade?.formula && window.tetlod.viewer.shade.field === wanted,
+    title,
+  );
 
 // Pixels and what is told under the pointer, against the mesh's own values.
 async function a_tensor_has_von_mises_on_the_page() {
   await open('&field=Stress&error=0.05');
-  assert.deepEqual(await page.locator('#component option').allInnerTexts(),
-    ['magnitude', 'von Mises', 'largest principal', 'middle principal', 'smallest principal', 'xx', 'xy', 'xz', 'yx', 'yy', 'yz', 'zx', 'zy', 'zz']);
+  assert.deepEqual(await page.locator('#component option').allInnerTexts(), [
+    'magnitude',
+    'von Mises',
+    'largest principal',
+    'middle principal',
+    'smallest principal',
+    'xx',
+    'xy',
+    'xz',
+    'yx',
+    'yy',
+    'yz',
+    'zx',
+    'zy',
+    'zz',
+  ]);
   await page.locator('#component').selectOption('mises');
   await coloured('mises("Stress")');
-  assert.match(await page.locator('#formula-words').innerText(), /^von Mises Stress ± [\d.]+ \([\d.]+\u202f%, certified\)\.$/);
+  assert.match(
+    await page.locator('#formula-words').innerText(),
+    /^von Mises Stress ± [\d.]+ \([\d.]+\u202f%, certified\)\.$/,
+  );
   const { seen, wrong, told } = await page.evaluate(async () => {
     const { scene, stream, viewer } = window.tetlod;
     const image = await scene.capture();
-    const context = Object.assign(document.createElement('canvas'), { width: image.width, height: image.height }).getContext('2d', { willReadFrequently: true });
+    const context = Object.assign(document.createElement('canvas'), {
+      width: image.width,
+      height: image.height,
+    }).getContext('2d', { willReadFrequently: true });
     context.drawImage(image, 0, 0);
     const [from, to] = viewer.colorRange();
     const result = { seen: 0, wrong: 0, told: 0 };
     for (let y = 60; y < 440; y += 17)
       for (let x = 60; x < 460; x += 19) {
         const hit = scene.pick(x + 0.5, y + 0.5);
-        const found = hit && await stream.probe(hit.point.map((c, i) => c + scene.centre[i]));
+        const found = hit && (await stream.probe(hit.point.map((c, i) => c + scene.centre[i])));
         if (!found) continue;
         const [xx, xy, xz, , yy, yz, , , zz] = found.values.Stress;
-        const exact = Math.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy ** 2 + yz ** 2 + xz ** 2));
-        const colour = scene.table[Math.round(Math.min(1, Math.max(0, (exact - from) / (to - from))) * (scene.table.length - 1))];
+        const exact = Math.sqrt(
+          ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy ** 2 + yz ** 2 + xz ** 2),
+        );
+        const colour =
+          scene.table[Math.round(Math.min(1, Math.max(0, (exact - from) / (to - from))) * (scene.table.length - 1))];
         const pixel = context.getImageData(x, y, 1, 1).data;
         result.seen++;
         result.told = Math.max(result.told, Math.abs(hit.value - exact) / to);
@@ -173,7 +261,10 @@ async function a_formula_is_typed_and_linked() {
   await page.locator('#formula').fill(text);
   await page.locator('#formula').press('Enter');
   await coloured(text); // Stress is loaded for it
-  await page.locator('#pins').getByText(/Displacement\.z.* ± [\d.]+ \(.*certified\)/).waitFor();
+  await page
+    .locator('#pins')
+    .getByText(/Displacement\.z.* ± [\d.]+ \(.*certified\)/)
+    .waitFor();
   await page.waitForFunction(() => location.hash.includes('formula='));
   const link = page.url();
   await page.goto('about:blank');
@@ -186,6 +277,10 @@ async function a_formula_is_typed_and_linked() {
 }
 
 await run([
-   texts_are_functions, bounds_hold, pictures_and_lines_have_the_value_of_interpolated_components,
-  isosurfaces_are_where_the_value_is, a_tensor_has_von_mises_on_the_page, a_formula_is_typed_and_linked,
+  texts_are_functions,
+  bounds_hold,
+  pictures_and_lines_have_the_value_of_interpolated_components,
+  isosurfaces_are_where_the_value_is,
+  a_tensor_has_von_mises_on_the_page,
+  a_formula_is_typed_and_linked,
 ]);

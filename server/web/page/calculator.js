@@ -6,18 +6,31 @@ import { Formula } from './formula.js';
 import { boundShown, colouredOf, componentNames, titleOf } from './levels.js';
 
 function exampleOf({ fields }) {
-  const [vector, scalar] = [fields.find(({ components }) => components > 1), fields.find(({ components }) => components === 1)];
+  const [vector, scalar] = [
+    fields.find(({ components }) => components > 1),
+    fields.find(({ components }) => components === 1),
+  ];
   const quoted = (name) => (/^[\p{L}_][\p{L}\p{N}_:]*$/u.test(name) ? name : `"${name}"`);
-  if (vector) return `norm(${quoted(vector.name)})${scalar ? ` * ${quoted(scalar.name)}` : ` + ${quoted(vector.name)}.${componentNames(vector.components)[0]}`}`;
+  if (vector)
+    return `norm(${quoted(vector.name)})${scalar ? ` * ${quoted(scalar.name)}` : ` + ${quoted(vector.name)}.${componentNames(vector.components)[0]}`}`;
   return `sqrt(abs(${quoted(fields[0].name)}))`;
 }
 
 export function bindCalculator(viewer) {
   const { store, info } = viewer;
-  const input = element('input', { id: 'formula', autocomplete: 'off', spellcheck: false, placeholder: exampleOf(info) });
-  input.title = 'Components as Velocity.x or Stress.xy; + − × ÷ ^, sqrt, abs, min, max, norm, mises, principal1 to principal3';
+  const input = element('input', {
+    id: 'formula',
+    autocomplete: 'off',
+    spellcheck: false,
+    placeholder: exampleOf(info),
+  });
+  input.title =
+    'Components as Velocity.x or Stress.xy; + − × ÷ ^, sqrt, abs, min, max, norm, mises, principal1 to principal3';
   const words = element('p', { className: 'hint', id: 'formula-words', role: 'status' });
-  byId('component-row').after(element('div', { className: 'row' }, element('label', { htmlFor: 'formula' }, 'Formula'), input), words);
+  byId('component-row').after(
+    element('div', { className: 'row' }, element('label', { htmlFor: 'formula' }, 'Formula'), input),
+    words,
+  );
   input.setAttribute('aria-describedby', 'formula-words');
   input.addEventListener('change', () => {
     const text = input.value.trim();
@@ -33,9 +46,14 @@ export function bindCalculator(viewer) {
   const tell = () => {
     const { told, level, coloredState: state } = viewer;
     input.removeAttribute('aria-invalid');
-    words.textContent = colouredOf(told, state).formula && level >= 0 ? `${titleOf(told, state)} ${boundShown(told, level, state).words}.` : '';
+    words.textContent =
+      colouredOf(told, state).formula && level >= 0
+        ? `${titleOf(told, state)} ${boundShown(told, level, state).words}.`
+        : '';
   };
-  store.watch(['formula'], ({ formula }) => { input.value = formula; });
+  store.watch(['formula'], ({ formula }) => {
+    input.value = formula;
+  });
   viewer.addEventListener('colors', tell);
   viewer.addEventListener('level', tell);
 }

@@ -31,7 +31,9 @@ async function firstPage() {
   try {
     return await getJson(`v1/meshes?limit=${pageSize}`);
   } catch (error) {
-    const catalogue = await getJson('v1/meshes/index.json').catch(() => { throw error; });
+    const catalogue = await getJson('v1/meshes/index.json').catch(() => {
+      throw error;
+    });
     inFolder = true;
     return catalogue;
   }
@@ -47,10 +49,13 @@ async function* pages() {
 }
 
 // The stream's address in a query, where percent signs stand for themselves only if they are encoded once more.
-const viewOf = ({ id, cid }) => (inFolder ? `view.html?stream=${`v1/meshes/${encodeURIComponent(id)}/${cid}/stream`.replaceAll('%', '%25')}` : `view/${encodeURIComponent(id)}`);
+const viewOf = ({ id, cid }) =>
+  inFolder
+    ? `view.html?stream=${`v1/meshes/${encodeURIComponent(id)}/${cid}/stream`.replaceAll('%', '%25')}`
+    : `view/${encodeURIComponent(id)}`;
 
 const stepsOf = ({ series, topologies }) =>
-  (topologies?.length ? topologies.reduce((sum, { steps }) => sum + steps, 0) : series.times.length);
+  topologies?.length ? topologies.reduce((sum, { steps }) => sum + steps, 0) : series.times.length;
 
 function figures(stream) {
   const pairs = [
@@ -63,7 +68,18 @@ function figures(stream) {
     ['fields', stream.fields.map((f) => f.name).join(', ')],
     ['restores the input', stream.lossless ? 'exactly' : 'within its error'],
   ];
-  return element('dl', {}, ...pairs.map(([name, value]) => element('div', { className: name === 'fields' ? 'wide' : '' }, element('dt', {}, name), element('dd', {}, String(value)))));
+  return element(
+    'dl',
+    {},
+    ...pairs.map(([name, value]) =>
+      element(
+        'div',
+        { className: name === 'fields' ? 'wide' : '' },
+        element('dt', {}, name),
+        element('dd', {}, String(value)),
+      ),
+    ),
+  );
 }
 
 // The largest error of a level over the controlled fields, or undefined where the stream does not know it.
@@ -73,16 +89,30 @@ function worst(stream, level, measure) {
 }
 
 function levelRow(stream, level, columns) {
-  const path = (format) => new URL(stream.links.level.replace(/\{\?.*?\}/, '').replace('{level}', level.level).replace('{format}', format), stream.url).href;
+  const path = (format) =>
+    new URL(
+      stream.links.level
+        .replace(/\{\?.*?\}/, '')
+        .replace('{level}', level.level)
+        .replace('{format}', format),
+      stream.url,
+    ).href;
   return element(
-    'tr', {},
+    'tr',
+    {},
     element('td', {}, String(level.level)),
     element('td', {}, count(level.tets)),
     element('td', {}, bytes(level.bytes)),
     ...columns.map(([measure]) => element('td', {}, percent(worst(stream, level, measure), 3))),
-    element('td', {}, element('a', { href: path('vtu'), download: `${stream.id}-${level.level}.vtu` }, 'VTU'), ' · ',
-      element('a', { href: path('vtk'), download: `${stream.id}-${level.level}.vtk` }, 'VTK'), ' · ',
-      element('a', { href: path('tetlod'), download: `${stream.id}-${level.level}.tetlod` }, 'stream')),
+    element(
+      'td',
+      {},
+      element('a', { href: path('vtu'), download: `${stream.id}-${level.level}.vtu` }, 'VTU'),
+      ' · ',
+      element('a', { href: path('vtk'), download: `${stream.id}-${level.level}.vtk` }, 'VTK'),
+      ' · ',
+      element('a', { href: path('tetlod'), download: `${stream.id}-${level.level}.tetlod` }, 'stream'),
+    ),
   );
 }
 
@@ -99,11 +129,19 @@ function levelTable(stream) {
   const show = (levels) => body.replaceChildren(...levels.map((level) => levelRow(stream, level, columns)));
   show(someLevels(stream.levels));
   const head = ['level', 'tetrahedra', 'bytes', ...columns.map(([, title]) => title), 'mesh'];
-  const table = element('table', {}, element('thead', {}, element('tr', {}, ...head.map((h) => element('th', {}, h)))), body);
+  const table = element(
+    'table',
+    {},
+    element('thead', {}, element('tr', {}, ...head.map((h) => element('th', {}, h)))),
+    body,
+  );
   const parts = [element('div', { className: 'scroll' }, table)];
   if (stream.levels.length > shownLevels) {
     const more = element('button', { type: 'button' }, `Show all ${stream.levels.length} levels`);
-    more.addEventListener('click', () => { show(stream.levels); more.remove(); });
+    more.addEventListener('click', () => {
+      show(stream.levels);
+      more.remove();
+    });
     parts.push(more);
   }
   return parts;
@@ -126,29 +164,45 @@ function accuracies(stream) {
     const level = stream.levels.find((l) => worst(stream, l, measure) <= error);
     const size = element('span', {}, bytes(level.bytes));
     tellBytes(stream, level, size).catch(() => {}); // then it is what all fields take
-    return element('a', { className: 'accuracy', href: `${viewOf(stream)}#error=${error}` },
-      element('b', {}, percent(error)), element('span', {}, `${count(level.tets)} tetrahedra`), size);
+    return element(
+      'a',
+      { className: 'accuracy', href: `${viewOf(stream)}#error=${error}` },
+      element('b', {}, percent(error)),
+      element('span', {}, `${count(level.tets)} tetrahedra`),
+      size,
+    );
   });
   const name = measure === 'max' ? 'Certified error at most' : 'Error at most';
   return element('div', { className: 'accuracies' }, element('span', { className: 'note' }, name), ...cards);
 }
 
 // Streams are described, and their pictures drawn, when they come into sight.
-const sight = new IntersectionObserver((entries) => {
-  for (const { isIntersecting, target } of entries)
-    if (isIntersecting) {
-      sight.unobserve(target);
-      describe(target, target.item);
-    }
-}, { rootMargin: '300px' });
+const sight = new IntersectionObserver(
+  (entries) => {
+    for (const { isIntersecting, target } of entries)
+      if (isIntersecting) {
+        sight.unobserve(target);
+        describe(target, target.item);
+      }
+  },
+  { rootMargin: '300px' },
+);
 
-const mark = ({ series }) => (series ? [' ', element('span', { className: 'mark', title: 'Steps in time' }, 'series')] : []);
+const mark = ({ series }) =>
+  series ? [' ', element('span', { className: 'mark', title: 'Steps in time' }, 'series')] : [];
 
 function streamSection(item) {
   const view = viewOf(item);
-  const section = element('section', {}, element('div', { className: 'head' },
-    element('h2', {}, element('a', { href: view }, item.id), ...mark(item)),
-    element('a', { className: 'button main', href: view }, 'View')));
+  const section = element(
+    'section',
+    {},
+    element(
+      'div',
+      { className: 'head' },
+      element('h2', {}, element('a', { href: view }, item.id), ...mark(item)),
+      element('a', { className: 'button main', href: view }, 'View'),
+    ),
+  );
   section.item = item;
   sight.observe(section);
   return section;
@@ -158,11 +212,18 @@ async function describe(section, item) {
   const view = viewOf(item);
   try {
     const url = new URL(inFolder ? `${item.links.self}/index.json` : item.links.self, meshesUrl);
-    const stream = { ...await getJson(url), url: new URL(item.links.self, meshesUrl) };
+    const stream = { ...(await getJson(url)), url: new URL(item.links.self, meshesUrl) };
     const picture = element('canvas', { className: 'thumbnail', role: 'img', ariaLabel: `The boundary of ${item.id}` });
     picture.stream = stream;
-    section.append(element('div', { className: 'body' }, element('a', { href: view, tabIndex: -1 }, picture),
-      element('div', {}, figures(stream), accuracies(stream))), inFolder ? '' : element('details', {}, element('summary', {}, 'Levels and files'), ...levelTable(stream)));
+    section.append(
+      element(
+        'div',
+        { className: 'body' },
+        element('a', { href: view, tabIndex: -1 }, picture),
+        element('div', {}, figures(stream), accuracies(stream)),
+      ),
+      inFolder ? '' : element('details', {}, element('summary', {}, 'Levels and files'), ...levelTable(stream)),
+    );
     drawThumbnail(picture, stream).catch(() => {}); // a catalogue without a picture is still one
   } catch (error) {
     section.append(element('p', { className: 'failed' }, `This stream cannot be described: ${error.message}`));
@@ -171,8 +232,13 @@ async function describe(section, item) {
 
 function streamRow(item) {
   const numbers = [count(item.tets), bytes(item.bytes), String(item.levels)].map((text) => element('td', {}, text));
-  const row = element('tr', {}, element('td', {}, element('a', { href: viewOf(item) }, item.id), ...mark(item)), ...numbers,
-    element('td', { className: 'names' }, item.fields.join(', ')));
+  const row = element(
+    'tr',
+    {},
+    element('td', {}, element('a', { href: viewOf(item) }, item.id), ...mark(item)),
+    ...numbers,
+    element('td', { className: 'names' }, item.fields.join(', ')),
+  );
   row.item = item;
   return row;
 }
@@ -191,15 +257,28 @@ const orders = {
 const choiceOf = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
 
 class Catalogue {
-  #all = []; #total = 0; #main; #controls;
+  #all = [];
+  #total = 0;
+  #main;
+  #controls;
 
   constructor(main) {
     this.#main = main;
     const { q = '', order = 'name', as = '' } = choiceOf();
-    const names = Object.entries(orders).map(([value, [text]]) => element('option', { value, selected: value === order }, text));
-    const kinds = ['', 'list', 'cards'].map((value) => element('option', { value, selected: value === as }, value || 'as suits'));
+    const names = Object.entries(orders).map(([value, [text]]) =>
+      element('option', { value, selected: value === order }, text),
+    );
+    const kinds = ['', 'list', 'cards'].map((value) =>
+      element('option', { value, selected: value === as }, value || 'as suits'),
+    );
     this.#controls = {
-      q: element('input', { type: 'search', id: 'find', placeholder: 'Find: name or field', ariaLabel: 'Find streams by name or field', value: q }),
+      q: element('input', {
+        type: 'search',
+        id: 'find',
+        placeholder: 'Find: name or field',
+        ariaLabel: 'Find streams by name or field',
+        value: q,
+      }),
       order: element('select', { id: 'order', ariaLabel: 'Order' }, ...names),
       as: element('select', { id: 'as', ariaLabel: 'List or cards' }, ...kinds),
       told: element('output', { id: 'found', role: 'status' }),
@@ -224,7 +303,8 @@ class Catalogue {
   // Every word is somewhere in the name or in those of the fields.
   get #found() {
     const words = this.#controls.q.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const has = ({ id, fields }) => words.every((word) => [id, ...fields].some((text) => text.toLowerCase().includes(word)));
+    const has = ({ id, fields }) =>
+      words.every((word) => [id, ...fields].some((text) => text.toLowerCase().includes(word)));
     return this.#all.filter(has).sort(orders[this.#controls.order.value][1]);
   }
 
@@ -232,16 +312,29 @@ class Catalogue {
     const found = this.#found;
     const as = this.#controls.as.value || (this.#total > manyStreams ? 'list' : 'cards');
     this.bar.hidden = this.#total < 2;
-    this.#controls.told.textContent = found.length === this.#total ? `${count(this.#total)} streams` : `${count(found.length)} of ${count(this.#total)} streams`;
+    this.#controls.told.textContent =
+      found.length === this.#total
+        ? `${count(this.#total)} streams`
+        : `${count(found.length)} of ${count(this.#total)} streams`;
     if (as === 'cards') this.#main.replaceChildren(this.bar, ...found.map(streamSection));
     else this.#main.replaceChildren(this.bar, tableOf(found));
   }
 }
 
 function tableOf(found) {
-  const head = ['stream', 'tetrahedra', 'bytes', 'levels', 'fields'].map((text) => element('th', { scope: 'col' }, text));
-  return element('div', { className: 'scroll' }, element('table', { className: 'list' }, element('thead', {}, element('tr', {}, ...head)),
-    element('tbody', {}, ...found.map(streamRow))));
+  const head = ['stream', 'tetrahedra', 'bytes', 'levels', 'fields'].map((text) =>
+    element('th', { scope: 'col' }, text),
+  );
+  return element(
+    'div',
+    { className: 'scroll' },
+    element(
+      'table',
+      { className: 'list' },
+      element('thead', {}, element('tr', {}, ...head)),
+      element('tbody', {}, ...found.map(streamRow)),
+    ),
+  );
 }
 
 // The viewer in place of the catalogue: a page that is gone to cannot be given a file.
@@ -264,7 +357,10 @@ try {
     catalogue.add(page);
     none &&= !page.meshes.length;
   }
-  if (none) main.replaceChildren(element('p', { className: 'note' }, 'No streams are served yet: put *.tetlod files into the folder.'));
+  if (none)
+    main.replaceChildren(
+      element('p', { className: 'note' }, 'No streams are served yet: put *.tetlod files into the folder.'),
+    );
 } catch (error) {
   main.replaceChildren(element('p', { className: 'failed' }, `The catalogue cannot be read: ${error.message}`));
 }

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // While the camera moves and frames take long, a coarser level is drawn; what was there comes back when it rests.
 
-const slow = 50;     // milliseconds of a frame
-const wanted = 35;   // of one of the coarser level's
+const slow = 50; // milliseconds of a frame
+const wanted = 35; // of one of the coarser level's
 const fewest = 2000; // tetrahedra of that
 
 export class Drafts {
-  #viewer; #pictures = null; #asked = false; #last = 0; #slow = 0; #age = 0;
+  #viewer;
+  #pictures = null;
+  #asked = false;
+  #last = 0;
+  #slow = 0;
+  #age = 0;
 
   constructor(viewer) {
     this.#viewer = viewer;

@@ -8,7 +8,22 @@ import { boundOf } from '../client/choose.js';
 import { componentNames } from './levels.js';
 
 // As view_function.c numbers them.
-const operations = ['number', 'input', '+', '-', '*', '/', 'sqrt', 'abs', 'negate', 'min', 'max', 'norm', 'mises', 'principal'];
+const operations = [
+  'number',
+  'input',
+  '+',
+  '-',
+  '*',
+  '/',
+  'sqrt',
+  'abs',
+  'negate',
+  'min',
+  'max',
+  'norm',
+  'mises',
+  'principal',
+];
 const signs = { '−': '-', '×': '*', '·': '*', '÷': '/' };
 
 // ---- from text
@@ -27,7 +42,9 @@ function wordsOf(text) {
 }
 
 class Parser {
-  #words; #fields; #at = 0;
+  #words;
+  #fields;
+  #at = 0;
 
   constructor(text, fields) {
     this.#words = wordsOf(text);
@@ -41,7 +58,7 @@ class Parser {
   }
 
   #told(word) {
-    return word ? word.sign ?? word.name ?? word.number : 'the end';
+    return word ? (word.sign ?? word.name ?? word.number) : 'the end';
   }
 
   #takes(...wanted) {
@@ -73,7 +90,8 @@ class Parser {
     const base = this.#one();
     if (!this.#takes('^')) return base;
     const { number: times } = this.#words[this.#at++] ?? {};
-    if (!(Number.isInteger(times) && times >= 1 && times <= 8)) throw new Error('a power is a whole number from 1 to 8');
+    if (!(Number.isInteger(times) && times >= 1 && times <= 8))
+      throw new Error('a power is a whole number from 1 to 8');
     return Array.from({ length: times - 1 }).reduce((node) => ({ op: '*', args: [node, base] }), base);
   }
 
@@ -91,10 +109,12 @@ class Parser {
 
   #component(name) {
     const field = this.#fields.find((f) => f.name === name);
-    if (!field) throw new Error(`there is no field '${name}'; there are: ${this.#fields.map((f) => f.name).join(', ')}`);
+    if (!field)
+      throw new Error(`there is no field '${name}'; there are: ${this.#fields.map((f) => f.name).join(', ')}`);
     const names = componentNames(field.components);
     if (!this.#takes('.')) {
-      if (field.components > 1) throw new Error(`'${name}' has components: ${names.map((c) => `${name}.${c}`).join(', ')}`);
+      if (field.components > 1)
+        throw new Error(`'${name}' has components: ${names.map((c) => `${name}.${c}`).join(', ')}`);
       return { op: 'input', field: name, component: 0 };
     }
     const word = this.#words[this.#at++];
@@ -108,7 +128,11 @@ class Parser {
     const field = this.#fields.find((f) => f.name === this.#words[this.#at]?.name);
     if (field && this.#words[this.#at + 1]?.sign === ')') {
       this.#at += 2;
-      return Array.from({ length: field.components }, (_, component) => ({ op: 'input', field: field.name, component }));
+      return Array.from({ length: field.components }, (_, component) => ({
+        op: 'input',
+        field: field.name,
+        component,
+      }));
     }
     const args = [this.#sum()];
     while (this.#takes(',')) args.push(this.#sum());
@@ -119,14 +143,19 @@ class Parser {
   #call(name) {
     const args = this.#arguments();
     const has = (count) => {
-      if (args.length !== count) throw new Error(`${name} takes ${count} number${count > 1 ? 's' : ''}, not ${args.length}`);
+      if (args.length !== count)
+        throw new Error(`${name} takes ${count} number${count > 1 ? 's' : ''}, not ${args.length}`);
     };
     if (name === 'norm') return { op: 'norm', args };
     if (name === 'mises') return { op: 'mises', args: tensorOf(args, name) };
-    if (/^principal[123]$/.test(name)) return { op: 'principal', index: Number(name[9]) - 1, args: tensorOf(args, name) };
+    if (/^principal[123]$/.test(name))
+      return { op: 'principal', index: Number(name[9]) - 1, args: tensorOf(args, name) };
     if (name === 'sqrt' || name === 'abs') has(1);
     else if (name === 'min' || name === 'max') has(2);
-    else throw new Error(`there is no function '${name}'; there are: sqrt, abs, min, max, norm, mises, principal1 to principal3`);
+    else
+      throw new Error(
+        `there is no function '${name}'; there are: sqrt, abs, min, max, norm, mises, principal1 to principal3`,
+      );
     return { op: name, args };
   }
 }
@@ -135,7 +164,13 @@ class Parser {
 function tensorOf(args, name) {
   if (args.length === 6) return args;
   if (args.length !== 9) throw new Error(`${name} takes a tensor of 6 or 9 components, not ${args.length}`);
-  const mean = (a, b) => ({ op: '*', args: [{ op: 'number', value: 0.5 }, { op: '+', args: [args[a], args[b]] }] });
+  const mean = (a, b) => ({
+    op: '*',
+    args: [
+      { op: 'number', value: 0.5 },
+      { op: '+', args: [args[a], args[b]] },
+    ],
+  });
   return [args[0], args[4], args[8], mean(1, 3), mean(5, 7), mean(2, 6)];
 }
 
@@ -158,16 +193,27 @@ const mises = ([xx, yy, zz, xy, yz, xz]) =>
   Math.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy * xy + yz * yz + xz * xz));
 
 const results = {
-  '+': ([a, b]) => a + b, '-': ([a, b]) => a - b, '*': ([a, b]) => a * b, '/': ([a, b]) => a / b,
-  sqrt: ([a]) => Math.sqrt(Math.max(a, 0)), abs: ([a]) => Math.abs(a), negate: ([a]) => -a,
-  min: (args) => Math.min(...args), max: (args) => Math.max(...args), norm: (args) => Math.hypot(...args),
-  mises, principal: (args, { index }) => principal(args)[index],
+  '+': ([a, b]) => a + b,
+  '-': ([a, b]) => a - b,
+  '*': ([a, b]) => a * b,
+  '/': ([a, b]) => a / b,
+  sqrt: ([a]) => Math.sqrt(Math.max(a, 0)),
+  abs: ([a]) => Math.abs(a),
+  negate: ([a]) => -a,
+  min: (args) => Math.min(...args),
+  max: (args) => Math.max(...args),
+  norm: (args) => Math.hypot(...args),
+  mises,
+  principal: (args, { index }) => principal(args)[index],
 };
 
 function valueOf(node, inputOf) {
   if (node.op === 'number') return node.value;
   if (node.op === 'input') return inputOf(node.field, node.component);
-  return results[node.op](node.args.map((arg) => valueOf(arg, inputOf)), node);
+  return results[node.op](
+    node.args.map((arg) => valueOf(arg, inputOf)),
+    node,
+  );
 }
 
 // ---- how far off: of each node between which values the original's and the level's are, and how far these are apart
@@ -200,8 +246,14 @@ function magnitude(a) {
 
 // The distance of two tensors is at most that, as von Mises and principal values take it.
 const frobenius = ([a, b, c, d, e, f]) => Math.sqrt(a * a + b * b + c * c + 2 * (d * d + e * e + f * f));
-const signed = [[1, 1, 1], [-1, 1, 1], [1, -1, 1], [1, 1, -1]];
-const misesWithin = ([a, b, c, ...shear]) => Math.max(...signed.map(([p, q, r]) => mises([p * a, q * b, r * c, ...shear])));
+const signed = [
+  [1, 1, 1],
+  [-1, 1, 1],
+  [1, -1, 1],
+  [1, 1, -1],
+];
+const misesWithin = ([a, b, c, ...shear]) =>
+  Math.max(...signed.map(([p, q, r]) => mises([p * a, q * b, r * c, ...shear])));
 
 function ofTensor(args, node) {
   const centre = args.map(({ low, high }) => (low + high) / 2);
@@ -216,7 +268,10 @@ function ofTensor(args, node) {
 const spans = {
   '+': ([a, b]) => ({ low: a.low + b.low, high: a.high + b.high, error: a.error + b.error }),
   '-': ([a, b]) => ({ low: a.low - b.high, high: a.high - b.low, error: a.error + b.error }),
-  '*': ([a, b]) => product(a, b), '/': ([a, b]) => quotient(a, b), sqrt: ([a]) => root(a), abs: ([a]) => magnitude(a),
+  '*': ([a, b]) => product(a, b),
+  '/': ([a, b]) => quotient(a, b),
+  sqrt: ([a]) => root(a),
+  abs: ([a]) => magnitude(a),
   negate: ([a]) => ({ low: -a.high, high: -a.low, error: a.error }),
   min: ([a, b]) => ({ low: Math.min(a.low, b.low), high: Math.min(a.high, b.high), error: Math.max(a.error, b.error) }),
   max: ([a, b]) => ({ low: Math.max(a.low, b.low), high: Math.max(a.high, b.high), error: Math.max(a.error, b.error) }),
@@ -225,13 +280,17 @@ const spans = {
     const length = (key) => Math.hypot(...all.map((a) => a[key]));
     return { low: length('low'), high: length('high'), error: length('error') };
   },
-  mises: ofTensor, principal: ofTensor,
+  mises: ofTensor,
+  principal: ofTensor,
 };
 
 function spanOf(node, inputOf) {
   if (node.op === 'number') return { low: node.value, high: node.value, error: 0 };
   if (node.op === 'input') return inputOf(node.field, node.component);
-  return spans[node.op](node.args.map((arg) => spanOf(arg, inputOf)), node);
+  return spans[node.op](
+    node.args.map((arg) => spanOf(arg, inputOf)),
+    node,
+  );
 }
 
 // ---- for the graphics processor
@@ -242,8 +301,15 @@ const literal = (x) => {
 };
 
 const glslOf = {
-  '+': (a, b) => `(${a} + ${b})`, '-': (a, b) => `(${a} - ${b})`, '*': (a, b) => `(${a} * ${b})`, '/': (a, b) => `(${a} / ${b})`,
-  sqrt: (a) => `sqrt(max(${a}, 0.0))`, abs: (a) => `abs(${a})`, negate: (a) => `(-${a})`, min: (a, b) => `min(${a}, ${b})`, max: (a, b) => `max(${a}, ${b})`,
+  '+': (a, b) => `(${a} + ${b})`,
+  '-': (a, b) => `(${a} - ${b})`,
+  '*': (a, b) => `(${a} * ${b})`,
+  '/': (a, b) => `(${a} / ${b})`,
+  sqrt: (a) => `sqrt(max(${a}, 0.0))`,
+  abs: (a) => `abs(${a})`,
+  negate: (a) => `(-${a})`,
+  min: (a, b) => `min(${a}, ${b})`,
+  max: (a, b) => `max(${a}, ${b})`,
   norm: (...all) => `sqrt(${all.map((a) => `${a} * ${a}`).join(' + ')})`,
   mises: (...all) => `misesOf(vec3(${all.slice(0, 3)}), vec3(${all.slice(3)}))`,
 };
@@ -266,7 +332,7 @@ float principalOf(vec3 d, vec3 s, int index) {
 
 export class Formula {
   #node;
-  inputs = [];  // [field, component], as the decoder gives them
+  inputs = []; // [field, component], as the decoder gives them
   program = []; // [operation, number]
 
   constructor(text, fields) {
@@ -284,7 +350,7 @@ export class Formula {
   #compile(node) {
     for (const arg of node.args ?? []) this.#compile(arg);
     const number = { number: node.value, norm: node.args?.length, principal: node.index }[node.op];
-    this.program.push([operations.indexOf(node.op), node.op === 'input' ? this.#input(node) : number ?? 0]);
+    this.program.push([operations.indexOf(node.op), node.op === 'input' ? this.#input(node) : (number ?? 0)]);
   }
 
   /** Names of the fields that it takes. */
@@ -312,7 +378,9 @@ export class Formula {
       const own = boundOf(info, level, field, component);
       const { range } = info.fields.find(({ name }) => name === field);
       certified &&= own.certified;
-      const known = values ? within(values[field][component], own.bound) : { low: range[0] - own.bound, high: range[1] + own.bound };
+      const known = values
+        ? within(values[field][component], own.bound)
+        : { low: range[0] - own.bound, high: range[1] + own.bound };
       return { ...known, error: own.bound };
     });
     return { low, high, bound: error, certified: certified && Number.isFinite(error) };
@@ -326,7 +394,9 @@ export class Formula {
       if (node.op === 'number') return literal(node.value);
       if (node.op === 'input') return names[this.#input(node)];
       const args = node.args.map(of);
-      return node.op === 'principal' ? `principalOf(vec3(${args.slice(0, 3)}), vec3(${args.slice(3)}), ${node.index})` : glslOf[node.op](...args);
+      return node.op === 'principal'
+        ? `principalOf(vec3(${args.slice(0, 3)}), vec3(${args.slice(3)}), ${node.index})`
+        : glslOf[node.op](...args);
     };
     return of(this.#node);
   }

@@ -23,7 +23,8 @@ export function makeActor(renderer, lookup) {
   const actor = vtkActor.newInstance();
   mapper.setInputData(data);
   mapper.setResolveCoincidentTopology(polygonOffset);
-  if (lookup) mapper.set({ lookupTable: lookup, useLookupTableScalarRange: true, interpolateScalarsBeforeMapping: true });
+  if (lookup)
+    mapper.set({ lookupTable: lookup, useLookupTableScalarRange: true, interpolateScalarsBeforeMapping: true });
   else mapper.setScalarVisibility(false);
   actor.setMapper(mapper);
   actor.setVisibility(false);
@@ -57,11 +58,17 @@ export class Layer {
   // for.
   update(part, logarithmic, lengths) {
     if (part) {
-      part = { ...part, triangles: part.triangles ?? this.part?.triangles, lines: part.lines === undefined ? this.part?.lines : part.lines };
+      part = {
+        ...part,
+        triangles: part.triangles ?? this.part?.triangles,
+        lines: part.lines === undefined ? this.part?.lines : part.lines,
+      };
       const { data } = this.triangles;
       data.getPoints().setData(part.points, 3);
       if (part.triangles !== this.part?.triangles) data.getPolys().setData(cells(part.triangles, 3), 1);
-      const normals = part.normals ? vtkDataArray.newInstance({ name: 'Normals', values: part.normals, numberOfComponents: 3 }) : null;
+      const normals = part.normals
+        ? vtkDataArray.newInstance({ name: 'Normals', values: part.normals, numberOfComponents: 3 })
+        : null;
       data.getPointData().setNormals(normals);
       this.part = part;
       this.takeVectors(lengths);
@@ -73,7 +80,7 @@ export class Layer {
   // Shaders are made anew where there are more or fewer of them.
   takeVectors(lengths) {
     const before = this.shaderOf;
-    const formula = this.part.vectors ? lengths?.formula ?? null : null;
+    const formula = this.part.vectors ? (lengths?.formula ?? null) : null;
     this.part.evaluate = formula ? (row) => formula.value(row) : undefined;
     this.attributes = this.part.vectors && lengths ? lengths.attributesOf(this.part, vtkDataArray) : [];
     const names = this.attributes.map((attribute) => attribute.getName());
@@ -81,7 +88,9 @@ export class Layer {
     for (const { data, mapper } of [this.triangles, this.lines]) {
       for (const attribute of this.attributes) data.getPointData().addArray(attribute);
       if (this.shaderOf === before) continue;
-      mapper.setViewSpecificProperties(names.length ? lengths.shadersOf(names, mapper, () => this.logarithmic, formula) : {});
+      mapper.setViewSpecificProperties(
+        names.length ? lengths.shadersOf(names, mapper, () => this.logarithmic, formula) : {},
+      );
       mapper.setCustomShaderAttributes(names);
     }
   }

@@ -8,16 +8,30 @@ const replacementsFor = (names, formula) => {
   const declare = (kind, suffix) => names.map((name) => `${kind} vec4 ${name}${suffix};`).join('\n');
   const inputs = formula?.inputs.map((_, i) => `${names[i >> 2]}VS.${'xyzw'[i & 3]}`);
   const value = formula ? formula.shader(inputs) : lengthOf(names);
-  const at = (shaderType, originalValue, replacementValue, replaceFirst = true) => ({ shaderType, originalValue, replacementValue, replaceFirst, replaceAll: false });
+  const at = (shaderType, originalValue, replacementValue, replaceFirst = true) => ({
+    shaderType,
+    originalValue,
+    replacementValue,
+    replaceFirst,
+    replaceAll: false,
+  });
   return [
     at('Vertex', '//VTK::Color::Dec', `${declare('attribute', 'MC')}\n${declare('varying', 'VS')}\n//VTK::Color::Dec`),
-    at('Vertex', '//VTK::Color::Impl', `${names.map((name) => `${name}VS = ${name}MC;`).join('\n')}\n//VTK::Color::Impl`),
-    at('Fragment', '//VTK::Color::Dec', `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;${formula?.functions ?? ''}
+    at(
+      'Vertex',
+      '//VTK::Color::Impl',
+      `${names.map((name) => `${name}VS = ${name}MC;`).join('\n')}\n//VTK::Color::Impl`,
+    ),
+    at(
+      'Fragment',
+      '//VTK::Color::Dec',
+      `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;${formula?.functions ?? ''}
 float lengthPlace() {
   float value = ${value};
   if (lengthIsLogarithmic != 0) value = value > 0.0 ? 0.30102999566 * log2(value) : -38.0;
   return clamp(lengthTexels.x + lengthTexels.y * value, -1000.0, 1000.0);
-}\n//VTK::Color::Dec`),
+}\n//VTK::Color::Dec`,
+    ),
     at('Fragment', 'tcoordVCVSOutput.st', 'vec2(lengthPlace(), 0.49)', false),
   ];
 };
@@ -39,7 +53,8 @@ export function attributesOf({ vectors, values }, vtkDataArray) {
   return Array.from({ length: Math.ceil(components / 4) }, (_, k) => {
     const four = new Float32Array(4 * values.length);
     for (let v = 0; v < values.length; v++)
-      for (let c = 4 * k; c < Math.min(components, 4 * k + 4); c++) four[4 * v + c - 4 * k] = vectors[components * v + c];
+      for (let c = 4 * k; c < Math.min(components, 4 * k + 4); c++)
+        four[4 * v + c - 4 * k] = vectors[components * v + c];
     return vtkDataArray.newInstance({ name: `vector${k}`, values: four, numberOfComponents: 4 });
   });
 }
@@ -53,5 +68,7 @@ function tellLengths(program, lookup, logarithmic) {
 /** What a mapper takes to draw attributes with these names. */
 export const shadersOf = (names, mapper, isLogarithmic, formula) => ({
   OpenGL: { ShaderReplacements: replacementsFor(names, formula) },
-  ShadersCallbacks: [{ callback: (_, drawn) => tellLengths(drawn.getProgram(), mapper.getLookupTable(), isLogarithmic()) }],
+  ShadersCallbacks: [
+    { callback: (_, drawn) => tellLengths(drawn.getProgram(), mapper.getLookupTable(), isLogarithmic()) },
+  ],
 });

@@ -24,7 +24,8 @@ static double function_at(const struct view_function *function, const double *a,
 }
 
 /* Twice as many until the middle of each part is on the straight line between its ends. */
-static uint32_t parts_of_function(const struct view_function *function, const double *a, const double *b, double accuracy)
+static uint32_t parts_of_function(const struct view_function *function, const double *a, const double *b,
+                                  double accuracy)
 {
     uint32_t parts = 1;
     for (bool near = false; !near && parts < MAX_PARTS; parts *= near ? 1 : 2) {

@@ -91,8 +91,8 @@ struct view_hidden {
     double *numbers;
 };
 
-/* A function of components of fields: steps over a stack. Its field has these components at each vertex of the mesh that
- * is shown. It counts as the field behind those of the stream. */
+/* A function of components of fields: steps over a stack. Its field has these components at each vertex of the mesh
+ * that is shown. It counts as the field behind those of the stream. */
 /* (a field has at most 64 components, too) */
 enum { MAX_FUNCTION_INPUTS = 64, MAX_FUNCTION_STEPS = 256, MAX_FUNCTION_DEPTH = 64 };
 struct view_input {
@@ -299,8 +299,8 @@ const struct tetlod_info *view_info(const struct view *view);
 void view_take_values(const struct view *view, const struct tetmesh *mesh, uint32_t vertices, uint32_t field,
                       int32_t component, double *out);
 
-/* The function: of a row of its inputs; of the vertices of a mesh; its inputs at those of the mesh that is shown (false:
- * no memory). */
+/* The function: of a row of its inputs; of the vertices of a mesh; its inputs at those of the mesh that is shown
+ * (false: no memory). */
 double view_evaluate(const struct view_function *function, const double *inputs);
 void view_take_function(const struct view *view, const struct tetmesh *mesh, uint32_t vertices, double *out);
 bool view_take_rows(struct view *view);
