@@ -11,6 +11,7 @@
 #include "server/jobs/json_body.h"
 #include "server/jobs/obtain.h"
 #include "server/routes/handlers.h"
+#include "server/routes/steps.h"
 #include "src/forest/forest.h"
 #include "src/report/ask_json.h"
 #include "src/util/array.h"
@@ -24,6 +25,8 @@ struct ask_context {
     char text[TEXT_CAPACITY];
     struct ask_question question;
     struct ask_options options;
+    struct step_selection step;
+    bool of_step;
 };
 
 static void free_context(void *opaque)
@@ -48,8 +51,8 @@ static enum tetlod_status make_answer(void *opaque, struct run *run, struct cach
     struct ask_result result;
     options.wanted = wanted;
     options.opaque = run;
-    enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question, NULL, &options, &result,
-                                           error);
+    enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question,
+                                           context->of_step ? &context->step : NULL, &options, &result, error);
     if (status == TETLOD_ERR_CANCELLED)
         return fail_unwanted(error);
     if (status == TETLOD_ERR_FIELD) // no level certifies the field: the request is right, there is no answer
@@ -90,7 +93,9 @@ static bool take_question(struct exchange *exchange, const struct tetlod_info *i
                          "within is a width in the answer's units, or a percentage such as 1%%25");
         return false;
     }
-    return true;
+    enum query_result by_step = query_step_selection(exchange, context->dataset, &context->step);
+    context->of_step = by_step == QUERY_FOUND;
+    return by_step != QUERY_BAD;
 }
 
 static enum outcome answer(struct exchange *exchange, struct ask_context *context)
@@ -98,10 +103,13 @@ static enum outcome answer(struct exchange *exchange, struct ask_context *contex
     struct dataset *dataset = context->dataset;
     const struct tetlod_info *info = dataset_info(dataset);
     const enum coding coding = context->coding;
-    char key[TEXT_CAPACITY + 128], etag[128];
+    char key[TEXT_CAPACITY + 192], step[64] = "", etag[128];
     uint64_t bytes = forest_estimate(info, info->level_count - 1);
-    snprintf(key, sizeof key, "%s/ask/%s/%d/%.17g/%s", info->cid, coding_name(coding), context->options.relative,
-             context->options.width, context->text);
+    if (context->of_step)
+        snprintf(step, sizeof step, "%d %.17g %llu", context->step.by_time, context->step.time,
+                 (unsigned long long)context->step.step);
+    snprintf(key, sizeof key, "%s/ask/%s/%d/%.17g/%s/%s", info->cid, coding_name(coding), context->options.relative,
+             context->options.width, step, context->text);
     snprintf(etag, sizeof etag, "%s-ask-%016llx-" TETLOD_VERSION_STRING, info->cid,
              (unsigned long long)hash_text(HASH_START, key));
     const struct cache_value *value;

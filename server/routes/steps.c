@@ -40,14 +40,12 @@ static bool check_time(struct exchange *exchange, const struct tetlod_info *stre
     return false;
 }
 
-/* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
-static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection,
-                      struct step_choice *out)
+/* Reads the parameter `step` or `time` of a series. False: answered. */
+static bool read_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection)
 {
     const struct tetlod_info *stream = dataset_info(whole);
     const struct tetlod_series_info *info = tetlod_series_info(dataset_series(whole));
     uint32_t count = series_step_count(stream, info), number = 0;
-    uint64_t own;
     char time[80], step[24];
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);
     enum query_result by_step = query_value(exchange->query, "step", step, sizeof step);
@@ -61,9 +59,33 @@ static bool take_step(struct exchange *exchange, struct dataset *whole, struct s
                          "give one number, once: time=%s or step=%" PRIu32, time, count - 1);
         return false;
     }
-    if (selection->by_time && !check_time(exchange, stream, info, selection->time))
-        return false;
     selection->step = number;
+    return !selection->by_time || check_time(exchange, stream, info, selection->time);
+}
+
+static bool has_step(struct exchange *exchange)
+{
+    char text[2];
+    return query_value(exchange->query, "time", text, sizeof text) != QUERY_ABSENT ||
+        query_value(exchange->query, "step", text, sizeof text) != QUERY_ABSENT;
+}
+
+enum query_result query_step_selection(struct exchange *exchange, struct dataset *dataset, struct step_selection *out)
+{
+    *out = (struct step_selection){0};
+    if (!has_step(exchange))
+        return QUERY_ABSENT;
+    return series_info(exchange, dataset) && read_step(exchange, dataset, out) ? QUERY_FOUND : QUERY_BAD;
+}
+
+/* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
+static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_selection *selection,
+                      struct step_choice *out)
+{
+    const struct tetlod_info *stream = dataset_info(whole);
+    uint64_t own;
+    if (!read_step(exchange, whole, selection))
+        return false;
     out->dataset = dataset_topology(whole, selection_topology(stream, selection, &own));
     out->step = selection_step(tetlod_series_info(dataset_series(out->dataset)), selection, own);
     return true;
@@ -98,10 +120,8 @@ enum query_result query_step(struct exchange *exchange, struct dataset *dataset,
                              struct step_choice *out)
 {
     struct step_selection selection = {0};
-    char text[2];
     *out = (struct step_choice){.any = true};
-    if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT &&
-        query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
+    if (!has_step(exchange))
         return QUERY_ABSENT;
     bool good = series_info(exchange, dataset) && check_parameters_of(exchange, names) &&
                 take_step(exchange, dataset, &selection, out) && take_band(exchange, &selection, out);

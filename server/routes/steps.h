@@ -6,6 +6,7 @@
 #include "server/http/exchange.h"
 #include "server/http/params.h"
 #include "server/jobs/made.h"
+#include "src/stream/selection.h"
 
 /* A step in a band, or none: then a level is meant. */
 struct step_choice {
@@ -19,6 +20,9 @@ struct step_choice {
  * not one of `names`. */
 enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *names,
                              struct step_choice *out);
+
+/* The same without the band: the step that `time` or `step` means. */
+enum query_result query_step_selection(struct exchange *exchange, struct dataset *dataset, struct step_selection *out);
 
 /* Of a path .../bands/{band}/steps/{step}/...: captures 2 and 3, or the first of them alone. False: answered. */
 bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);

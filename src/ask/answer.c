@@ -3,6 +3,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
@@ -10,6 +11,7 @@
 #include "src/cut/line.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
 
 enum { LOWER, UPPER }; /* the two functions that enclose the original */
 
@@ -29,6 +31,8 @@ struct pass {
     long double whole, integral[2], absolute, part[2], touched[2];
     double least[2], most[2];
     int which;                /* the function whose part is being added */
+    uint32_t *subset;         /* tetrahedra that are asked; NULL: all */
+    uint32_t subset_count;
 };
 
 static double error_at(const struct ask_level *level, uint32_t vertex)
@@ -135,6 +139,21 @@ static void add_piece(void *opaque, const double piece[4][4])
     }
 }
 
+/* The same of a tetrahedron as a whole, whose functions are linear. */
+static void add_tetrahedron(struct pass *pass)
+{
+    pass->whole += pass->volume;
+    for (int e = 0; e < 2; e++) {
+        const double *v = pass->ends[e];
+        for (int c = 0; c < 4; c++) {
+            pass->least[e] = v[c] < pass->least[e] ? v[c] : pass->least[e];
+            pass->most[e] = v[c] > pass->most[e] ? v[c] : pass->most[e];
+        }
+        pass->integral[e] += pass->volume * (v[0] + v[1] + v[2] + v[3]) / 4;
+        pass->absolute += pass->volume * (fabs(v[0]) + fabs(v[1]) + fabs(v[2]) + fabs(v[3])) / 4;
+    }
+}
+
 static void add_part(void *opaque, const double piece[4][4])
 {
     struct pass *pass = opaque;
@@ -147,10 +166,20 @@ static void add_side(struct pass *pass, double planes[][4], unsigned count, int 
 {
     bool above = pass->side == ASK_GREATER || pass->side == ASK_AT_LEAST;
     bool strict = pass->side == ASK_GREATER || pass->side == ASK_LESS, flat = true;
+    int inside = 0, outside = 0;
     const double *ends = pass->ends[above == (which == UPPER) ? UPPER : LOWER];
     for (int c = 0; c < 4; c++) {
         planes[count][c] = above ? ends[c] - pass->thresholds[which] : pass->thresholds[which] - ends[c];
         flat &= planes[count][c] == 0;
+        inside += planes[count][c] > 0;
+        outside += planes[count][c] < 0;
+    }
+    if (outside == 4)
+        return;
+    if (inside == 4 && !count) {
+        pass->part[which] += pass->volume;
+        pass->touched[which] += pass->volume;
+        return;
     }
     pass->which = which;
     long double before = pass->part[which];
@@ -186,6 +215,10 @@ static void add_volumes(struct pass *pass, const double *const corners[4])
     if (!box_planes(pass->question, corners, planes, &count))
         return;
     pass->volume = fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6;
+    if (pass->side == ASK_NO_LIMIT && !count && pass->question->quantity.component != ASK_LENGTH) {
+        add_tetrahedron(pass);
+        return;
+    }
     if (pass->side == ASK_NO_LIMIT) {
         clip_tet((const double(*)[4])planes, count, add_piece, pass);
         return;
@@ -221,7 +254,8 @@ static void run(struct pass *pass)
         pass->least[e] = INFINITY;
         pass->most[e] = -INFINITY;
     }
-    for (uint32_t t = 0; t < level->tets; t++) {
+    for (uint32_t i = 0; i < (pass->subset ? pass->subset_count : level->tets); i++) {
+        const uint32_t t = pass->subset ? pass->subset[i] : i;
         const double *corners[4];
         if (pass->question->over_region && level->regions[t] != pass->question->region)
             continue;
@@ -259,6 +293,40 @@ static struct ask_interval volume_range(const struct pass *pass)
     return (struct ask_interval){fmax(whole * (1 - ROUNDING) - swept, 0), whole * (1 + ROUNDING) + swept};
 }
 
+/* Keeps, of the tetrahedra that are asked, those in which the function passes from `low` to `high`. Returns the volume
+ * of those in which it is below. */
+static long double narrow(struct pass *pass, int function, double low, double high)
+{
+    const struct ask_level *level = pass->level;
+    long double below = 0;
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < pass->subset_count; i++) {
+        const uint32_t t = pass->subset[i], *corners = level->corners + 4 * (size_t)t;
+        const double *at = level->positions, *ends = pass->ends[function];
+        if (pass->question->over_region && level->regions[t] != pass->question->region)
+            continue;
+        enclose(pass, t);
+        double least = fmin(fmin(ends[0], ends[1]), fmin(ends[2], ends[3]));
+        double most = fmax(fmax(ends[0], ends[1]), fmax(ends[2], ends[3]));
+        if (most <= low)
+            below += fabs(tet_volume6(at + 3 * (size_t)corners[0], at + 3 * (size_t)corners[1],
+                                      at + 3 * (size_t)corners[2], at + 3 * (size_t)corners[3])) / 6;
+        else if (least <= high)
+            pass->subset[kept++] = t;
+    }
+    pass->subset_count = kept;
+    return below;
+}
+
+/* All tetrahedra, to be narrowed down; without a box, which would cut those that are left out. No memory: all it is. */
+static void begin_subset(struct pass *pass)
+{
+    pass->subset = pass->question->in_box ? NULL : array_new(pass->level->tets, sizeof *pass->subset);
+    pass->subset_count = pass->subset ? pass->level->tets : 0;
+    for (uint32_t t = 0; t < pass->subset_count; t++)
+        pass->subset[t] = t;
+}
+
 /* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
  * upper. */
 static double quantile(struct pass *pass, int which, double share)
@@ -270,19 +338,24 @@ static double quantile(struct pass *pass, int which, double share)
     long double wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
     // of the volume at most a threshold, the upper end is that of the lower function
     const int end = which == LOWER ? UPPER : LOWER;
+    long double below = 0;
     pass->side = ASK_AT_MOST;
     pass->skip[which] = true;
+    begin_subset(pass);
     for (int k = 0; k < MAX_HALVINGS; k++) {
         double middle = low + (high - low) / 2;
         if (!(middle > low && middle < high))
             break;
         pass->thresholds[end] = middle;
         run(pass);
-        if (pass->part[end] >= wanted)
+        if (below + pass->part[end] >= wanted)
             high = middle;
         else
             low = middle;
+        below += narrow(pass, which, low, high);
     }
+    free(pass->subset);
+    pass->subset = NULL;
     return which == LOWER ? low : high;
 }
 

@@ -33,7 +33,7 @@ struct ask_interval {
 };
 
 /* Rounding is within the interval: 4e-12 of the sum of what is added. ERR_ARGUMENT if the point, line, box or region
- * holds nothing of the mesh. Costs O(tets), a quantile a hundred times that of its narrowest part. */
+ * holds nothing of the mesh. Costs O(tets). */
 TETLOD_CHECKED enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
                                              struct ask_interval *out, struct tetlod_error *error);
 

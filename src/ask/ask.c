@@ -134,12 +134,33 @@ static double scale_of(const struct asking *asking, double volume)
     }
 }
 
+/* How wide the answer may be, in its units. */
+static double width_of(const struct asking *asking, const struct ask_options *options, double volume)
+{
+    return options->width * (options->relative ? scale_of(asking, volume) : 1);
+}
+
+/* Values along a line span what they span: there the ends' own uncertainty counts. */
+static double uncertainty(const struct asking *asking, const struct form *form, const struct ask_interval *interval)
+{
+    return asking->question->function == ASK_ALONG ? 2 * form->error : interval->upper - interval->lower;
+}
+
 static bool is_enough(const struct asking *asking, const struct ask_options *options, double volume,
-                      const struct ask_interval *interval)
+                      const struct form *form, const struct ask_interval *interval)
 {
     if (asking->question->compare != ASK_NO_LIMIT)
         return ask_decide(asking->question, interval) >= 0;
-    return interval->upper - interval->lower <= options->width * (options->relative ? scale_of(asking, volume) : 1);
+    return uncertainty(asking, form, interval) <= width_of(asking, options, volume);
+}
+
+/* The error below which a level is worth a try, after one whose answer was not enough: an answer is about as uncertain
+ * as its level. A predicate says nothing of how near it is: the next level is to have half the error. */
+static double worthwhile(const struct asking *asking, const struct ask_options *options, double volume,
+                         const struct form *form, const struct ask_interval *interval)
+{
+    double wide = uncertainty(asking, form, interval), share = width_of(asking, options, volume) / wide;
+    return form->error * (asking->question->compare != ASK_NO_LIMIT ? 0.5 : fmin(1.25 * share, 1));
 }
 
 /* The volume of what is asked about, at a level whose domain is the original's. */
@@ -184,13 +205,14 @@ static enum tetlod_status ask_levels(const struct asking *asking, const struct a
 {
     struct forms *forms = asking->forms;
     uint32_t finest = forms->count - 1, used = TETLOD_NONE;
-    double volume = -1;
+    double volume = -1, most = INFINITY;
     while (!answers(asking, &forms->forms[finest])) // check_levels found one
         finest--;
     for (uint32_t i = 0; i <= finest; i++) {
         const struct form *form = &forms->forms[i];
         struct form_mesh mesh;
-        if (!answers(asking, form) || (i < finest && !may_be_enough(asking, options, form->error)))
+        if (!answers(asking, form) ||
+            (i < finest && (form->error > most || !may_be_enough(asking, options, form->error))))
             continue;
         if (options->wanted && !options->wanted(options->opaque))
             return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
@@ -199,8 +221,9 @@ static enum tetlod_status ask_levels(const struct asking *asking, const struct a
             TETLOD_TRY(measure_volume(asking, &mesh, form, &volume, error));
         TETLOD_TRY(answer(asking, &mesh, form, asking->question, &out->interval, error));
         used = i;
-        if (is_enough(asking, options, volume, &out->interval))
+        if (is_enough(asking, options, volume, form, &out->interval))
             break;
+        most = worthwhile(asking, options, volume, form, &out->interval);
     }
     const struct form *form = &forms->forms[used];
     out->level = form->level;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Questions to a stream: the coarsest level whose answer is narrow enough. */
+/* Questions to a stream: about the coarsest level whose answer is narrow enough. */
 #ifndef TETLOD_ASK_H
 #define TETLOD_ASK_H
 

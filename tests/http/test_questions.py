@@ -10,6 +10,7 @@ from served import SCRATCH, TETLOD, Server, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 STREAM = os.path.join(FOLDER, 'fin.tetlod')
+SERIES = os.path.join(FOLDER, 'wake.tetlod')
 QUESTIONS = ('mean(Pressure)', 'volume(Pressure > 3)', 'quantile(Pressure, 0.9)', 'max(|Velocity|)', 'volume()',
              'max(Pressure) < 3', 'mean(Pressure) in box(-1,0,0, 1,1,1)', 'Pressure at (1,1,1)')
 
@@ -37,6 +38,22 @@ def test_answers():
         assert len(tags) == len(QUESTIONS), tags
 
 
+def test_steps():
+    with Server(FOLDER) as server:
+        for name, value in (('time', '0.5'), ('step', '1'), ('step', '2')):
+            said = subprocess.run([TETLOD, 'ask', SERIES, 'max(Pressure)', '--%s' % name, value, '--json'],
+                                  stdout=subprocess.PIPE).stdout
+            status, _, body = server.get('/v1/meshes/wake/ask?q=max(Pressure)&%s=%s' % (name, value))
+            assert status == 200 and json.loads(body) == json.loads(said), (name, value, status, body, said)
+        assert json.loads(said)['time'] == 1
+        for query, wanted, words in (('step=9', 400, 'steps go from 0 to 2'), ('time=7', 422, 'no time 7'), ('step=1&time=0', 400, 'once'),
+                                     ('step=x', 400, 'step')):
+            status, _, body = server.get('/v1/meshes/wake/ask?q=max(Pressure)&' + query)
+            assert status == wanted and words in json.loads(body)['detail'], (query, status, body)
+        status, _, body = server.get(path('max(Pressure)', step='1'))
+        assert status == 404 and 'not a series' in json.loads(body)['detail'], (status, body)
+
+
 def test_refusals():
     with Server(FOLDER) as server:
         for query, wanted, words in (
@@ -55,4 +72,6 @@ def test_refusals():
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '10', '-o', os.path.join(SCRATCH, 'fin.vtu')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'fin.vtu'), '-o', STREAM, '--summary', '--quiet'], check=True)
-run([test_answers, test_refusals])
+subprocess.run([TETLOD, 'sample', 'wake', '--steps', '3', '--size', '5', '-o', os.path.join(SCRATCH, 'wake.pvd')], check=True)
+subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'wake.pvd'), '-o', SERIES, '--quiet'], check=True)
+run([test_answers, test_steps, test_refusals])
