@@ -93,7 +93,7 @@ FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
 WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary)
 LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
-BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/% src/ask/features.c,$(LIBRARY_SRC))
+BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/% src/ask/features.c,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c server/store/*.c))
 ALONE := $(if $(filter 0,$(SERVER)),-alone)
@@ -120,13 +120,13 @@ WEB ?= 1
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 # as fast as -O3, measured, and a fifth smaller
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
-    -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
-WASM_LDFLAGS := -lc-printscan-no-floating-point -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
+    -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
+WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view view_cells view_filter view_function view_steps) src/cut/line.c src/cut/normals.c \
-    $(patsubst %,format/coding/%.c,base cell_steps cells header index section tail time_table topologies) \
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_filter view_function view_steps) src/cut/line.c src/cut/normals.c \
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
@@ -450,7 +450,7 @@ bench-certificate: $(B)/tests/unit/test_certificate
 .PHONY: bench-cut
 BENCHES += bench-cut
 build/wasm/bench_cut.wasm: tests/bench/bench_cut.c $(WASM) Makefile
-	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) format/status.c
+	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) format/status.c $(WEB_DIR)/wasm/print.c
 bench-cut: needs $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm

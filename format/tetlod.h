@@ -215,6 +215,8 @@ struct tetlod_info {
     uint32_t topology_count; /* 0: all steps have this mesh */
     const struct tetlod_topology *topologies;
     uint32_t cell_rows; /* rows that the values of cells are stored in: one a cell that was split; 0: one a tetrahedron */
+    uint32_t page_count;        /* of all levels in pages (SPEC 7.6); 0: there are none */
+    uint32_t first_paged_level; /* from there on, but for the tail, levels are in pages */
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */

@@ -6,6 +6,7 @@
 #include "format/common/bytes.h"
 #include "format/common/pack.h"
 #include "format/fail.h"
+#include "format/coding/page_table.h"
 
 enum { CID_AT = 40, CHECK_AT = 60, CHECK_SIZE = 4 };
 
@@ -16,8 +17,8 @@ void tetlodi_header_encode(const struct tetlodi_header *header, uint8_t out[HEAD
     memset(out, 0, HEADER_SIZE);
     tetlodi_put_block(&buffer, TETLODI_MAGIC, 8);
     tetlodi_put(&buffer, FORMAT_MAJOR, 2);
-    tetlodi_put(&buffer, FORMAT_MINOR, 2);
-    tetlodi_put(&buffer, 0, 4); // required features
+    tetlodi_put(&buffer, header->paged ? FORMAT_MINOR_PAGED : 0, 2);
+    tetlodi_put(&buffer, header->paged ? FEATURE_PAGED : 0, 4); // required features
     tetlodi_put(&buffer, 0, 4); // optional features
     tetlodi_put(&buffer, header->index_size, 4);
     tetlodi_put(&buffer, header->index_plain, 4);
@@ -56,9 +57,10 @@ enum tetlod_status tetlodi_header_decode(struct tetlodi_header *header, const ui
         return tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the header is damaged: its checksum does not match");
     uint32_t required = (uint32_t)tetlodi_get(&in, 4);
     tetlodi_get(&in, 4); // optional features: none is known, any may be
-    if (required)
+    if (required & ~(uint32_t)FEATURE_PAGED)
         return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream needs features 0x%x, which this program lacks",
                             required);
+    header->paged = (required & FEATURE_PAGED) != 0;
     header->index_size = (uint32_t)tetlodi_get(&in, 4);
     header->index_plain = (uint32_t)tetlodi_get(&in, 4);
     header->early_size = (uint32_t)tetlodi_get(&in, 4);

@@ -3,10 +3,14 @@
 #ifndef TETLOD_HEADER_H
 #define TETLOD_HEADER_H
 
+#include <stdbool.h>
+
 #include "format/common/checksum.h"
 #include "format/tetlod.h"
 
-enum { HEADER_SIZE = 64, FORMAT_MAJOR = 2, FORMAT_MINOR = 0, MAX_INDEX = 1 << 28, MAX_EARLY = 1 << 28 };
+/* The minor version is that of what the stream uses: without pages it is 0. */
+enum { HEADER_SIZE = 64, FORMAT_MAJOR = 2, FORMAT_MINOR_PAGED = 1, FEATURE_PAGED = 1 };
+enum { MAX_INDEX = 1 << 28, MAX_EARLY = 1 << 28 };
 
 #define TETLODI_MAGIC "\x89TLD\r\n\x1a\n"
 
@@ -15,6 +19,7 @@ struct tetlodi_header {
     uint32_t index_plain; /* unpacked; as stored if it is not packed */
     uint32_t early_size;  /* of the sections between the index and level 0 */
     uint64_t file_size;
+    bool paged; /* some levels are in pages: a required feature */
     uint8_t cid[DIGEST_SIZE];
 };
 

@@ -29,6 +29,7 @@ void tetlodi_index_fini(struct tetlodi_index *index)
     free(index->cell_names);
     free(index->topologies);
     free(index->times);
+    tetlodi_page_table_fini(&index->pages);
     *index = (struct tetlodi_index){0};
 }
 

@@ -4,6 +4,7 @@
 #define TETLOD_INDEX_H
 
 #include "format/coding/header.h"
+#include "format/coding/page_table.h"
 #include "format/coding/section.h"
 #include "format/common/values.h"
 
@@ -38,6 +39,7 @@ struct tetlodi_index {
     uint32_t parents; /* rows of the values of cells, if these are stored once a cell; 0: each tetrahedron has one */
     struct tetlod_topology *topologies; /* from its section */
     double *times;                      /* of all their steps */
+    struct tetlodi_page_table pages;    /* from its section */
 };
 
 void tetlodi_index_fini(struct tetlodi_index *index);

@@ -7,6 +7,7 @@
 #include "format/coding/record.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/coding/record_fields.h"
 #include "format/coding/star_view.h"
@@ -17,6 +18,39 @@ static void number_init(struct tetlodi_number *number, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         tetlodi_number_init(&number[i]);
+}
+
+/* Models as they are before the base mesh. What repeats what in a field is not learned. */
+static void start_models(struct tetlodi_recorder *recorder)
+{
+    struct tetlodi_geometry_models *models = recorder->models;
+    tetlodi_bits_init(models->splits[0], sizeof models->splits / sizeof(struct tetlodi_bit));
+    tetlodi_bits_init(models->label, LABEL_CONTEXTS);
+    tetlodi_bits_init(models->boundary, sizeof models->boundary / sizeof(struct tetlodi_bit));
+    tetlodi_bits_init(models->leaf[0][0], sizeof models->leaf / sizeof(struct tetlodi_bit));
+    tetlodi_bits_init(models->arity, 4);
+    tetlodi_bits_init(models->placement, 4);
+    tetlodi_bits_init(models->made, 2);
+    tetlodi_bits_init(models->across, 2);
+    tetlodi_bits_init(&models->irregular, 1);
+    tetlodi_bits_init(&models->flip, 1);
+    tetlodi_bits_init(&models->fresh, 1);
+    number_init(&models->extra, 1);
+    number_init(&models->vertex, 1);
+    number_init(models->middle, 3);
+    tetlodi_bits_init(models->step[0].none[0], sizeof models->step / (sizeof(struct tetlodi_bit)));
+    number_init(models->corner, 3);
+    for (uint32_t f = 0; f + 1 < recorder->replay->column_count; f++) {
+        struct tetlodi_field_models *of = &recorder->field_models[f];
+        number_init(of->child[0], 4);
+        number_init(&of->corner, 1);
+        tetlodi_bits_init(of->zeros[0], sizeof of->zeros / sizeof(struct tetlodi_bit));
+        tetlodi_bits_init(of->kept[0], sizeof of->kept / sizeof(struct tetlodi_bit));
+        tetlodi_bits_init(of->nudge, 4);
+        tetlodi_bits_init(&of->copies, 1);
+        tetlodi_bits_init(of->source, 64);
+        memset(of->last_zeros, 0, sizeof of->last_zeros);
+    }
 }
 
 enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,
@@ -35,35 +69,10 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
         return tetlodi_fail_nomem(error, "the coder's models", (fields + 1) * sizeof *recorder->field_models);
     }
     recorder->log = fields ? &recorder->logs[0] : NULL;
-    struct tetlodi_geometry_models *models = recorder->models;
-    tetlodi_bits_init(models->splits[0], sizeof models->splits / sizeof(struct tetlodi_bit));
-    tetlodi_bits_init(models->label, LABEL_CONTEXTS);
-    tetlodi_bits_init(models->boundary, sizeof models->boundary / sizeof(struct tetlodi_bit));
-    tetlodi_bits_init(models->leaf[0][0], sizeof models->leaf / sizeof(struct tetlodi_bit));
-    tetlodi_bits_init(models->arity, 4);
-    tetlodi_bits_init(models->placement, 4);
-    tetlodi_bits_init(models->made, 2);
-    tetlodi_bits_init(models->across, 2);
-    tetlodi_bits_init(&models->irregular, 1);
-    tetlodi_bits_init(&models->flip, 1);
-    tetlodi_bits_init(&models->fresh, 1);
-    number_init(&models->extra, 1);
-    number_init(&models->vertex, 1);
-    number_init(models->middle, 3);
-    tetlodi_bits_init(models->step[0].none[0], sizeof models->step / (sizeof(struct tetlodi_bit)));
-    number_init(models->corner, 3);
-    for (uint32_t f = 0; f < fields; f++) {
-        struct tetlodi_field_models *of = &recorder->field_models[f];
-        number_init(of->child[0], 4);
-        number_init(&of->corner, 1);
-        tetlodi_bits_init(of->zeros[0], sizeof of->zeros / sizeof(struct tetlodi_bit));
-        tetlodi_bits_init(of->kept[0], sizeof of->kept / sizeof(struct tetlodi_bit));
-        tetlodi_bits_init(of->nudge, 4);
-        tetlodi_bits_init(&of->copies, 1);
-        tetlodi_bits_init(of->source, 64);
+    start_models(recorder);
+    for (uint32_t f = 0; f < fields; f++)
         for (unsigned c = 0; c < MAX_COMPONENTS; c++)
-            of->copied[c] = (uint8_t)c;
-    }
+            recorder->field_models[f].copied[c] = (uint8_t)c;
     return TETLOD_OK;
 }
 
@@ -406,6 +415,40 @@ static void code_edges_irregular(struct tetlodi_recorder *recorder, uint32_t chi
     star->edge_count = kept;
 }
 
+/* The vertex at a place of the walk. */
+TETLODI_INLINE uint32_t vertex_at(const struct tetlodi_recorder *recorder, uint32_t place)
+{
+    if (!recorder->paged)
+        return place;
+    uint32_t count = recorder->listed_count;
+    return place < count ? recorder->listed[place] : recorder->level_start + (place - count);
+}
+
+/* One past the walk's last place, as it is now. */
+static uint32_t walk_end(const struct tetlodi_recorder *recorder)
+{
+    uint32_t vertices = recorder->replay->vertices;
+    return recorder->paged ? recorder->listed_count + (vertices - recorder->level_start) : vertices;
+}
+
+/* The place of a vertex that is there: of a page's own, if the walk is of a page. */
+static uint32_t place_of(const struct tetlodi_recorder *recorder, uint32_t vertex)
+{
+    uint32_t low = 0, high = recorder->listed_count;
+    if (!recorder->paged)
+        return vertex;
+    if (vertex >= recorder->level_start)
+        return recorder->listed_count + (vertex - recorder->level_start);
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (recorder->listed[middle] < vertex)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
 /* Tetrahedra (vertex, child, x, y) that no edge of the link implies, or that are there more than once. */
 static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_t child, struct tetlod_error *error)
 {
@@ -420,10 +463,12 @@ static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_
         return tetlodi_no_room(memory, error);
     for (uint32_t i = 0; i < star->extra_count; i++) {
         for (int k = 0; k < 2; k++) {
-            int64_t id = code_number(coder, &recorder->models->extra, 1, recorder->plan ? star->extras[i][k] : 0);
-            if (id < 0 || id >= child || id == star->vertex)
+            uint32_t known = recorder->plan ? place_of(recorder, star->extras[i][k]) : 0;
+            int64_t place = code_number(coder, &recorder->models->extra, 1, known);
+            uint32_t id = place < 0 || place >= walk_end(recorder) ? child : vertex_at(recorder, (uint32_t)place);
+            if (id >= child || id == star->vertex)
                 return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record names a vertex that is not there");
-            star->extras[i][k] = (uint32_t)id;
+            star->extras[i][k] = id;
         }
         if (star->extras[i][0] == star->extras[i][1])
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record names a vertex twice");
@@ -585,10 +630,32 @@ void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, u
         uint64_t most = labels_of(recorder, c, recorder->replay->columns[c].frame_bytes);
         recorder->max_labels = most < recorder->max_labels ? most : recorder->max_labels;
     }
-    recorder->walk = 0;
+    recorder->walk = recorder->place = 0;
+    recorder->paged = 0;
     recorder->level_start = recorder->replay->vertices;
     recorder->most_vertices = vertices;
     recorder->most_tets = tets;
+}
+
+int tetlodi_walk_ended(const struct tetlodi_recorder *recorder)
+{
+    return recorder->place >= walk_end(recorder);
+}
+
+void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_page_lists *lists, uint32_t page,
+                        uint32_t vertices, uint32_t tets)
+{
+    const struct tetlodi_replay *replay = recorder->replay;
+    start_models(recorder);
+    recorder->paged = 1;
+    recorder->listed = lists->vertices + lists->begins[page];
+    recorder->listed_count = lists->begins[page + 1] - lists->begins[page];
+    recorder->seams = lists->seams;
+    recorder->level_start = replay->vertices;
+    recorder->most_vertices = replay->vertices + vertices;
+    recorder->most_tets = replay->tets + tets;
+    recorder->place = 0;
+    recorder->walk = vertex_at(recorder, 0);
 }
 
 /* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. Of
@@ -598,25 +665,27 @@ TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, 
     struct tetlodi_coder coder = *recorder->coders; // in registers
     struct tetlodi_bit(*models)[16] = recorder->models->splits;
     const struct tetlodi_star *stars = recorder->replay->stars;
-    uint32_t v = recorder->walk, level_start = recorder->level_start;
+    uint32_t place = recorder->place, level_start = recorder->level_start;
     coder.encoder = encoding ? coder.encoder : NULL;
-    for (; v < end; v++) {
-        uint32_t size = stars[v].size / 4;
+    for (; place < end; place++) {
+        uint32_t v = vertex_at(recorder, place), size = stars[v].size / 4;
+        if (recorder->paged && v < level_start && recorder->seams[v])
+            continue;
         if (!stars[v].leaf && (split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split)))
             break;
     }
     *recorder->coders = coder;
-    recorder->walk = v;
-    return v < end;
+    recorder->place = place;
+    recorder->walk = vertex_at(recorder, place);
+    return place < end;
 }
 
 int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
 {
-    return step_inline(recorder, recorder->walk + 1, split, 1);
+    return step_inline(recorder, recorder->place + 1, split, 1);
 }
 
 int tetlodi_level_next(struct tetlodi_recorder *recorder)
 {
-    uint32_t end = recorder->replay->vertices;
-    return step_inline(recorder, end, 0, 0);
+    return step_inline(recorder, walk_end(recorder), 0, 0);
 }

@@ -8,6 +8,7 @@
 
 #include <stdbool.h>
 
+#include "format/coding/page_table.h"
 #include "format/coding/recorder.h"
 
 /* Models as they are before the base mesh. The coders are started by the caller, each level. */
@@ -22,6 +23,14 @@ uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder);
 /* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. A
  * decoder's columns have the bytes of their frames. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
+
+/* The walk of a page of the level (SPEC 7.6), to which the page adds so many vertices and tetrahedra. Models are as at
+ * the beginning. The coders are started by the caller. */
+void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_page_lists *lists, uint32_t page,
+                        uint32_t vertices, uint32_t tets);
+
+/* Is the walk at its end? */
+int tetlodi_walk_ended(const struct tetlodi_recorder *recorder);
 
 /* May a column's frames have so many labels, times a field's components, in so many bytes (SPEC 2.3)? */
 bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes);

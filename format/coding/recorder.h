@@ -76,6 +76,10 @@ struct tetlodi_recorder {
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
+    int paged;                          /* the walk is of a page: listed vertices first, then those that it adds */
+    const uint32_t *listed;             /* the page's vertices, ascending; borrowed */
+    const uint8_t *seams;               /* [vertex before the group] it does not split; borrowed */
+    uint32_t listed_count, place;       /* place: of the walk */
     /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
      * 1 to 3. NULL in a decoder. 0 if out of memory. */
     int (*plan)(void *opaque, struct tetlodi_star_view *star, unsigned child);

@@ -15,7 +15,8 @@ static const struct known {
                 {TAG_CELL_TIME, false, true}, {TAG_CELL_STEPS, false, false},
                 {TAG_PARENTS, true, true},    {TAG_PARENT_MAP, false, true}, {TAG_PARENT_VALUES, false, false},
                 {TAG_PARENT_TIME, false, true}, {TAG_PARENT_STEPS, false, false},
-                {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true}};
+                {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true},
+                {TAG_PAGES, true, true}};
 
 static const struct known *find_known(const char *tag)
 {
@@ -27,7 +28,8 @@ static const struct known *find_known(const char *tag)
 
 enum tetlodi_packing tetlodi_section_packing(const char *tag)
 {
-    static const char *const tables[] = {TAG_TIME, TAG_CELL_TIME, TAG_PARENT_TIME, TAG_TOPOLOGIES};
+    static const char *const tables[] = {TAG_TIME, TAG_CELL_TIME, TAG_PARENT_TIME, TAG_TOPOLOGIES,
+                                         TAG_PAGES};
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
         if (strcmp(tag, tables[i]) == 0)
             return PACKED_TABLE;

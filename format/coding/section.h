@@ -27,6 +27,7 @@ enum { MAX_METADATA = 1 << 20 };
 #define TAG_PARENT_TIME "PTIM" /* the same where there is PCEL */
 #define TAG_PARENT_STEPS "PSTP"
 #define TAG_TOPOLOGIES "TOPO"
+#define TAG_PAGES "PAGE" /* page_table.h */
 #define TAG_NEXT "NEXT"
 #define TAG_SUMMARY "SUMS"
 

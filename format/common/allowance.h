@@ -20,6 +20,8 @@ enum {
     FIELD_LABELS_PER_BYTE = 512,
     LEVEL_ROWS_FREE = 1 << 22, /* vertices and tetrahedra of all levels, added up */
     LEVEL_ROWS_PER_BYTE = 256,
+    PAGE_MODELS = 1 << 8,      /* what a page counts, up to a level: its models are made anew */
+    PAGE_MODELS_FREE = 1 << 14,
     STEP_ROWS_FREE = 1 << 22, /* (vertices + tetrahedra) times components of all steps in all bands */
     STEP_ROWS_PER_BYTE = 64,
     MEMORY_FREE = 1 << 26,    /* bytes that a cursor or a series takes */

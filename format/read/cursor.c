@@ -24,6 +24,7 @@ static void free_frames(struct tetlod_cursor *cursor)
     cursor->frames = NULL;
     cursor->memory.used -= cursor->frame_bytes;
     cursor->frame_bytes = 0;
+    tetlodi_page_lists_fini(&cursor->lists, &cursor->memory);
 }
 
 /* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong.
@@ -142,6 +143,10 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
     TETLOD_TRY(make_room(cursor, to, error));
     add_frame_bytes(cursor, level);
     tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
+    cursor->group = tetlodi_group_of(&cursor->file->index.pages, level);
+    cursor->next_page = 0;
+    if (cursor->group && !tetlodi_page_lists_make(&cursor->lists, &cursor->replay, cursor->group))
+        return tetlodi_no_room(&cursor->memory, error);
     return TETLOD_OK;
 }
 
@@ -182,12 +187,42 @@ static enum tetlod_status begin_fields(struct tetlod_cursor *cursor, struct tetl
     return TETLOD_OK;
 }
 
+/* Begins with the next page that adds something, behind the frames of the one before. */
+static enum tetlod_status begin_page(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &cursor->file->index;
+    const struct tetlodi_group *group = cursor->group;
+    const struct tetlodi_page *pages = index->pages.pages + group->first_page;
+    struct tetlodi_recorder *recorder = &cursor->recorder;
+    if (recorder->paged) { // there was a page
+        TETLOD_TRY(begin_fields(cursor, error));
+        TETLOD_TRY(end_fields(cursor, error));
+        TETLOD_TRY(check_ends(cursor, error));
+        if (cursor->replay.tets != recorder->most_tets)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u has fewer tetrahedra than its row says",
+                                cursor->next_page - 1);
+    }
+    while (!pages[cursor->next_page].vertices) // all of them together are the level's
+        cursor->next_page++;
+    uint32_t page = cursor->next_page++;
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
+        const uint8_t *at = recorder->paged ? recorder->coders[c].end : cursor->frames[c];
+        uint32_t size = tetlodi_page_frame(&index->pages, index->info.field_count, group, page, cursor->parts[c])->size;
+        tetlodi_decode_start(&recorder->coders[c], index->slowest, at, size);
+    }
+    tetlodi_page_begin(recorder, &cursor->lists, page, pages[page].vertices, pages[page].tets);
+    return TETLOD_OK;
+}
+
 /* Goes on with a level's records, as far as *most allows. The log is at its end. */
 static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, const struct tetlod_level *to, uint32_t *most,
                                           struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
     for (; replay->vertices < to->vertices && *most; --*most) {
+        if (cursor->group &&
+            (!cursor->recorder.paged || replay->vertices == cursor->recorder.most_vertices))
+            TETLOD_TRY(begin_page(cursor, error));
         struct tetlodi_field_log *log = cursor->recorder.log;
         if (log && log->count == FIELD_RECORDS)
             TETLOD_TRY(begin_fields(cursor, error));

@@ -23,6 +23,9 @@ struct tetlod_cursor {
     struct tetlod_error *errors;     /* [column] of tasks */
     uint8_t **frames;          /* [column] of the level that is being decoded, if any */
     uint64_t frame_bytes;      /* theirs */
+    const struct tetlodi_group *group; /* of pages, that is being decoded; NULL: the level has none */
+    struct tetlodi_page_lists lists;   /* the group's */
+    uint32_t next_page;      /* the page after the one that is being decoded */
     int exact;               /* fields have the tail's values: level is the last */
     enum tetlod_status broken; /* why no level above `decoded` can be had */
     struct tetlod_error damage;

@@ -7,6 +7,7 @@
 
 #include "format/coding/cells.h"
 #include "format/coding/order.h"
+#include "format/coding/page_decode.h"
 #include "format/coding/topologies.h"
 #include "format/common/allowance.h"
 #include "format/common/arithmetic.h"
@@ -209,6 +210,55 @@ static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
     return status;
 }
 
+/* Do the pages of a group give the level and its frames? */
+static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
+{
+    const struct tetlodi_page_table *table = &index->pages;
+    const struct tetlodi_group *group = &table->groups[g];
+    uint32_t fields = index->info.field_count, level = table->first_level + g;
+    const struct tetlod_level *to = &index->info.levels[level];
+    uint64_t vertices = to[-1].vertices, tets = to[-1].tets;
+    for (uint32_t p = 0; p < group->page_count; p++) {
+        vertices += table->pages[group->first_page + p].vertices;
+        tets += table->pages[group->first_page + p].tets;
+    }
+    for (uint32_t part = 0; part <= fields; part++) {
+        uint64_t size = 0;
+        for (uint32_t p = 0; p < group->page_count; p++)
+            size += tetlodi_page_frame(table, fields, group, p, part)->size;
+        if (size != index->frames[(size_t)level * (1 + (size_t)fields) + part].size)
+            return false;
+    }
+    return vertices == to->vertices && tets == to->tets;
+}
+
+/* Why the pages do not go with the levels, or NULL. */
+static const char *wrong_pages(const struct tetlodi_index *index)
+{
+    const struct tetlodi_page_table *table = &index->pages;
+    uint64_t bytes = 0;
+    for (uint32_t level = 0; level < index->info.level_count; level++) {
+        const struct tetlodi_group *group = tetlodi_group_of(table, level);
+        bytes += index->frames[(size_t)level * (1 + (size_t)index->info.field_count)].size;
+        if (group && !goes_with_level(index, level - table->first_level))
+            return "pages that do not give their level";
+        if (group && !tetlodi_pages_hold(group->first_page + (uint64_t)group->page_count, bytes))
+            return "more pages than go with its bytes";
+    }
+    return NULL;
+}
+
+/* Decodes the table of pages into the index. */
+static enum tetlod_status decode_pages(struct tetlodi_index *index, const uint8_t *bytes, size_t size,
+                                       struct tetlod_error *error)
+{
+    uint32_t levels = index->info.level_count - (index->tail ? 1 : 0);
+    TETLOD_TRY(tetlodi_page_table_decode(&index->pages, levels, index->info.field_count, bytes, size, error));
+    const char *wrong = wrong_pages(index);
+    return wrong ? tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of pages is damaged: it has %s",
+                                wrong) : TETLOD_OK;
+}
+
 /* The index's bytes are checked by the content id, in which the header is as well. */
 static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
                                      const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
@@ -236,7 +286,13 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     TETLOD_TRY_DONE(read_metadata(file, error));
     TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
     TETLOD_TRY_DONE(read_table(file, TAG_PARENTS, tetlodi_parents_decode, error));
-    status = read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error);
+    TETLOD_TRY_DONE(read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error));
+    TETLOD_TRY_DONE(read_table(file, TAG_PAGES, decode_pages, error));
+    if (header->paged != (file->index.pages.group_count > 0))
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about pages"));
+    file->index_bytes += tetlodi_page_table_bytes(&file->index.pages, file->index.info.field_count);
+    file->index.info.page_count = file->index.pages.page_count;
+    file->index.info.first_paged_level = file->index.pages.first_level;
 done:
     free(index);
     free(stored);

@@ -137,6 +137,7 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     }
     header.index_size = (uint32_t)stored->size;
     header.early_size = (uint32_t)early;
+    header.paged = index->pages.group_count > 0;
     header.file_size = tetlodi_header_head(&header) + late;
     for (size_t i = 0; i < frame_count(index); i++)
         header.file_size += index->frames[i].size;

@@ -18,6 +18,7 @@ struct part {
     struct tetlodi_index index; /* borrows from the file's, but for exact_later and the sections */
     struct tetlodi_buffer *frames;
     struct tetlodi_cell_parts cells;
+    struct tetlodi_buffer pages;
     struct tetlodi_write_section *sections;
     void **section_bytes; /* [own_count] */
     uint32_t section_count, own_count;
@@ -89,6 +90,20 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
     return status;
 }
 
+/* The groups of pages that are left. */
+static enum tetlod_status take_pages(struct part *part, struct tetlod_error *error)
+{
+    struct tetlodi_page_table *table = &part->index.pages;
+    uint32_t levels = part->index.info.level_count - (part->index.tail ? 1 : 0), fields = part->index.info.field_count;
+    table->group_count = levels > table->first_level && table->group_count ? levels - table->first_level : 0;
+    if (!table->group_count)
+        return TETLOD_OK;
+    tetlodi_page_table_encode(table, table->group_count, fields, &part->pages);
+    part->sections[part->section_count++] = (struct tetlodi_write_section){
+        TAG_PAGES, .early = 1, .row = tetlodi_page_row(fields), .bytes = part->pages.bytes, .size = part->pages.size};
+    return part->pages.failed ? tetlodi_fail_nomem(error, "the table of pages", part->pages.size) : TETLOD_OK;
+}
+
 static enum tetlod_status take_sections(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
@@ -104,7 +119,7 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
         const struct tetlodi_section *from = &file->index.sections[i];
         if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 ||
             strcmp(from->tag, TAG_CELLS) == 0 || strcmp(from->tag, TAG_PARENTS) == 0 ||
-            strcmp(from->tag, TAG_TOPOLOGIES) == 0)
+            strcmp(from->tag, TAG_TOPOLOGIES) == 0 || strcmp(from->tag, TAG_PAGES) == 0)
             continue; // those behind the levels are about the finest one, or about other steps
         void *bytes = malloc((size_t)from->plain + 1);
         part->section_bytes[part->own_count++] = bytes;
@@ -114,6 +129,7 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
         part->sections[part->section_count++] = (struct tetlodi_write_section){
             .tag = from->tag, .critical = (from->flags & SECTION_CRITICAL) != 0, .early = 1, .bytes = bytes, .size = (size_t)from->plain};
     }
+    TETLOD_TRY(take_pages(part, error));
     return take_cells(part, file, error);
 }
 
@@ -163,6 +179,7 @@ done:
     for (uint32_t i = 0; part.section_bytes && i < part.own_count; i++)
         free(part.section_bytes[i]);
     tetlodi_cell_parts_fini(&part.cells);
+    tetlodi_buffer_fini(&part.pages);
     free(part.frames);
     free(part.sections);
     free(part.section_bytes);

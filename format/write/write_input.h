@@ -5,6 +5,7 @@
 
 #include <stdbool.h>
 
+#include "format/common/cuts.h"
 #include "format/tetlod.h"
 
 struct tetlodi_write_field {
@@ -82,6 +83,8 @@ struct tetlodi_write_input {
     uint32_t field_count, level_count;
     const struct tetlodi_write_field *fields;
     const struct tetlodi_write_level *levels; /* coarse to fine: levels[0] is the base mesh */
+    uint32_t group_count; /* the last levels before the exact tail are in pages; fewer than there are levels */
+    const struct tetlodi_write_group *groups; /* [group_count] coarse to fine */
     uint64_t degenerate_tets, inverted_tets, unused_points;
     const char *metadata; /* a JSON object, NUL-terminated */
     int compression;      /* effort, 1..22; from EFFORT_ALL_RATES on it takes four times as long for the last bytes */
@@ -106,5 +109,11 @@ struct tetlodi_write_input {
 const char *tetlodi_metadata_wrong(const char *metadata);
 const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields);
 const char *tetlodi_field_wrong(const char *name, uint32_t components);
+
+/* Is the last level the exact tail? */
+int tetlodi_has_tail(const struct tetlodi_write_input *in);
+
+/* Why the sequence cannot be written, or NULL. */
+const char *tetlodi_input_wrong(const struct tetlodi_write_input *in);
 
 #endif

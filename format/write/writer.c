@@ -21,6 +21,7 @@
 #include "format/write/cells_write.h"
 #include "format/write/container.h"
 #include "format/write/lineage.h"
+#include "format/write/page_write.h"
 
 /* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
 enum { USUAL_SLOWEST = 6 };
@@ -44,6 +45,7 @@ struct writer {
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
     struct tetlodi_buffer order;
     struct tetlodi_cell_parts cells;
+    struct tetlodi_page_writer pages;
     struct tetlodi_index index;
     double begun, share; /* of all the work: what was done before this pass, and what this pass is */
     uint32_t until_asked; /* records that are coded before the caller is asked again */
@@ -232,10 +234,25 @@ static void start_coders(struct writer *w)
 static bool goes_with(const struct writer *w, uint32_t level, uint32_t part, uint64_t bytes)
 {
     return is_within(tetlodi_part_numbers(&w->index, level, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes) &&
-           tetlodi_labels_hold(&w->recorder, part, bytes);
+           tetlodi_labels_hold(&w->recorder, part, bytes) &&
+           (part || tetlodi_pages_hold(w->pages.table.page_count, bytes));
 }
 
-/* Closes the level's coders and keeps what they have written. */
+/* Closes the coders and adds what they have written to the level: all of it, or a page. */
+static enum tetlod_status store_frames(struct writer *w, uint32_t level)
+{
+    uint32_t parts = w->in->field_count + 1;
+    for (uint32_t part = 0; part < parts; part++) {
+        struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
+        tetlodi_encode_finish(&w->recorder.coders[part]);
+        tetlodi_put_block(stored, w->encoders[part].bytes, w->encoders[part].size);
+        if (w->encoders[part].failed || stored->failed)
+            return out_of_memory(w);
+    }
+    return TETLOD_OK;
+}
+
+/* Keeps what a level is. Its frames are stored. */
 static enum tetlod_status store_level(struct writer *w, uint32_t level)
 {
     uint32_t parts = w->in->field_count + 1;
@@ -247,13 +264,10 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
            w->in->field_count * TETLOD_MEASURES * sizeof(double));
     for (uint32_t part = 0; part < parts; part++) {
-        struct tetlodi_encoder *encoder = &w->encoders[part];
         struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
-        tetlodi_encode_finish(&w->recorder.coders[part]);
-        tetlodi_put_block(stored, encoder->bytes, encoder->size);
         while (!stored->failed && !goes_with(w, level, part, w->columns[part].frame_bytes + stored->size))
             tetlodi_put(stored, 0, 1);
-        if (encoder->failed || stored->failed)
+        if (stored->failed)
             return out_of_memory(w);
         w->columns[part].frame_bytes += stored->size;
         w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
@@ -426,6 +440,54 @@ static enum tetlod_status write_record(struct writer *w, uint32_t slot)
     return TETLOD_OK;
 }
 
+/* The records of a walk, up to so many vertices. */
+static enum tetlod_status write_records(struct writer *w, uint32_t vertices, uint32_t contractions)
+{
+    while (w->replay.vertices < vertices) {
+        if (tetlodi_walk_ended(&w->recorder))
+            return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT,
+                                "the sequence cannot be written: a contraction is in the wrong page");
+        if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+            continue;
+        if (!w->until_asked--)
+            TETLOD_TRY(ask(w));
+        TETLOD_TRY(write_record(w, w->recorder.walk));
+    }
+    return TETLOD_OK;
+}
+
+/* The group that a level is, or NULL. */
+static const struct tetlodi_write_group *group_of(const struct writer *w, uint32_t level)
+{
+    uint32_t first = w->in->level_count - tetlodi_has_tail(w->in) - w->in->group_count;
+    return level >= first && level - first < w->in->group_count ? &w->in->groups[level - first] : NULL;
+}
+
+/* A level in pages, each with models of its own. */
+static enum tetlod_status write_group(struct writer *w, uint32_t level, const struct tetlodi_write_group *group)
+{
+    uint32_t contractions = w->in->levels[level].contractions, begin = contractions;
+    const struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
+    if (!tetlodi_page_writer_begin(&w->pages, &w->replay, group, level))
+        return out_of_memory(w);
+    for (uint32_t page = 0; page < group->pages; begin = group->ends[page++]) {
+        uint32_t vertices = 0;
+        for (uint32_t c = begin; c < group->ends[page]; c++)
+            vertices += lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
+        if (vertices) {
+            start_coders(w);
+            tetlodi_page_begin(&w->recorder, &w->pages.lists, page, vertices, w->in->tets - w->replay.tets);
+            TETLOD_TRY(write_records(w, w->replay.vertices + vertices, contractions));
+            TETLOD_TRY(store_frames(w, level));
+        }
+        if (!tetlodi_page_writer_page(&w->pages, w->replay.vertices, w->replay.tets, frames))
+            return out_of_memory(w);
+    }
+    TETLOD_TRY(store_level(w, level));
+    tetlodi_page_writer_end(&w->pages, &w->replay, frames);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status write_level(struct writer *w, uint32_t level)
 {
     uint32_t contractions = w->in->levels[level].contractions;
@@ -433,15 +495,12 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     for (uint32_t c = 0; c < contractions; c++)
         vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
     tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
-    start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
-    while (w->replay.vertices < vertices) {
-        if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
-            continue;
-        if (!w->until_asked--)
-            TETLOD_TRY(ask(w));
-        TETLOD_TRY(write_record(w, w->recorder.walk));
-    }
+    if (group_of(w, level))
+        return write_group(w, level, group_of(w, level));
+    start_coders(w);
+    TETLOD_TRY(write_records(w, vertices, contractions));
+    TETLOD_TRY(store_frames(w, level));
     return store_level(w, level);
 }
 
@@ -472,6 +531,7 @@ static enum tetlod_status write_tail(struct writer *w, uint32_t level)
             TETLOD_TRY(code_tail(w, f));
             TETLOD_TRY(ask(w));
         }
+    TETLOD_TRY(store_frames(w, level));
     return store_level(w, level);
 }
 
@@ -486,6 +546,8 @@ static enum tetlod_status write_levels(struct writer *w)
     free(base.vertex_order);
     free(base.tet_order);
     free(base.arrival);
+    if (status == TETLOD_OK)
+        status = store_frames(w, 0);
     if (status == TETLOD_OK)
         status = store_level(w, 0);
     for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
@@ -581,65 +643,26 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
         sections[count++] = (struct tetlodi_write_section){.tag = TAG_ORDER, .bytes = w->order.bytes,
                                                            .size = w->order.size};
     count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
+    const struct tetlodi_buffer *pages = tetlodi_page_writer_section(&w->pages,
+                                                                     (const double(*)[3])w->index.info.bounds);
+    w->index.pages.group_count = in->group_count;
+    if (pages)
+        sections[count++] = (struct tetlodi_write_section){
+            TAG_PAGES, .early = 1, .row = tetlodi_page_row(in->field_count), .bytes = pages->bytes, .size = pages->size};
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];
     for (uint32_t i = 0; i < late_count; i++)
         sections[count++] = late[i];
-    enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
+    enum tetlod_status status = pages && pages->failed ? out_of_memory(w) : TETLOD_OK;
+    if (status == TETLOD_OK)
+        status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
     free(sections);
     return status;
 }
 
-static bool has_tail(const struct tetlodi_write_input *in)
-{
-    bool wanted = false;
-    for (uint32_t f = 0; f < in->field_count; f++)
-        wanted |= in->fields[f].exact != NULL;
-    return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
-}
-
-/* Does an earlier field have this one's name? */
-static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
-{
-    for (uint32_t f = 0; f < field; f++)
-        if (strcmp(in->fields[f].name, in->fields[field].name) == 0)
-            return true;
-    return false;
-}
-
 static enum tetlod_status check_input(const struct writer *w)
 {
-    const struct tetlodi_write_input *in = w->in;
-    const char *wrong = NULL;
-    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MAX_FIELDS ||
-        in->level_count > MAX_LEVELS ||
-        in->vertices == UINT32_MAX || in->tets > MAX_TETS)
-        wrong = "there is nothing in it, or too much";
-    else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
-        wrong = "its levels do not lead from the base mesh to the original";
-    else if (in->section_count > MAX_SECTIONS - 4 - MAX_FIELDS)
-        wrong = "it has too many sections";
-    else if (tetlodi_metadata_wrong(in->metadata))
-        wrong = "its metadata is too large";
-    wrong = wrong ? wrong : tetlodi_cells_wrong(in->cells, in->cell_field_count, in->tets);
-    for (uint32_t k = 1; k < in->level_count && !wrong; k++)
-        if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
-            wrong = "its levels are not in order";
-    for (uint32_t f = 0; f < in->field_count && !wrong; f++)
-        if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
-            wrong = "a field is to be exact later without a grid or a level for it";
-        else if (names_before(in, f))
-            wrong = "two fields have one name";
-        else
-            wrong = tetlodi_field_wrong(in->fields[f].name, in->fields[f].components);
-    for (size_t t = 0; t < in->tets && !wrong; t++)
-        for (int c = 0; c < 4 && !wrong; c++) {
-            if (in->corners[4 * t + (size_t)c] >= in->vertices)
-                wrong = "a tetrahedron's corner is out of range";
-            for (int d = 0; d < c && !wrong; d++)
-                if (in->corners[4 * t + (size_t)c] == in->corners[4 * t + (size_t)d])
-                    wrong = "a tetrahedron lists a vertex twice";
-        }
+    const char *wrong = tetlodi_input_wrong(w->in);
     return wrong ? tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: %s", wrong) : TETLOD_OK;
 }
 
@@ -683,6 +706,7 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     set_columns(w);
     tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
     TETLOD_TRY(tetlodi_recorder_init(&w->recorder, &w->replay, w->error));
+    tetlodi_page_writer_init(&w->pages, &w->memory, in->groups, in->group_count, in->field_count);
     w->recorder.plan = plan_split;
     w->recorder.opaque = w;
     return TETLOD_OK;
@@ -702,6 +726,7 @@ static void release(struct writer *w)
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
+    tetlodi_page_writer_fini(&w->pages);
     tetlodi_buffer_fini(&w->order);
     tetlodi_index_fini(&w->index);
 }

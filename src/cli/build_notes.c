@@ -194,12 +194,13 @@ int build_print_json(const struct build_request *request, const struct build_rep
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
                                 request->seconds[BUILD_ENCODE], "write", write_seconds);
-    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP],
-                                "link",
+    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "flip",
+                                (json_int_t)report->refused[LOG_REFUSED_FLIP], "link",
                                 (json_int_t)report->refused[LOG_REFUSED_LINK], "boundary",
                                 (json_int_t)report->refused[LOG_REFUSED_BOUNDARY], "rounding",
                                 (json_int_t)report->refused[LOG_REFUSED_ROUNDING], "size",
-                                (json_int_t)report->refused[LOG_REFUSED_SIZE]);
+                                (json_int_t)report->refused[LOG_REFUSED_SIZE], "cell",
+                                (json_int_t)report->refused[LOG_REFUSED_CELL]);
     json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused,
                              "contractions",
                              (json_int_t)report->contractions,

@@ -73,6 +73,9 @@ const char build_help[] =
     "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with\n"
     "                          the levels up to --error\n"
     "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
+    "      --paged[=TETS]      contract cells of about that many tetrahedra (default 100000, at least 100) one by one,\n"
+    "                          threads taking cells, and store their records in pages; a mesh of less than five cells\n"
+    "                          is built as ever. The viewer in the browser does not read such streams\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
     "                          are all tried\n"
@@ -93,7 +96,8 @@ enum {
     FIELD = OF_FIELDS, NO_FIELD, ABS_ERROR, CARRY, REGION, NO_REGION,
     CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS,
     DOMAIN_ERROR, BOUNDARY_ANGLE, KEEP_FEATURES,
-    GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
+    GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, PAGED, KEEP_ORDER, COMPRESS,
+    PURPOSE, PURPOSE_ERROR,
     TIMES = OF_SERIES, BANDS, RANGE,
 };
 
@@ -111,6 +115,7 @@ static const struct option options[] = {
     {"boundary-angle", required_argument, NULL, BOUNDARY_ANGLE}, {"growth", required_argument, NULL, GROWTH},
     {"position-bits", required_argument, NULL, POSITION_BITS}, {"field-bits", required_argument, NULL, FIELD_BITS},
     {"position-error", required_argument, NULL, POSITION_ERROR}, {"field-error", required_argument, NULL, FIELD_ERROR},
+    {"paged", optional_argument, NULL, PAGED},
     {"keep-order", no_argument, NULL, KEEP_ORDER}, {"compress", required_argument, NULL, COMPRESS},
     {"for", required_argument, NULL, PURPOSE}, {"error", required_argument, NULL, PURPOSE_ERROR},
     {"times", required_argument, NULL, TIMES}, {"bands", required_argument, NULL, BANDS},
@@ -306,6 +311,9 @@ static bool stream_option(struct build_request *request, int option, const char 
         return cli_parse_fraction(&command_build, "position-error", value, &quantise->position_error);
     case FIELD_ERROR:
         return cli_parse_fraction(&command_build, "field-error", value, &quantise->field_error);
+    case PAGED:
+        build->paged = BUILD_CELL_TETS;
+        return !value || parse_unsigned("paged", value, BUILD_MIN_CELL_TETS, BUILD_MAX_CELL_TETS, &build->paged);
     case KEEP_ORDER:
         return build->keep_order = true;
     case COMPRESS:

@@ -96,6 +96,8 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
     printf("unused points %llu\n", (unsigned long long)info->unused_points);
     printf("bytes         %llu (%.2f bits per tetrahedron), %s\n", (unsigned long long)info->bytes,
            8.0 * (double)info->bytes / info->tets, info->lossless ? "lossless" : "quantised");
+    if (info->page_count)
+        printf("pages         %u, from level %u on\n", info->page_count, info->first_paged_level);
     printf("bounds        %.9g %.9g %.9g .. %.9g %.9g %.9g\n", info->bounds[0][0], info->bounds[0][1],
            info->bounds[0][2], info->bounds[1][0], info->bounds[1][1], info->bounds[1][2]);
     for (uint32_t f = 0; f < info->field_count; f++) {

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "format/write/page_check.h"
 #include "src/pipeline/build.h"
 #include "src/cli/against.h"
 #include "src/cli/against_steps.h"
@@ -372,6 +373,7 @@ static enum tetlod_status verify_alone(struct verification *v)
     TETLOD_TRY_DONE(tetlod_cursor_new(&v->cursor, v->file, NULL, 0, v->error));
     TETLOD_TRY_DONE(replay(v));
     TETLOD_TRY_DONE(check_sections(v));
+    TETLOD_TRY_DONE(tetlodi_check_pages(v->file, v->error));
     TETLOD_TRY_DONE(check_metadata(v));
     if (tetlod_info(v->file)->keeps_order)
         TETLOD_TRY_DONE(check_order(v));

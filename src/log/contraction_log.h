@@ -52,6 +52,7 @@ enum log_refusal {
     LOG_REFUSED_BOUNDARY,
     LOG_REFUSED_ROUNDING,
     LOG_REFUSED_SIZE, /* by the exact limit: a star with too many originals in it */
+    LOG_REFUSED_CELL, /* of a paged build: a tetrahedron would have left its cell */
     LOG_REFUSALS
 };
 

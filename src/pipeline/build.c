@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "format/write/writer.h"
+#include "src/cells/cell_phases.h"
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/measure/overlay_levels.h"
@@ -47,6 +48,7 @@ struct build {
     double (*ranges)[2];            /* [field] of the original; of a local bound 0 to the largest */
     const struct build_options *options;
     struct contraction_log log;
+    struct cell_groups groups;      /* of a paged stream, fine to coarse */
     struct series_build *series;    /* if there is one */
     struct kept_features kept;      /* if they are asked for */
     struct tetlodi_write_level *levels; /* coarse to fine */
@@ -108,6 +110,14 @@ static bool finds_cost(const struct build_options *options)
            options->contract == CONTRACT_EDGES && options->max_error >= FIELD_COST_ERROR;
 }
 
+/* Why there can be no pages, or NULL. */
+static const char *against_pages(const struct build *build, const struct simplify_options *options)
+{
+    if (build->options->keep_features > 0)
+        return "its levels are where its phases end, those of --keep-features elsewhere; leave one of them out";
+    return build->series ? "it is of one step in time, not of a series; --time N builds one" : cells_wrong(options);
+}
+
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
@@ -133,12 +143,20 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    enum tetlod_status status =
-        build->series ? series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options,
-                                        build->error)
-                      : simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
-                                 &simplify_options,
+    const char *wrong = options->paged ? against_pages(build, &simplify_options) : NULL;
+    enum tetlod_status status;
+    if (wrong)
+        status = tetlodi_fail(build->error, TETLOD_ERR_ARGUMENT, "--paged: %s", wrong);
+    else if (options->paged)
+        status = cells_simplify(&build->log, &build->groups, build->mesh, limits.fields, options->control_count,
+                                limits.weights, options->paged, &simplify_options, build->error);
+    else if (build->series)
+        status = series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options,
                                  build->error);
+    else
+        status = simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
+                          &simplify_options,
+                          build->error);
     if (status == TETLOD_OK && finds_cost(options))
         status = field_cost_find(&build->cost, build->mesh, &build->log, limits.fields, options->control_count,
                                  &simplify_options, build->error);
@@ -378,6 +396,16 @@ static int encode_progress(void *opaque, double done)
     return build->options->progress(build->options->progress_opaque, BUILD_ENCODE, build->series ? done / 2 : done);
 }
 
+/* From fine to coarse, as they were made, to coarse to fine, as they are stored. */
+static void reverse_groups(struct cell_groups *groups)
+{
+    for (uint32_t i = 0; i < groups->count / 2; i++) {
+        struct tetlodi_write_group swap = groups->groups[i];
+        groups->groups[i] = groups->groups[groups->count - 1 - i];
+        groups->groups[groups->count - 1 - i] = swap;
+    }
+}
+
 /* The sections of the options, and the sums if they are asked for; *bytes is to be freed after *out. */
 static enum tetlod_status list_sections(struct build *build, struct tetlodi_buffer *bytes,
                                         struct tetlodi_write_section **out, uint32_t *count)
@@ -419,6 +447,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     TETLOD_TRY_DONE(list_sections(build, &sums, &sections, &section_count));
     for (uint32_t f = 0; f < mesh->field_count; f++)
         fields[f] = list_field(build, f);
+    reverse_groups(&build->groups);
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
                                         .tets = mesh->tet_count,
                                         .contractions = log->count,
@@ -432,6 +461,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .level_count = build->log.mark_count + build->precision.tail,
                                         .fields = fields,
                                         .levels = build->levels,
+                                        .group_count = build->groups.count,
+                                        .groups = build->groups.groups,
                                         .degenerate_tets = log->degenerate_tets,
                                         .inverted_tets = log->inverted_tets + log->folded_tets,
                                         .unused_points = mesh->unused_points,
@@ -588,6 +619,7 @@ done:
     series_free(build.series);
     kept_features_fini(&build.kept);
     log_fini(&build.log);
+    cell_groups_fini(&build.groups);
     tetmesh_fini(&build.rounded);
     oriented_fini(&build.oriented);
     local_bounds_fini(&build.bounds);

@@ -48,6 +48,9 @@ struct build_series {
     struct tetlod_source cell_values; /* [step][cells][components * tetrahedra] */
 };
 
+/* Tetrahedra of a cell of a paged stream: usually, at least and at most. */
+enum { BUILD_CELL_TETS = 100000, BUILD_MIN_CELL_TETS = 100, BUILD_MAX_CELL_TETS = 1 << 27 };
+
 struct build_options {
     const struct build_control *controls; /* at least one */
     uint32_t control_count;
@@ -65,6 +68,7 @@ struct build_options {
     double growth;           /* > 1 */
     int compression;         /* effort, 1 .. 22 */
     bool keep_order;         /* store the mesh's own numbering */
+    uint32_t paged;          /* tetrahedra of a cell: contracted by cells, stored in pages (cell_phases.h); 0: as one */
     struct quantise_options quantise;
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */

@@ -71,6 +71,13 @@ static json_t *level_json(const struct tetlod_info *info, uint32_t k)
                      errors_json(info, level));
 }
 
+/* How many pages there are, and from which level on. */
+static bool add_pages(json_t *object, const struct tetlod_info *info)
+{
+    return json_object_set_new(object, "pages", json_integer(info->page_count)) == 0 &&
+           json_object_set_new(object, "first_paged_level", json_integer(info->first_paged_level)) == 0;
+}
+
 /* Where the steps over other meshes are. False: memory is out. */
 static bool add_topologies(json_t *object, const struct tetlod_info *info)
 {
@@ -112,7 +119,8 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
                    json_array_size(cells) != info->cell_field_count || (info->topology_count &&
-                                                                        !add_topologies(object, info)))) {
+                                                                        !add_topologies(object, info)) ||
+                   (info->page_count && !add_pages(object, info)))) {
         json_decref(object);
         return NULL;
     }

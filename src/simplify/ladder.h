@@ -12,6 +12,13 @@
  * ties with round limits are common in regular meshes (PROOF.md, 3). */
 static const double LIMIT_TIE = 1e-9;
 
+/* The first rung. */
+static const double FIRST_LIMIT = 1e-6;
+
+/* Below it the ladder of the rounds has no steps between: nobody asks for what is between, and every rung looks at most
+ * vertices again. */
+static const double STEPS_FROM = 1e-3;
+
 /* The rung above the limit. steps_from: the least error with steps between. *out_named: levels are named after it. */
 static inline double next_limit(double limit, double most, double steps_from, bool *out_named)
 {

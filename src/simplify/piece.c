@@ -268,6 +268,9 @@ enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
     TETLOD_TRY_DONE(border_find(&working, pool, error));
     TETLOD_TRY_DONE(border_init(&border, &working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, pool_size(pool), error));
+    whole->degenerate_tets = log.degenerate_tets;
+    whole->inverted_tets = log.inverted_tets;
+    whole->folded_tets = log.folded_tets;
     status = take_whole(piece, &working, &border, mesh, error);
 done:
     border_fini(&border);
@@ -281,9 +284,9 @@ done:
     return status;
 }
 
-/* Lists the vertices of the tetrahedra, numbers them from 0, and counts how many tetrahedra each has there. */
+/* Lists the vertices of the tetrahedra and numbers them from 0. */
 static uint32_t list_vertices(const struct piece *of, const uint32_t *tets, uint32_t tet_count, uint32_t *number,
-                              uint32_t *vertices, uint32_t *degrees)
+                              uint32_t *vertices)
 {
     uint32_t count = 0;
     for (size_t i = 0; i < 4 * (size_t)tet_count; i++) {
@@ -292,12 +295,11 @@ static uint32_t list_vertices(const struct piece *of, const uint32_t *tets, uint
             number[v] = count;
             vertices[count++] = v;
         }
-        degrees[v]++;
     }
     return count;
 }
 
-static void cut_vertex(struct piece *out, const struct piece *of, uint32_t from, uint32_t to)
+void piece_copy_vertex(struct piece *out, uint32_t to, const struct piece *of, uint32_t from)
 {
     uint32_t k = of->whole->component_count;
     memcpy(out->mesh.positions + 3 * (size_t)to, of->mesh.positions + 3 * (size_t)from, 3 * sizeof(double));
@@ -313,39 +315,74 @@ static void cut_vertex(struct piece *out, const struct piece *of, uint32_t from,
     out->frozen[to] = of->frozen[from];
 }
 
-enum tetlod_status piece_cut(struct piece *out, const struct piece *of, const uint32_t *tets, uint32_t tet_count,
-                             uint32_t **out_vertices, struct tetlod_error *error)
+enum tetlod_status piece_new(struct piece *out, const struct piece *like, uint32_t vertices, uint32_t tets,
+                             struct tetlod_error *error)
+{
+    enum tetlod_status status = make_piece(out, like->whole, &like->mesh, vertices, tets, error);
+    if (status == TETLOD_OK)
+        keep_state(&out->state, &like->state, like->whole->component_count);
+    else
+        piece_fini(out);
+    return status;
+}
+
+enum tetlod_status piece_part(struct piece *out, const struct piece *of, const uint32_t *tets, uint32_t tet_count,
+                              const uint8_t *shared, uint32_t *number, uint32_t **out_vertices,
+                              struct tetlod_error *error)
 {
     size_t n = of->mesh.vertex_count, most = n < 4 * (size_t)tet_count ? n : 4 * (size_t)tet_count;
-    uint32_t *number = array_new(n, sizeof *number), *vertices = array_new(most, sizeof *vertices);
-    uint32_t *degrees = array_zero(n, sizeof *degrees);
-    enum tetlod_status status = number && vertices && degrees ? TETLOD_OK : no_memory(error, n);
+    uint32_t *vertices = array_new(most, sizeof *vertices);
     *out = (struct piece){0};
-    if (status == TETLOD_OK) {
-        memset(number, 0xff, n * sizeof *number);
-        uint32_t count = list_vertices(of, tets, tet_count, number, vertices, degrees);
-        status = make_piece(out, of->whole, &of->mesh, count, tet_count, error);
-        for (uint32_t v = 0; v < count && status == TETLOD_OK; v++)
-            cut_vertex(out, of, vertices[v], v);
+    *out_vertices = vertices;
+    if (!vertices)
+        return no_memory(error, most);
+    uint32_t count = list_vertices(of, tets, tet_count, number, vertices);
+    enum tetlod_status status = piece_new(out, of, count, tet_count, error);
+    for (uint32_t v = 0; v < count && status == TETLOD_OK; v++) {
+        piece_copy_vertex(out, v, of, vertices[v]);
+        out->frozen[v] |= shared[vertices[v]];
     }
     for (size_t i = 0; i < 4 * (size_t)tet_count && status == TETLOD_OK; i++)
         out->mesh.corners[i] = number[of->mesh.corners[4 * (size_t)tets[i / 4] + i % 4]];
     for (uint32_t t = 0; t < tet_count && status == TETLOD_OK; t++)
         out->boundary_faces[t] = of->boundary_faces[tets[t]];
-    for (size_t i = 0; i < 4 * (size_t)of->mesh.tet_count && status == TETLOD_OK;
-         i++) // those of the cut: none are left
-        degrees[of->mesh.corners[i]]--;
-    for (uint32_t v = 0; status == TETLOD_OK && v < out->mesh.vertex_count; v++)
-        out->frozen[v] |= degrees[vertices[v]] != 0;
-    if (status == TETLOD_OK)
-        keep_state(&out->state, &of->state, of->whole->component_count);
-    free(number);
-    free(degrees);
-    *out_vertices = vertices;
+    for (uint32_t v = 0; v < count; v++)
+        number[vertices[v]] = TETLOD_NONE;
     if (status != TETLOD_OK) {
-        piece_fini(out);
         free(vertices);
         *out_vertices = NULL;
     }
+    return status;
+}
+
+/* Which vertices some of the tetrahedra have and some do not. */
+static void find_shared(const struct piece *of, const uint32_t *tets, uint32_t tet_count, uint32_t *degrees,
+                        uint8_t *shared)
+{
+    for (size_t i = 0; i < 4 * (size_t)of->mesh.tet_count; i++)
+        degrees[of->mesh.corners[i]]++;
+    for (size_t i = 0; i < 4 * (size_t)tet_count; i++)
+        degrees[of->mesh.corners[4 * (size_t)tets[i / 4] + i % 4]]--;
+    for (uint32_t v = 0; v < of->mesh.vertex_count; v++)
+        shared[v] = degrees[v] != 0;
+}
+
+enum tetlod_status piece_cut(struct piece *out, const struct piece *of, const uint32_t *tets, uint32_t tet_count,
+                             uint32_t **out_vertices, struct tetlod_error *error)
+{
+    size_t n = of->mesh.vertex_count;
+    uint32_t *scratch = array_zero(n, sizeof *scratch);
+    uint8_t *shared = array_new(n, 1);
+    enum tetlod_status status = TETLOD_OK;
+    *out = (struct piece){0};
+    *out_vertices = NULL;
+    if (!scratch || !shared)
+        TETLOD_TRY_DONE(no_memory(error, n));
+    find_shared(of, tets, tet_count, scratch, shared);
+    memset(scratch, 0xff, n * sizeof *scratch);
+    status = piece_part(out, of, tets, tet_count, shared, scratch, out_vertices, error);
+done:
+    free(scratch);
+    free(shared);
     return status;
 }

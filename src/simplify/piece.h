@@ -18,6 +18,7 @@ struct piece_whole {
     uint32_t *controlled;
     uint32_t controlled_count, component_count;
     double *limits; /* NULL: none has its own */
+    uint64_t degenerate_tets, inverted_tets, folded_tets; /* as in its contraction log */
 };
 
 /* How far contracting has come, in all that led to the piece. */
@@ -52,6 +53,19 @@ TETLOD_CHECKED enum tetlod_status piece_of_mesh(struct piece *piece, struct piec
  * other tetrahedra have as well are frozen. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status piece_cut(struct piece *out, const struct piece *of, const uint32_t *tets,
                                             uint32_t tet_count, uint32_t **out_vertices, struct tetlod_error *error);
+
+/* The same where shared[vertex] says which vertices other tetrahedra have as well: for many parts of one piece.
+ * number[vertex] is scratch, TETLOD_NONE everywhere before and after. */
+TETLOD_CHECKED enum tetlod_status piece_part(struct piece *out, const struct piece *of, const uint32_t *tets,
+                                             uint32_t tet_count, const uint8_t *shared, uint32_t *number,
+                                             uint32_t **out_vertices, struct tetlod_error *error);
+
+/* A piece of that size with the state of another one, whose vertices and tetrahedra the caller fills in. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status piece_new(struct piece *out, const struct piece *like, uint32_t vertices,
+                                            uint32_t tets, struct tetlod_error *error);
+
+/* Copies a vertex with all of its state. */
+void piece_copy_vertex(struct piece *out, uint32_t to, const struct piece *of, uint32_t from);
 
 void piece_fini(struct piece *piece);
 void piece_whole_fini(struct piece_whole *whole);

@@ -3,6 +3,11 @@
 
 #include "src/simplify/rounds/rounds.h"
 
+bool simplify_in_rounds(const struct simplify_options *options)
+{
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+}
+
 enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                             uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                             struct tetlod_error *error)

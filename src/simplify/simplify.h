@@ -15,6 +15,9 @@ TETLOD_CHECKED enum tetlod_status simplify(struct contraction_log *out, const st
                                            const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                            const struct simplify_options *options, struct tetlod_error *error);
 
+/* Is it contracted as by default: edges, by their envelope? Then it can be cell by cell. */
+bool simplify_in_rounds(const struct simplify_options *options);
+
 /* Bytes that this takes at its peak, about, without the mesh. */
 uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options);
 

@@ -9,6 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "format/common/cuts.h"
+
 enum { CONTRACT_EDGES = 1, CONTRACT_FACES = 2, CONTRACT_TETS = 4 };
 
 /* What orders contractions. */
@@ -47,6 +49,8 @@ struct simplify_options {
     const bool *fixed;     /* [vertex] does it stay where it is? or NULL */
     bool local_bound;      /* the log keeps every node's bound */
     double growth;         /* vertices of a level / vertices of the one below */
+    /* of a piece: middles of its tetrahedra (format/cuts.h) stay inside; NULL: anywhere */
+    const struct tetlodi_box *box;
     unsigned threads;      /* 0: all cores; the result does not depend on it */
     bool (*progress)(void *opaque, double done); /* 0..1; false cancels; may be NULL */
     void *progress_opaque;

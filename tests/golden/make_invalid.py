@@ -10,10 +10,10 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX = (
+ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX, PAGED = (
     plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read())
     for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise',
-                 'topologies', 'series_cells', 'parents_float32', 'series_parents'))
+                 'topologies', 'series_cells', 'parents_float32', 'series_parents', 'paged_float32'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -43,7 +43,7 @@ def section(data, tag, flags, offset=None, content=b'', unpacked=0):
     """A further section behind all others, empty or of some bytes."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
     late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'PCEL',
-                                                                                   'TOPO'))  # those of these streams that are early
+                                                                                   'TOPO', 'PAGE'))  # those of these streams that are early
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked,
                         tetlod.digest(content))
     count = len(sections_of(data)) + 1
@@ -69,7 +69,7 @@ def cases():
     yield 'magic', 'open', 'not a stream', b'\x89TLE' + ONE[4:]
     yield 'old_layout', 'open', 'format 1.0, from before the first release', put(ONE, 8, 'H', 1)
     yield 'newer_major', 'open', 'format 3', put(ONE, 8, 'H', 3)
-    yield 'required_feature', 'open', 'a required feature that is not known', put(ONE, 12, 'I', 1)
+    yield 'required_feature', 'open', 'a required feature that is not known', put(ONE, 12, 'I', 2)
     yield 'reserved', 'open', 'a reserved field is not 0', put(ONE, 56, 'I', 1)
     yield 'header_check', 'open', 'the check of the header', ONE[:60] + bytes([ONE[60] ^ 1]) + ONE[61:]
     yield 'content_id', 'open', 'the content id is not that of the index', ONE[:40] + bytes(16) + bytes(4) + tetlod.digest(ONE[:40] + bytes(20))[:4] + ONE[64:]
@@ -171,6 +171,28 @@ def cases():
     yield 'parents_map_long', 'decode', 'a map with bytes behind it', with_section(PARENTS, 'PMAP', tetlod.open(PARENTS).section('PMAP') + b'\1' * 8)
     yield 'parents_rounded', 'decode', 'rounded values of the fourth mode', with_section(PARENTS, 'PVAL', b'\xff\xff\xff\x00' * 100, 1)
     yield 'parents_steps', 'decode', 'a table of cells\' steps of another number of them', parents_retimed(4, 'I', 10)
+    yield 'paged_alone', 'open', 'levels in pages without a table of pages', put(ONE, 12, 'I', 1)
+    yield 'paged_quiet', 'open', 'a table of pages without the required feature', put(PAGED, 12, 'I', 0)
+    groups, nodes, rows = paged_places()
+    yield 'paged_first', 'open', 'a first level in pages that is level 0', repaged(0, 'I', 0)
+    yield 'paged_groups', 'open', 'a group less than levels', repaged(4, 'I', groups - 1)
+    yield 'paged_none', 'open', 'a group of no pages', repaged(8, 'I', 0)
+    yield 'paged_nodes', 'open', 'a tree of two nodes', repaged(12, 'I', 2)
+    yield 'paged_root', 'open', 'a first group with the tree of the one before', repaged(12, 'I', 0)
+    yield 'paged_axis', 'open', 'a cut on axis 4', repaged(nodes, 'B', 4)
+    yield 'paged_tree', 'open', 'a page in the place of the first cut', repaged(nodes, 'B', 3, nodes + 1, 'I', 0)
+    yield 'paged_cut', 'open', 'a cut that is not finite', repaged(nodes + 1, 'f', INFINITY)
+    yield 'paged_vertices', 'open', 'pages that add other vertices than their level', repaged(rows, 'I', 1000)
+    yield 'paged_tets', 'open', 'pages that add other tetrahedra than their level', repaged(rows + 4, 'I', 1000)
+    yield 'paged_box', 'open', 'a box whose least is greater than its greatest', \
+        repaged(rows + 8, 'H', 65535, rows + 14, 'H', 0)
+    yield 'paged_needs', 'open', 'a page of the first group that needs one', repaged(rows + 20, 'I', 1)
+    yield 'paged_needed', 'open', 'a page that needs one that is not there', repaged(-4, 'I', 1000)
+    yield 'paged_size', 'open', 'pages that do not fill their frame', repaged(rows + 24, 'I', 3)
+    yield 'paged_moved', 'decode', 'a tree whose first cut is elsewhere', repaged(nodes + 1, 'f', 100.0)
+    level = len(tetlod.open(PAGED).levels) - 2
+    yield 'paged_random', 'decode', 'pages of other bytes, with the digest of their level', \
+        reframed(PAGED, level, 0, lambda frame: bytes(255 - b for b in frame))
     yield 'cells_whole', 'decode', 'a value of cells that is 2^53 + 1', whole_number(CELLS)
     yield 'packed_rest', 'open', 'bytes behind a packed index that are not zero', longer_index(b'\0\0\0\0\1')
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
@@ -215,6 +237,29 @@ def regrouped(*changes):
     data = MESHES[:entry['offset']] + bytes(table) + MESHES[entry['offset'] + len(table):]
     number = [s['tag'] for s in stream.sections].index('TOPO')
     return put(data, sections_of(MESHES)[number] + 32, '16s', tetlod.digest(bytes(table)))
+
+
+def paged_places():
+    """Of the table of pages: groups, and where nodes and rows begin."""
+    table = tetlod.open(PAGED).section('PAGE')
+    groups = int.from_bytes(table[4:8], 'little')
+    nodes = [int.from_bytes(table[12 + 8 * g:16 + 8 * g], 'little') for g in range(groups)]
+    return groups, 8 + 8 * groups, 8 + 8 * groups + 5 * sum(nodes)
+
+
+def repaged(*changes):
+    """The table of pages, which is not packed then, with numbers changed: (place, form, value) of each."""
+    stream = tetlod.open(PAGED)
+    entry, number = next((s, i) for i, s in enumerate(stream.sections) if s['tag'] == 'PAGE')
+    table = bytearray(stream.section('PAGE'))
+    for at, form, value in zip(*[iter(changes)] * 3):
+        struct.pack_into('<' + form, table, at % len(table), value)
+    place, grown = sections_of(PAGED)[number], len(table) - entry['stored']
+    early, total = (int.from_bytes(PAGED[at:at + size], 'little') + grown for at, size in ((28, 4), (32, 8)))
+    data = PAGED[:28] + struct.pack('<IQ', early, total) + PAGED[40:entry['offset']] + bytes(table)
+    data += PAGED[entry['offset'] + entry['stored']:]
+    offset = entry['offset'] - index_end(PAGED)
+    return put(data, place + 4, 'IQQQ16s', 2, offset, len(table), len(table), tetlod.digest(bytes(table)))
 
 
 def retimed(at, form, value, longer=0):

@@ -25,7 +25,7 @@ def accepted_options(command):
     source = ''.join(read(path) for path in paths if os.path.exists(os.path.join(ROOT, path)))
     if 'READING_OPTIONS' in source:
         source += read('src/cli/reading.h')
-    return {'--' + name for name in re.findall(r'\{"([a-z0-9-]+)",\s*(?:no|required)_argument', source)}
+    return {'--' + name for name in re.findall(r'\{"([a-z0-9-]+)",\s*(?:no|required|optional)_argument', source)}
 
 
 def check_help(help_of):

@@ -10,7 +10,7 @@ from lint_report import ROOT, finish, report
 
 # folder: what it may include beside itself and libc; a name that ends in / is a folder. CONTRIBUTING.md says why.
 API = ['format/tetlod.h', 'format/fail.h']
-FORMAT = API + ['format/common/sink.h', 'format/common/utf8.h', 'format/common/round.h']
+FORMAT = API + ['format/common/cuts.h', 'format/common/sink.h', 'format/common/utf8.h', 'format/common/round.h']
 ARRAYS = FORMAT + ['src/util/']
 MESHES = ARRAYS + ['src/mesh/']
 LAYERS = {
@@ -34,12 +34,15 @@ LAYERS = {
     'src/simplify/mesh': MESHES + ['src/log/contraction_log.h'],
     'src/simplify/rounds': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/limit.h', 'src/simplify/ladder.h', 'src/simplify/mesh/'],
+    'src/cells': MESHES + ['src/simplify/piece.h', 'src/simplify/rounds/rounds.h', 'src/simplify/ladder.h',
+                            'src/simplify/simplify.h', 'src/simplify/simplify_options.h', 'src/log/contraction_log.h'],
     'src/log': MESHES,
     'src/forest': MESHES,
     'src/stream': MESHES + ['src/forest/'],
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
     'src/pipeline': MESHES + ['format/common/', 'format/coding/', 'format/read/summary.h', 'format/write/', 'src/ask/features.h',
-                              'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
+                              'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/cells/cell_phases.h',
+                              'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h', 'src/pipeline/build_series.h',
                              'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
     'src/report': MESHES + ['src/level/', 'src/ask/', 'src/diff/decide.h'],
@@ -53,7 +56,7 @@ LAYERS = {
     'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/level/', 'format/read/parts.h'],
     'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
-    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/prefix.h'] + MESHES + [
+    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/page_check.h', 'format/write/prefix.h'] + MESHES + [
                 'src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',
                 'src/log/', 'src/measure/', 'src/forest/', 'src/stream/', 'src/ask/', 'src/diff/decide.h', 'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],

@@ -310,3 +310,16 @@ mutant('features: the box of the persistence alone', FEATURE_SOURCE,
        'the maximum of that persistence is in a larger component', FEATURES)
 mutant('features: moved boundaries', 'src/ask/feature_levels.c',
        '!(info->levels[level].domain_error <= KEPT) || ', '', 'where the boundary moved nothing is proved', FEATURES)
+
+# ---- pages (PROOF.md, 11 and 15)
+
+mutant('a tetrahedron leaves its cell', 'src/simplify/rounds/merge.c',
+       'if (weighing->moves[i] && !tetlodi_in_box(run->box, middle))',
+       'if (weighing->moves[i] > 1 && !tetlodi_in_box(run->box, middle))',
+       'a decoder finds the cells of a mesh that was cut before it was contracted', 'cli/test_pages')
+mutant('seams are contracted', 'src/simplify/piece.c', 'out->frozen[v] |= shared[vertices[v]];',
+       'out->frozen[v] |= shared[vertices[v]] > 1;',
+       'a cell has not the whole star of a vertex at its seam', 'cli/test_pages')
+mutant('errors of one cell', 'src/cells/cell_phases.c',
+       'state->certified[c] = fmax(state->certified[c], log->certified[last * k + c]);',
+       'state->certified[c] = fmin(1e-6, log->certified[last * k + c]);', 'a level has the errors of all cells', 'cli/test_pages')

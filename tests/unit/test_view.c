@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What the browser's module does, natively: so that sanitizers see it. What it gives is held against the library by
  * tests/web/test_decoder.mjs. */
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "server/web/wasm/print.h"
 #include "server/web/wasm/view.h"
 #include "tests/test.h"
 
@@ -280,8 +283,25 @@ static void test_values_of_cells_colour_and_hide(void)
     }
 }
 
+/* The same text, and the same count, as the C library's in a buffer of any size. */
+#define CHECK_PRINT(...)                                                              \
+    for (size_t room = 0; room < sizeof own; room++) {                                \
+        CHECK_INT(view_snprintf(own, room, __VA_ARGS__), snprintf(of_libc, room, __VA_ARGS__)); \
+        CHECK(!room || strcmp(own, of_libc) == 0);                                    \
+    }
+
+static void test_prints_as_the_library_does(void)
+{
+    char own[80], of_libc[80];
+    CHECK_PRINT("100 %% of %s, %.3s, %.9s and %.0s", "a text", "cut", "no", "none");
+    CHECK_PRINT("%u %u %d %d %d", 0u, UINT32_MAX, 0, INT32_MIN, INT32_MAX);
+    CHECK_PRINT("%zu %llu %lld %lld", SIZE_MAX, ULLONG_MAX, LLONG_MIN, 0LL);
+    CHECK_PRINT("%02x%02x \\u%04x %016llx %x", 0x7u, 0xabu, 0x1fu, 0x123456789abcull, 0xffffffffu);
+}
+
 int main(void)
 {
+    RUN(test_prints_as_the_library_does);
     RUN(test_every_level_moves_and_is_drawn);
     RUN(test_some_fields);
     RUN(test_bytes_one_by_one_and_bad_ones);

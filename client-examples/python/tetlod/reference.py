@@ -173,7 +173,7 @@ class Stream:
         require(major >= 2, 'the stream has the old layout (format %d.%d), from before the first release' % (major, minor))
         require(major == 2, 'the stream needs a newer reader')
         require(digest(header[:60])[:4] == check, 'the header is damaged')
-        require(required == 0, 'the stream needs a newer reader')
+        require(required & ~1 == 0, 'the stream needs a newer reader')
         require(reserved == 0 and index_size <= plain_size <= min(1 << 28, max(index_size, allowed(TABLE, index_size))) and early_size <= 1 << 28 and
                 64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
         index = read(64, index_size)
@@ -189,6 +189,12 @@ class Stream:
         self.topologies, self.group_times = [], None  # the latter: of the steps, in a topology group
         if any(section['tag'] == 'TOPO' for section in self.sections):
             self._parse_topologies(Bytes(self.section('TOPO')))
+        table = self.section('PAGE')
+        require((table is not None) == bool(required & 1), 'the header and the index disagree about pages')
+        self.groups = {}  # levels in pages
+        if table is not None:
+            from .reference_pages import Pages
+            self.groups = Pages(self, Bytes(table)).groups
 
     def _parse(self, data, offset, early_size):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
@@ -254,10 +260,11 @@ class Stream:
             tag, place = tag.decode(), flags & 2
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
-            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'PTIM', 'TOPO') else PACKED, size)
+            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'PTIM', 'TOPO', 'PAGE') else PACKED, size)
             require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
             known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'CTIM': 0, 'CSTP': 0,
-                     'PCEL': 2, 'PMAP': 0, 'PVAL': 0, 'PTIM': 0, 'PSTP': 0, 'TOPO': 2, 'NEXT': 0}
+                     'PCEL': 2, 'PMAP': 0, 'PVAL': 0, 'PTIM': 0, 'PSTP': 0, 'TOPO': 2, 'NEXT': 0,
+                     'PAGE': 2}
             twice = tag not in ('CVAL', 'TVAL', 'CSTP', 'PVAL', 'PSTP') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
@@ -677,10 +684,14 @@ class Column:
         for _ in range(components):
             self.codes.append([])
             self.values.append([])
-        self.child, self.corner = [[Number(), Number()], [Number(), Number()]], Number()
-        self.zeros, self.last_zeros = [bits(16) for _ in range(16)], [0] * components
-        self.kept, self.nudge = [bits(2), bits(2)], bits(4)
+        self.restart()
         self.copied, self.exact = list(range(components)), None  # exact: values of the tail
+
+    def restart(self):
+        """Models as at the beginning."""
+        self.child, self.corner = [[Number(), Number()], [Number(), Number()]], Number()
+        self.zeros, self.last_zeros = [bits(16) for _ in range(16)], [0] * self.components
+        self.kept, self.nudge = [bits(2), bits(2)], bits(4)
 
     def copies(self, coder):
         """Which components repeat others (SPEC 9.2)."""
@@ -779,6 +790,8 @@ class Cursor:
         self.ends = [0]              # records in the log at each level's end
         self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
         self.exact = False           # fields have the tail's values
+        self.listed, self.seams = None, frozenset()  # of a page: its vertices, and those that do not split
+        self.left_out = set()        # tetrahedra of pages that were left out
         self._base()
 
     # ------------------------------------------------ what it holds
@@ -1020,30 +1033,73 @@ class Cursor:
     # ------------------------------------------------ records (SPEC 7)
 
     def _decode_level(self, level):
-        to = self.stream.levels[level]
         self._start(level)
         if self._is_tail(level):
             self._tail()
-        walk, start = 0, self.count
-        while self.count < to['vertices']:
-            walk = self._walk(walk, start)
-            require(walk < self.count, 'level %d has fewer records than its index says' % level)
-            self._record(walk, to)
-        require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
-        self._finish(level)
+        if level in self.stream.groups:
+            self._decode_group(level, self.stream.groups[level])
+        else:
+            self._decode_records(level, self.stream.levels[level])
         self.decoded = level
         self.ends.append(self.done)
 
-    def _walk(self, walk, start):
-        """The next vertex from `walk` on that splits, or the number of vertices (SPEC 7.1)."""
-        coder, stars, leaf, end = self.coders[0], self.stars, self.leaf, self.count
-        width, code, most, rest = coder.range, coder.code, coder.seen_most, coder.rest
-        while walk < end:
-            if leaf[walk]:
-                walk += 1
+    def _decode_records(self, level, to):
+        """The records of a level, or of a page of it."""
+        place, self.start = 0, self.count
+        while self.count < to['vertices']:
+            place = self._walk(place)
+            require(place < self._walk_end(), 'level %d has fewer records than its index says' % level)
+            self._record(self._vertex_at(place), to)
+        require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
+        self._finish(level)
+
+    def seek_pages(self, chosen):
+        """From the root on, in a new cursor: of each level in pages only some, {level: numbers of pages}. They have to be a
+        closed set (reference_pages.closure): the pages that they need are among them."""
+        self.seek(min(self.stream.groups) - 1)
+        for level, group in sorted(self.stream.groups.items()):
+            self._start(level)
+            self._decode_group(level, group, chosen.get(level, ()))
+        self.decoded = self.level = None  # no level of the stream
+        return self
+
+    def _decode_group(self, level, group, chosen=None):
+        """A level in pages (SPEC 7.6), or some of its pages."""
+        from .reference_pages import page_frames
+        lists, self.seams, pages = group.lists(self.columns[0].values, self.tets_list[:self.tet_count], self.left_out)
+        if chosen is not None:
+            self.left_out.update(t for t, page in enumerate(pages) if page not in chosen)
+        frames = [page_frames(group, column.part, self.stream.frame(level, column.part)) for column in self.columns]
+        for number, page in enumerate(group.pages):
+            if not page.vertices or chosen is not None and number not in chosen:
                 continue
-            chances, counts = self.models.splits[walk >= start]
-            i = len(stars[walk]) >> 2
+            self.models, self.listed = Models(), lists[number]
+            for column, coder, parts in zip(self.columns, self.coders, frames):
+                column.restart()
+                coder.start(parts[number])
+            self._decode_records(level, {'vertices': self.count + page.vertices, 'tets': self.tet_count + page.tets})
+        self.listed, self.seams = None, frozenset()
+
+    def _vertex_at(self, place):
+        """The vertex at a place of the walk: of a page first those that it has, then those that it adds."""
+        if self.listed is None:
+            return place
+        return self.listed[place] if place < len(self.listed) else self.start + place - len(self.listed)
+
+    def _walk_end(self):
+        return self.count if self.listed is None else len(self.listed) + self.count - self.start
+
+    def _walk(self, place):
+        """The next place from `place` on of a vertex that splits, or the walk's end (SPEC 7.1)."""
+        coder, stars, leaf, end, seams = self.coders[0], self.stars, self.leaf, self._walk_end(), self.seams
+        width, code, most, rest = coder.range, coder.code, coder.seen_most, coder.rest
+        while place < end:
+            vertex = self._vertex_at(place)
+            if leaf[vertex] or vertex in seams:
+                place += 1
+                continue
+            chances, counts = self.models.splits[vertex >= self.start]
+            i = len(stars[vertex]) >> 2
             if i > 15:
                 i = 15
             p, seen = chances[i], counts[i]  # coder.bit, written out
@@ -1058,14 +1114,14 @@ class Cursor:
             else:
                 width = bound
                 chances[i] = p + ((65536 - p) >> SHIFT[seen])
-                walk += 1
+                place += 1
             while width < 0x1000000:
                 width <<= 8
                 code = code << 8 | next(rest, 0)
             if splits:
                 break
         coder.range, coder.code = width, code
-        return walk
+        return place
 
     def _lay_out(self, vertex):
         """The star: per tetrahedron which of its corners the vertex is, and the others; what takes the link's out of a list."""
@@ -1404,7 +1460,9 @@ class Cursor:
             require(0 <= count <= to['tets'] - self.tet_count, 'a record brings back too many tetrahedra')
             for _ in range(count):
                 x, y = coder.number(models.extra, 1), coder.number(models.extra, 1)
-                require(0 <= x < child and 0 <= y < child and len({x, y, vertex}) == 3, 'a record names a wrong vertex')
+                require(0 <= x < self._walk_end() and 0 <= y < self._walk_end(), 'a record names a wrong vertex')
+                x, y = self._vertex_at(x), self._vertex_at(y)
+                require(len({x, y, vertex}) == 3, 'a record names a wrong vertex')
                 added.append([vertex, child, x, y])
         require(self.tet_count + len(added) <= to['tets'], 'a record brings back too many tetrahedra')
         self.tets_list.extend(added)

@@ -179,6 +179,19 @@ static void refuse(const struct run *run, struct worker *worker, uint32_t slot, 
     run->proposals[slot].waits = run->proposals[slot].waits_changed = (float)larger(error, run->limit * (1 + 1e-6));
 }
 
+/* Do all tetrahedra that the contraction moves stay in the box? */
+static bool stays_in_box(const struct run *run, const struct weighing *weighing, const struct join *join)
+{
+    for (uint32_t i = 0; i < weighing->count && run->box && !join->at_one_point; i++) {
+        const double *points[4] = {join->p, weighing->rows[1][i], weighing->rows[2][i], weighing->rows[3][i]};
+        double middle[3];
+        tetlodi_middle_of_box(points, middle);
+        if (weighing->moves[i] && !tetlodi_in_box(run->box, middle))
+            return false;
+    }
+    return true;
+}
+
 /* What a result waits for before it is looked at, as a multiple of its own error: hardly any can be contracted within
  * less. */
 static const double RESULT_WAITS = 2;
@@ -313,6 +326,10 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         return;
     if (!outcome_weigh(run, worker, &join)) {
         refuse(run, worker, slot, 0, LOG_REFUSED_FLIP);
+        return;
+    }
+    if (!stays_in_box(run, &worker->weighing, &join)) {
+        refuse(run, worker, slot, 0, LOG_REFUSED_CELL);
         return;
     }
     outcome_bounds(run, worker, &join);

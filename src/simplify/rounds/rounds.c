@@ -21,13 +21,6 @@
  * change rarely eases it by more. */
 static const double EASED = 0.8;
 
-/* The first rung. */
-static const double FIRST_LIMIT = 1e-6;
-
-/* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most
- * vertices again. */
-static const double STEPS_FROM = 1e-3;
-
 /* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung
  * does. */
 enum { MAX_PASSES = 3 };
@@ -720,6 +713,7 @@ enum tetlod_status rounds_contract(struct contraction_log *out, struct piece *pi
     enum tetlod_status status;
     TETLOD_TRY(log_init(out, &piece->mesh, error));
     TETLOD_TRY_DONE(open_rounds(&rounds));
+    rounds.run.box = options->box;
     TETLOD_TRY_DONE(piece_open(piece, &rounds.working, out, error));
     if (options->local_bound)
         TETLOD_TRY_DONE(log_keep_bounds(out, error));

@@ -99,6 +99,7 @@ struct run {
     double limit;    /* of the rung */
     const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */
     uint32_t round;
+    const struct tetlodi_box *box; /* of the piece's cell, which no tetrahedron leaves; NULL: there is none */
 };
 
 /* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the

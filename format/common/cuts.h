@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Which page of a group a tetrahedron belongs to (SPEC 7.6): a tree of cuts halves space again and again, and the
+ * middle of the tetrahedron's bounding box decides. It does not depend on the order of the corners. Not installed.
+ */
+#ifndef TETLOD_CUTS_H
+#define TETLOD_CUTS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { CUT_PAGE = 3, MAX_CUTS = 64 /* between the whole and a page */ };
+
+/* A node of the tree, of which the nodes are listed in preorder. */
+struct tetlodi_cut {
+    uint8_t axis; /* 0, 1, 2: what is below `at` goes to the next node, the rest to `beyond`; CUT_PAGE: it is page
+                     `beyond` */
+    float at;
+    uint32_t beyond;
+};
+
+/* A level whose records are in pages (SPEC 7.6). A page's contractions are of vertices whose tetrahedra, before and
+ * after, all lie in its part of the tree. */
+struct tetlodi_write_group {
+    struct tetlodi_cut *tree; /* [nodes] in preorder, with pages 0, 1, ... in this order */
+    uint32_t nodes, pages;
+    uint32_t *ends; /* [page] its contractions end here; they begin where those of the page before, or the finer
+                       level's, end */
+};
+
+/* What lies at `least` and below `most`. */
+struct tetlodi_box {
+    double least[3], most[3];
+};
+
+static inline void tetlodi_middle_of_box(const double *const points[4], double middle[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double least = points[0][axis], most = least;
+        for (int c = 1; c < 4; c++) {
+            double x = points[c][axis];
+            least = x < least ? x : least;
+            most = x > most ? x : most;
+        }
+        middle[axis] = (least + most) / 2;
+    }
+}
+
+static inline bool tetlodi_in_box(const struct tetlodi_box *box, const double point[3])
+{
+    return point[0] >= box->least[0] && point[0] < box->most[0] && point[1] >= box->least[1] &&
+           point[1] < box->most[1] && point[2] >= box->least[2] && point[2] < box->most[2];
+}
+
+static inline uint32_t tetlodi_page_at(const struct tetlodi_cut *tree, const double middle[3])
+{
+    uint32_t node = 0;
+    while (tree[node].axis != CUT_PAGE)
+        node = middle[tree[node].axis] < (double)tree[node].at ? node + 1 : tree[node].beyond;
+    return tree[node].beyond;
+}
+
+#endif

@@ -1,0 +1,598 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: a mesh. Out: one contraction log of the whole mesh, and which part of it each page has (PROOF.md, 11 and 13).
+ *
+ *   while more tetrahedra are left than the root is to have:
+ *     cut what is left into cells (partition.h); vertices at seams are frozen in their cells
+ *     choose the next limit: the next named one; the first by a trial in a few cells
+ *     in each cell: catch up to the last limit, where the last seams have waited; then go on to the next one
+ *     append what all cells did to the log: first what caught up, which is a level at the last limit, then the rest
+ *   the root: what is left as one piece, from the last limit on
+ */
+#include "src/cells/cell_phases.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/cells/partition.h"
+#include "src/simplify/ladder.h"
+#include "src/simplify/rounds/rounds.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* The root has at most so many cells' tetrahedra. */
+enum { ROOT_CELLS = 5 };
+
+/* The first limit is the first named one that leaves no more than LEFT of the tetrahedra of TRIED cells. */
+static const double LEFT = 0.93;
+enum { TRIED = 3 };
+
+/* What a cell leaves at least, whatever the limit: more at once would leave scars at the seams that no later cell
+ * removes. */
+static const double LEFT_AT_LEAST = 0.25;
+
+/* A limit that leaves more than this of the tetrahedra makes the next one rise by two names. */
+static const double NO_PROGRESS = 0.9;
+
+enum stage { CATCH_UP, GO_ON, STAGES };
+
+struct cell {
+    uint32_t *vertices; /* [vertex of the piece] in what is cut; NULL: the same numbers */
+    struct piece piece;
+    struct contraction_log logs[STAGES];
+    uint32_t firsts[STAGES]; /* of the whole log: its first contraction of each stage */
+    uint32_t *nodes;         /* [vertex after catching up] in logs[CATCH_UP]; NULL: it did not */
+    uint32_t tets;           /* before */
+    enum tetlod_status status;
+    struct tetlod_error error;
+};
+
+struct run {
+    const struct tetmesh *mesh;
+    const struct simplify_options *options;
+    uint32_t cell_tets;
+    struct pool *pool;
+    uint32_t **numbers; /* [worker] scratch of piece_part */
+    struct piece_whole whole;
+    struct piece state; /* what is left */
+    uint32_t *nodes;    /* [vertex of it] in the whole log */
+    uint8_t *was_seam;  /* [vertex of it] NULL: there was no partition */
+    struct partition partition;
+    struct cell *cells;
+    uint32_t cell_count;
+    const uint32_t *order; /* cells as they are given out: the largest first */
+    bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
+    double from, to;       /* the last limit, 0 before the first; the next one */
+    double left;           /* of the tetrahedra, by the last limit */
+    struct contraction_log *log;
+    struct cell_groups *groups;
+    atomic_uint done; /* cells */
+    atomic_bool cancelled;
+    struct tetlod_error *error;
+};
+
+const char *cells_wrong(const struct simplify_options *options)
+{
+    return simplify_in_rounds(options)
+               ? NULL
+               : "it is of the default contraction: without --certify exact, --metric and --contract";
+}
+
+void cell_groups_fini(struct cell_groups *groups)
+{
+    for (uint32_t g = 0; g < groups->count; g++) {
+        free(groups->groups[g].tree);
+        free(groups->groups[g].ends);
+    }
+    free(groups->groups);
+    *groups = (struct cell_groups){0};
+}
+
+static enum tetlod_status no_memory(const struct run *run)
+{
+    return tetlodi_fail_nomem(run->error, "the cells", 100 * (uint64_t)run->state.mesh.tet_count);
+}
+
+/* ---- one cell */
+
+static void cell_fini(struct cell *cell)
+{
+    piece_fini(&cell->piece);
+    for (int stage = 0; stage < STAGES; stage++)
+        log_fini(&cell->logs[stage]);
+    free(cell->vertices);
+    free(cell->nodes);
+    *cell = (struct cell){0};
+}
+
+static void free_cells(struct run *run)
+{
+    for (uint32_t i = 0; i < run->cell_count && run->cells; i++)
+        cell_fini(&run->cells[i]);
+    free(run->cells);
+    run->cells = NULL;
+    run->cell_count = 0;
+}
+
+/* The options of a cell's contraction: levels within it are of no use. */
+static struct simplify_options options_of(const struct run *run, const struct cell *cell, const struct tetlodi_box *box)
+{
+    struct simplify_options options = *run->options;
+    options.threads = 1;
+    options.progress = NULL;
+    options.growth = INFINITY;
+    options.box = box;
+    options.min_tets = (uint32_t)(LEFT_AT_LEAST * cell->tets) + 1;
+    return options;
+}
+
+/* What the catch-up's vertices are, for those of the next stage. */
+static enum tetlod_status keep_nodes(struct cell *cell)
+{
+    cell->nodes = array_new(cell->piece.mesh.vertex_count, sizeof *cell->nodes);
+    if (!cell->nodes)
+        return tetlodi_fail_nomem(&cell->error, "a cell", 4 * (uint64_t)cell->piece.mesh.vertex_count);
+    memcpy(cell->nodes, cell->piece.nodes, cell->piece.mesh.vertex_count * sizeof *cell->nodes);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status contract_cell(const struct run *run, struct cell *cell, uint32_t number, uint32_t *numbers)
+{
+    const struct partition *partition = &run->partition;
+    uint32_t begin = partition->begins[number], count = partition->begins[number + 1] - begin;
+    bool named;
+    TETLOD_TRY(piece_part(&cell->piece, &run->state, partition->tets + begin, count, partition->seams, numbers,
+                          &cell->vertices, &cell->error));
+    cell->tets = count;
+    struct simplify_options options = options_of(run, cell, &partition->boxes[number]);
+    double from = run->from > 0 ? run->from : FIRST_LIMIT;
+    if (run->tries)
+        return rounds_contract(&cell->logs[GO_ON], &cell->piece, from, &options, &cell->error);
+    if (run->from > 0) {
+        options.max_error = run->from;
+        TETLOD_TRY(rounds_contract(&cell->logs[CATCH_UP], &cell->piece, from, &options, &cell->error));
+        TETLOD_TRY(keep_nodes(cell));
+        from = next_limit(run->from, run->to, STEPS_FROM, &named);
+    }
+    options.max_error = run->to;
+    return rounds_contract(&cell->logs[GO_ON], &cell->piece, from, &options, &cell->error);
+}
+
+/* ---- many */
+
+static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct run *run = context;
+    for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++) {
+        uint32_t number = run->order[i];
+        struct cell *cell = &run->cells[run->tries ? i : number];
+        cell->status = contract_cell(run, cell, number, run->numbers[worker]);
+        double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
+        done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
+        if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
+            atomic_store(&run->cancelled, true);
+    }
+}
+
+/* Contracts `count` cells, those that `order` lists. */
+static enum tetlod_status contract_cells(struct run *run, const uint32_t *order, uint32_t count)
+{
+    run->cells = array_zero(count, sizeof *run->cells);
+    if (!run->cells)
+        return no_memory(run);
+    run->cell_count = count;
+    run->order = order;
+    atomic_store(&run->done, 0);
+    pool_run(run->pool, count, 1, contract_range, run);
+    if (atomic_load(&run->cancelled))
+        return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
+    for (uint32_t i = 0; i < count; i++)
+        if (run->cells[i].status != TETLOD_OK) {
+            if (run->error)
+                *run->error = run->cells[i].error;
+            return run->cells[i].status;
+        }
+    return TETLOD_OK;
+}
+
+/* The largest first: what is begun last ends soon. */
+static uint32_t *order_cells(const struct partition *partition)
+{
+    uint32_t *order = array_new(partition->cells, sizeof *order);
+    for (uint32_t i = 0; i < partition->cells && order; i++) {
+        uint32_t at = i, tets = partition->begins[i + 1] - partition->begins[i];
+        for (; at > 0 && partition->begins[order[at - 1] + 1] - partition->begins[order[at - 1]] < tets; at--)
+            order[at] = order[at - 1];
+        order[at] = i;
+    }
+    return order;
+}
+
+/* ---- the next limit */
+
+/* The limit that a mark has come to. */
+static double limit_of_mark(const struct run *run, const struct contraction_log *log, uint32_t mark)
+{
+    double limit = 0;
+    for (uint32_t c = 0; c < log->component_count; c++) {
+        double weight = 1;
+        for (uint32_t i = 0; i < run->whole.controlled_count && run->whole.limits; i++)
+            weight = run->whole.controlled[i] == log->components[c].field ? run->whole.limits[i] : weight;
+        limit = fmax(limit, log->certified[(size_t)mark * log->component_count + c] / weight);
+    }
+    return limit;
+}
+
+/* What the cells that were tried leave at a limit, of all that they had. */
+static double left_at(const struct run *run, double limit)
+{
+    double before = 0, left = 0;
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        const struct contraction_log *log = &run->cells[i].logs[GO_ON];
+        uint32_t mark = 0;
+        while (mark + 1 < log->mark_count && limit_of_mark(run, log, mark + 1) <= limit * (1 + 1e-6))
+            mark++;
+        before += run->cells[i].tets;
+        left += log->marks[mark].tets;
+    }
+    return left / before;
+}
+
+/* The first limit, by a trial: what is below it leaves nearly all. */
+static enum tetlod_status try_limits(struct run *run)
+{
+    uint32_t cells = run->partition.cells, count = cells < TRIED ? cells : TRIED, tried[TRIED];
+    for (uint32_t i = 0; i < count; i++)
+        tried[i] = (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)count));
+    run->tries = true;
+    enum tetlod_status status = contract_cells(run, tried, count);
+    run->tries = false;
+    bool named;
+    run->to = FIRST_LIMIT;
+    while (status == TETLOD_OK && run->to < run->options->max_error && left_at(run, run->to) > LEFT)
+        run->to = next_limit(run->to, run->options->max_error, INFINITY, &named);
+    free_cells(run);
+    return status;
+}
+
+/* Every named error becomes a level. Where few tetrahedra go from one to the next, one is left out. */
+static enum tetlod_status choose_limit(struct run *run)
+{
+    bool named;
+    if (!(run->from > 0))
+        TETLOD_TRY(try_limits(run));
+    else
+        run->to = next_limit(run->from, run->options->max_error, INFINITY, &named);
+    if (run->from > 0 && run->left > NO_PROGRESS)
+        run->to = next_limit(run->to, run->options->max_error, INFINITY, &named);
+    run->to = fmin(run->to, run->options->max_error);
+    return TETLOD_OK;
+}
+
+/* ---- the log */
+
+/* A cell's node of a stage as a node of the whole log. */
+static uint32_t node_of(const struct run *run, const struct cell *cell, enum stage stage, uint32_t node)
+{
+    uint32_t vertices = cell->logs[stage].vertex_count;
+    if (node >= vertices)
+        return run->mesh->vertex_count + cell->firsts[stage] + (node - vertices);
+    if (stage == GO_ON && cell->nodes)
+        return node_of(run, cell, CATCH_UP, cell->nodes[node]);
+    return run->nodes[cell->vertices ? cell->vertices[node] : node];
+}
+
+/* Appends records of a cell's stage to the whole log. */
+static void append_records(const struct run *run, const struct cell *cell, enum stage stage, uint32_t begin,
+                           uint32_t end)
+{
+    const struct contraction_log *from = &cell->logs[stage];
+    struct contraction_log *log = run->log;
+    size_t first = log_extend(log, end - begin), count = end - begin;
+    for (size_t i = 0; i < 4 * count; i++) {
+        uint32_t child = from->children[4 * (size_t)begin + i];
+        log->children[4 * first + i] = child == TETLOD_NONE ? child : node_of(run, cell, stage, child);
+    }
+    memcpy(log->positions + 3 * first, from->positions + 3 * (size_t)begin, 3 * count * sizeof(double));
+    for (uint32_t f = 0; f < log->field_count; f++) {
+        size_t k = log->fields[f].components;
+        memcpy(log->fields[f].values + first * k, from->fields[f].values + begin * k, count * k * sizeof(double));
+    }
+    for (uint32_t c = 0; c < log->component_count && log->components[c].bounds; c++)
+        memcpy(log->components[c].bounds + first, from->components[c].bounds + begin, count * sizeof(double));
+}
+
+static void add_refusals(const struct run *run, const struct contraction_log *from)
+{
+    for (int r = 0; r < LOG_REFUSALS; r++)
+        run->log->refused[r] += from->refused[r];
+}
+
+/* The greatest errors of all cells at the end of a stage. */
+static void raise_state(struct piece_state *state, const struct contraction_log *log)
+{
+    size_t last = log->mark_count - (size_t)1, k = log->component_count;
+    for (size_t c = 0; c < k; c++) {
+        state->certified[c] = fmax(state->certified[c], log->certified[last * k + c]);
+        state->predicted[c] = fmax(state->predicted[c], log->predicted[last * k + c]);
+    }
+    state->moved = fmax(state->moved, log->marks[last].moved);
+}
+
+static bool add_group(const struct run *run, uint32_t *ends)
+{
+    struct cell_groups *groups = run->groups;
+    struct tetlodi_write_group *grown = array_resize(groups->groups, groups->count + (size_t)1, sizeof *grown);
+    groups->groups = grown ? grown : groups->groups;
+    struct tetlodi_cut *tree = array_new(run->partition.nodes, sizeof *tree);
+    if (!grown || !tree) {
+        free(tree);
+        free(ends);
+        return false;
+    }
+    memcpy(tree, run->partition.tree, run->partition.nodes * sizeof *tree);
+    grown[groups->count++] = (struct tetlodi_write_group){
+        .tree = tree, .nodes = run->partition.nodes, .pages = run->partition.cells, .ends = ends};
+    return true;
+}
+
+/* Appends what all cells did in a stage: a group of pages. */
+static enum tetlod_status append_stage(struct run *run, enum stage stage)
+{
+    struct contraction_log *log = run->log;
+    uint32_t before = log->count, tets = 0;
+    uint32_t *ends = array_new(run->cell_count, sizeof *ends);
+    if (!ends)
+        return no_memory(run);
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        struct cell *cell = &run->cells[i];
+        const struct contraction_log *from = &cell->logs[stage];
+        cell->firsts[stage] = log->count;
+        append_records(run, cell, stage, 0, from->count);
+        add_refusals(run, from);
+        raise_state(&run->state.state, from);
+        tets += from->marks[from->mark_count - 1].tets;
+        ends[i] = log->count;
+    }
+    if (log->count == before) {
+        free(ends);
+        return TETLOD_OK;
+    }
+    const struct piece_state *state = &run->state.state;
+    if (!add_group(run, ends))
+        return no_memory(run);
+    return log_mark(log, run->mesh->vertex_count - log->count, tets, state->moved, state->certified, state->predicted,
+                    run->error);
+}
+
+/* ---- what is left */
+
+/* A vertex of the state that a cell's piece was cut from, which is still there: of a frozen one. */
+static uint32_t vertex_of(const struct cell *cell, uint32_t node)
+{
+    return cell->vertices[cell->nodes ? cell->nodes[node] : node];
+}
+
+/* Joins the vertices of a cell: those at seams once. numbers[vertex of the piece] are set, joined[vertex of the state]
+ * known. */
+static void join_vertices(struct run *run, const struct cell *cell, struct piece *out, uint32_t *joined,
+                          uint32_t *numbers, uint32_t *io_count, uint32_t *nodes, uint8_t *was_seam)
+{
+    for (uint32_t v = 0; v < cell->piece.mesh.vertex_count; v++) {
+        uint32_t frozen = cell->piece.frozen[v],
+                 *known = frozen ? &joined[vertex_of(cell, cell->piece.nodes[v])] : NULL;
+        numbers[v] = known && *known != TETLOD_NONE ? *known : (*io_count)++;
+        if (known && *known == numbers[v])
+            continue;
+        if (known)
+            *known = numbers[v];
+        piece_copy_vertex(out, numbers[v], &cell->piece, v);
+        out->frozen[numbers[v]] = 0;
+        nodes[numbers[v]] = node_of(run, cell, GO_ON, cell->piece.nodes[v]);
+        was_seam[numbers[v]] = frozen != 0;
+    }
+}
+
+static void join_tets(const struct cell *cell, struct piece *out, const uint32_t *numbers, uint32_t *io_count)
+{
+    for (uint32_t t = 0; t < cell->piece.mesh.tet_count; t++, ++*io_count) {
+        for (size_t c = 0; c < 4; c++)
+            out->mesh.corners[4 * (size_t)*io_count + c] = numbers[cell->piece.mesh.corners[4 * (size_t)t + c]];
+        out->boundary_faces[*io_count] = cell->piece.boundary_faces[t];
+    }
+}
+
+/* The state becomes what is left of all cells. */
+static enum tetlod_status join(struct run *run)
+{
+    uint32_t vertices = run->mesh->vertex_count - run->log->count, tets = 0, n = 0, m = 0,
+             before = run->state.mesh.vertex_count;
+    struct piece out = {0};
+    uint32_t *joined = array_new(before, sizeof *joined), *numbers = array_new(before, sizeof *numbers);
+    uint32_t *nodes = array_new(vertices, sizeof *nodes);
+    uint8_t *was_seam = array_new(vertices, 1);
+    enum tetlod_status status = joined && numbers && nodes && was_seam ? TETLOD_OK : no_memory(run);
+    for (uint32_t i = 0; i < run->cell_count; i++)
+        tets += run->cells[i].piece.mesh.tet_count;
+    if (status == TETLOD_OK)
+        status = piece_new(&out, &run->state, vertices, tets, run->error);
+    if (status == TETLOD_OK) {
+        memset(joined, 0xff, before * sizeof *joined);
+        for (uint32_t i = 0; i < run->cell_count; i++) {
+            join_vertices(run, &run->cells[i], &out, joined, numbers, &n, nodes, was_seam);
+            join_tets(&run->cells[i], &out, numbers, &m);
+            piece_fini(&run->cells[i].piece);
+        }
+        piece_fini(&run->state);
+        run->state = out;
+        uint32_t *old_nodes = run->nodes;
+        uint8_t *old_seam = run->was_seam;
+        run->nodes = nodes;
+        run->was_seam = was_seam;
+        nodes = old_nodes;
+        was_seam = old_seam;
+    }
+    free(joined);
+    free(numbers);
+    free(nodes);
+    free(was_seam);
+    return status;
+}
+
+/* ---- phases */
+
+static enum tetlod_status make_scratch(struct run *run)
+{
+    for (unsigned w = 0; w < pool_size(run->pool); w++) {
+        free(run->numbers[w]);
+        run->numbers[w] = array_new(run->state.mesh.vertex_count, sizeof **run->numbers);
+        if (!run->numbers[w])
+            return no_memory(run);
+        memset(run->numbers[w], 0xff, run->state.mesh.vertex_count * sizeof **run->numbers);
+    }
+    return TETLOD_OK;
+}
+
+/* The whole log's components are those of any cell's. */
+static enum tetlod_status take_components(struct run *run)
+{
+    const struct contraction_log *from = &run->cells[0].logs[GO_ON];
+    if (run->log->component_count)
+        return TETLOD_OK;
+    TETLOD_TRY(log_control(run->log, from->components, from->component_count, run->error));
+    for (uint32_t c = 0; c < run->log->component_count; c++)
+        run->log->components[c].bounds = NULL;
+    if (run->options->local_bound)
+        TETLOD_TRY(log_keep_bounds(run->log, run->error));
+    const struct piece_state *state = &run->state.state;
+    return log_mark(run->log, run->mesh->vertex_count, run->mesh->tet_count, 0, state->certified, state->predicted,
+                    run->error);
+}
+
+static enum tetlod_status run_phase(struct run *run)
+{
+    uint32_t *order = NULL;
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(make_scratch(run));
+    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->error));
+    TETLOD_TRY_DONE(choose_limit(run));
+    order = order_cells(&run->partition);
+    if (!order)
+        TETLOD_TRY_DONE(no_memory(run));
+    TETLOD_TRY_DONE(contract_cells(run, order, run->partition.cells));
+    TETLOD_TRY_DONE(take_components(run));
+    if (run->from > 0)
+        TETLOD_TRY_DONE(append_stage(run, CATCH_UP));
+    TETLOD_TRY_DONE(append_stage(run, GO_ON));
+    TETLOD_TRY_DONE(join(run));
+    run->from = run->to;
+done:
+    free(order);
+    free_cells(run);
+    partition_fini(&run->partition);
+    return status;
+}
+
+struct root_progress {
+    const struct run *run;
+    double begun;
+};
+
+static bool report_root(void *opaque, double done)
+{
+    const struct root_progress *progress = opaque;
+    const struct simplify_options *options = progress->run->options;
+    return options->progress(options->progress_opaque, progress->begun + (1 - progress->begun) * done);
+}
+
+/* What is left, as one piece: its levels are those of a stream without pages. */
+static enum tetlod_status contract_root(struct run *run)
+{
+    struct simplify_options options = *run->options;
+    struct root_progress progress = {run, (double)run->log->count / run->mesh->vertex_count};
+    struct cell root = {.firsts = {run->log->count, run->log->count}};
+    struct contraction_log *log = &root.logs[GO_ON];
+    if (options.progress) {
+        options.progress = report_root;
+        options.progress_opaque = &progress;
+    }
+    enum tetlod_status status = rounds_contract(log, &run->state, run->from, &options, run->error);
+    for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {
+        const struct log_mark *at = &log->marks[mark];
+        size_t row = (size_t)mark * log->component_count;
+        append_records(run, &root, GO_ON, at[-1].contractions, at->contractions);
+        status = log_mark(run->log, at->vertices, at->tets, at->moved, log->certified + row, log->predicted + row,
+                          run->error);
+    }
+    add_refusals(run, log);
+    log_fini(log);
+    return status;
+}
+
+/* Until few tetrahedra are left, or the greatest error leaves them. */
+static enum tetlod_status run_phases(struct run *run)
+{
+    uint32_t root = run->cell_tets * ROOT_CELLS, min = run->options->min_tets;
+    root = min > root / 4 ? (min < UINT32_MAX / 4 ? 4 * min : UINT32_MAX) : root;
+    run->left = 0;
+    while (run->state.mesh.tet_count > root && (run->from < run->options->max_error || run->left < NO_PROGRESS)) {
+        double before = run->state.mesh.tet_count;
+        TETLOD_TRY(run_phase(run));
+        run->left = run->state.mesh.tet_count / before;
+    }
+    return contract_root(run);
+}
+
+static enum tetlod_status begin(struct run *run, const uint32_t *controlled, uint32_t controlled_count,
+                                const double *limits)
+{
+    const struct simplify_options *options = run->options;
+    run->pool = pool_new(options->threads ? options->threads : parallel_cores());
+    run->numbers = run->pool ? array_zero(pool_size(run->pool), sizeof *run->numbers) : NULL;
+    run->nodes = array_new(run->mesh->vertex_count, sizeof *run->nodes);
+    if (!run->pool || !run->numbers || !run->nodes)
+        return no_memory(run);
+    for (uint32_t v = 0; v < run->mesh->vertex_count; v++)
+        run->nodes[v] = v;
+    TETLOD_TRY(log_init(run->log, run->mesh, run->error));
+    TETLOD_TRY(
+        piece_of_mesh(&run->state, &run->whole, run->mesh, controlled, controlled_count, limits, options, run->error));
+    run->log->degenerate_tets = run->whole.degenerate_tets;
+    run->log->inverted_tets = run->whole.inverted_tets;
+    run->log->folded_tets = run->whole.folded_tets;
+    return TETLOD_OK;
+}
+
+enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_groups *groups, const struct tetmesh *mesh,
+                                  const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                                  uint32_t cell_tets, const struct simplify_options *options,
+                                  struct tetlod_error *error)
+{
+    struct run run = {
+        .mesh = mesh, .options = options, .cell_tets = cell_tets, .log = out, .groups = groups, .error = error};
+    enum tetlod_status status;
+    *out = (struct contraction_log){0};
+    *groups = (struct cell_groups){0};
+    if (mesh->tet_count <= (uint64_t)cell_tets * ROOT_CELLS)
+        return simplify(out, mesh, controlled, controlled_count, limits, options, error);
+    TETLOD_TRY_DONE(begin(&run, controlled, controlled_count, limits));
+    TETLOD_TRY_DONE(run_phases(&run));
+    log_finish(out);
+done:
+    for (unsigned w = 0; run.numbers && w < pool_size(run.pool); w++)
+        free(run.numbers[w]);
+    free(run.numbers);
+    free(run.nodes);
+    free(run.was_seam);
+    piece_fini(&run.state);
+    piece_whole_fini(&run.whole);
+    pool_free(run.pool);
+    if (status != TETLOD_OK) {
+        log_fini(out);
+        cell_groups_fini(groups);
+    }
+    return status;
+}

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Contraction cell by cell: what a paged stream is made of (SPEC 7.6). Threads take cells, so that they need not wait
+ * for each other; the result does not depend on how many there are.
+ */
+#ifndef TETLOD_CELL_PHASES_H
+#define TETLOD_CELL_PHASES_H
+
+#include "format/write/writer.h"
+#include "src/log/contraction_log.h"
+#include "src/simplify/simplify.h"
+
+/* The pages of a log: groups from fine to coarse. What follows the last group is the root's. */
+struct cell_groups {
+    uint32_t count;
+    struct tetlodi_write_group *groups; /* [count] */
+};
+
+/* Why a mesh cannot be contracted cell by cell with these options, or NULL. */
+const char *cells_wrong(const struct simplify_options *options);
+
+/* Contracts the mesh as simplify() does, in cells of about `cell_tets` tetrahedra until few are left. Without groups
+ * the mesh was small: the log is that of simplify(). */
+TETLOD_CHECKED enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_groups *groups,
+                                                 const struct tetmesh *mesh, const uint32_t *controlled,
+                                                 uint32_t controlled_count, const double *limits, uint32_t cell_tets,
+                                                 const struct simplify_options *options, struct tetlod_error *error);
+void cell_groups_fini(struct cell_groups *groups);
+
+#endif

@@ -1,0 +1,295 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: a mesh, and which of its vertices were at a seam before. Out: a tree of cuts and the tetrahedra of each of its
+ * cells.
+ *
+ * A range of tetrahedra is cut in two until it is small enough. Candidates for a cut are middles and ends of the
+ * bounding boxes of some tetrahedra whose middles lie in the window around the share that one side is to have. What a
+ * candidate costs is counted on a sample of the range. Samples are taken at regular distances: nothing is left to
+ * chance.
+ */
+#include "src/cells/partition.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+/* A range of fewer than MAX_FILLED times the tetrahedra asked for is a cell; a larger one is cut for cells of FILLED
+ * times as many. */
+static const double FILLED = 0.8, MAX_FILLED = 1.2;
+
+/* Half the width of the window in which the cut may be, as a share of the range. */
+static const double WINDOW = 0.15;
+
+/* What a tetrahedron that was at a seam before counts more; and one that the cut crosses, against one that only touches
+ * it: a cut between layers of a regular mesh touches as many on each side as one beside it crosses, and leaves half as
+ * many vertices at the seam. */
+enum { SEAM_WEIGHT = 3, CROSSING = 4 };
+
+/* Tetrahedra that the window is found by, candidates on each axis, and tetrahedra that their cost is counted on. */
+enum { RANKED = 4096, CANDIDATES = 24, COUNTED = 1 << 15 };
+
+struct cutter {
+    const struct tetmesh *mesh;
+    const uint8_t *was_seam;
+    uint32_t cell_tets;
+    struct partition *out;
+    size_t tree_room, box_room, begin_room;
+    double (*ranked)[2]; /* [RANKED] middle and end of a box on the axis */
+    struct tetlod_error *error;
+};
+
+/* A part of out->tets that is still to be cut, and the box that the cuts before leave for it. */
+struct range {
+    uint32_t begin, end;
+    struct tetlodi_box box;
+    uint32_t cuts;   /* that it is behind */
+    uint32_t parent; /* node of which it is the second part; TETLOD_NONE: it is the first part, or all */
+};
+
+void partition_fini(struct partition *partition)
+{
+    free(partition->tree);
+    free(partition->boxes);
+    free(partition->begins);
+    free(partition->tets);
+    free(partition->seams);
+    *partition = (struct partition){0};
+}
+
+static enum tetlod_status no_memory(const struct cutter *cutter)
+{
+    return tetlodi_fail_nomem(cutter->error, "the partition", 8 * (uint64_t)cutter->mesh->tet_count);
+}
+
+static void points_of(const struct tetmesh *mesh, uint32_t tet, const double *points[4])
+{
+    for (int c = 0; c < 4; c++)
+        points[c] = mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)tet + (size_t)c];
+}
+
+static double middle_on(const struct tetmesh *mesh, uint32_t tet, int axis)
+{
+    const double *points[4];
+    double middle[3];
+    points_of(mesh, tet, points);
+    tetlodi_middle_of_box(points, middle);
+    return middle[axis];
+}
+
+static void extent_on(const struct tetmesh *mesh, uint32_t tet, int axis, double out[2])
+{
+    const uint32_t *corners = mesh->corners + 4 * (size_t)tet;
+    out[0] = out[1] = mesh->positions[3 * (size_t)corners[0] + (size_t)axis];
+    for (int c = 1; c < 4; c++) {
+        double x = mesh->positions[3 * (size_t)corners[c] + (size_t)axis];
+        out[0] = x < out[0] ? x : out[0];
+        out[1] = x > out[1] ? x : out[1];
+    }
+}
+
+static bool was_at_seam(const struct cutter *cutter, uint32_t tet)
+{
+    const uint32_t *corners = cutter->mesh->corners + 4 * (size_t)tet;
+    for (int c = 0; c < 4 && cutter->was_seam; c++)
+        if (cutter->was_seam[corners[c]])
+            return true;
+    return false;
+}
+
+static int by_middle(const void *a, const void *b)
+{
+    const double *x = a, *y = b;
+    return x[0] != y[0] ? (x[0] > y[0]) - (x[0] < y[0]) : (x[1] > y[1]) - (x[1] < y[1]);
+}
+
+/* Candidates on an axis, ascending; returns how many. */
+static uint32_t list_candidates(const struct cutter *cutter, const struct range *range, int axis, double share,
+                                float *out)
+{
+    uint32_t n = range->end - range->begin, ranked = n < RANKED ? n : RANKED, count = 0;
+    for (uint32_t i = 0; i < ranked; i++) {
+        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / ranked)];
+        double extent[2];
+        extent_on(cutter->mesh, tet, axis, extent);
+        cutter->ranked[i][0] = middle_on(cutter->mesh, tet, axis);
+        cutter->ranked[i][1] = extent[1];
+    }
+    qsort(cutter->ranked, ranked, sizeof *cutter->ranked, by_middle);
+    double first = share - WINDOW, width = 2 * WINDOW;
+    for (uint32_t k = 0; k < CANDIDATES; k++) {
+        uint32_t i = (uint32_t)((first + width * (k / 2) / (CANDIDATES / 2 - 1)) * (ranked - 1));
+        float at = (float)cutter->ranked[i][k % 2];
+        if (isfinite(at) && (double)at > cutter->ranked[0][0] && (double)at <= cutter->ranked[ranked - 1][0])
+            out[count++] = at;
+    }
+    return count;
+}
+
+/* Which candidate is crossed least; *io_cost is what it costs, and the least so far. */
+static bool compare_candidates(const struct cutter *cutter, const struct range *range, int axis,
+                               const float *candidates, uint32_t count, uint64_t *io_cost, float *out)
+{
+    uint64_t costs[CANDIDATES] = {0};
+    uint32_t n = range->end - range->begin, counted = n < COUNTED ? n : COUNTED;
+    bool better = false;
+    for (uint32_t i = 0; i < counted; i++) {
+        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / counted)];
+        uint64_t weight = was_at_seam(cutter, tet) ? 1 + SEAM_WEIGHT : 1;
+        double extent[2];
+        extent_on(cutter->mesh, tet, axis, extent);
+        for (uint32_t k = 0; k < count; k++) {
+            double at = (double)candidates[k];
+            costs[k] += at > extent[0] && at < extent[1]     ? CROSSING * weight
+                        : at >= extent[0] && at <= extent[1] ? weight
+                                                             : 0;
+        }
+    }
+    for (uint32_t k = 0; k < count; k++)
+        if (costs[k] < *io_cost) {
+            *io_cost = costs[k];
+            *out = candidates[k];
+            better = true;
+        }
+    return better;
+}
+
+/* Where to cut a range. False: nowhere. */
+static bool choose_cut(const struct cutter *cutter, const struct range *range, double share, struct tetlodi_cut *out)
+{
+    uint64_t cost = UINT64_MAX;
+    float candidates[CANDIDATES];
+    for (uint8_t axis = 0; axis < 3; axis++) {
+        uint32_t count = list_candidates(cutter, range, axis, share, candidates);
+        if (compare_candidates(cutter, range, axis, candidates, count, &cost, &out->at))
+            out->axis = axis;
+    }
+    return cost != UINT64_MAX;
+}
+
+/* Puts what is below the cut first, in order; where the second part begins. `spare` has room for the range. */
+static uint32_t part_range(const struct cutter *cutter, const struct range *range, const struct tetlodi_cut *cut,
+                           uint32_t *spare)
+{
+    uint32_t *tets = cutter->out->tets, kept = range->begin, count = 0;
+    for (uint32_t i = range->begin; i < range->end; i++)
+        if (middle_on(cutter->mesh, tets[i], cut->axis) < (double)cut->at)
+            tets[kept++] = tets[i];
+        else
+            spare[count++] = tets[i];
+    memcpy(tets + kept, spare, count * sizeof *tets);
+    return kept;
+}
+
+static bool reserve(struct cutter *cutter)
+{
+    struct partition *out = cutter->out;
+    void *tree = out->tree, *boxes = out->boxes, *begins = out->begins;
+    bool room = array_reserve(&tree, &cutter->tree_room, out->nodes + (size_t)1, sizeof *out->tree) &&
+                array_reserve(&boxes, &cutter->box_room, out->cells + (size_t)1, sizeof *out->boxes) &&
+                array_reserve(&begins, &cutter->begin_room, out->cells + (size_t)2, sizeof *out->begins);
+    out->tree = tree;
+    out->boxes = boxes;
+    out->begins = begins;
+    return room;
+}
+
+static void add_cell(struct partition *out, const struct range *range)
+{
+    out->tree[out->nodes++] = (struct tetlodi_cut){.axis = CUT_PAGE, .beyond = out->cells};
+    out->boxes[out->cells] = range->box;
+    out->begins[out->cells] = range->begin;
+    out->begins[++out->cells] = range->end;
+}
+
+/* Cuts a range in two parts, or makes a cell of it. */
+static bool cut_range(struct cutter *cutter, const struct range *range, uint32_t *spare, struct range parts[2])
+{
+    struct partition *out = cutter->out;
+    uint32_t n = range->end - range->begin, cells = (uint32_t)ceil(n / (FILLED * cutter->cell_tets));
+    struct tetlodi_cut cut = {0};
+    if (range->parent != TETLOD_NONE)
+        out->tree[range->parent].beyond = out->nodes;
+    if (range->cuts < MAX_CUTS && n > MAX_FILLED * cutter->cell_tets &&
+        choose_cut(cutter, range, (double)(cells / 2) / cells, &cut)) {
+        uint32_t middle = part_range(cutter, range, &cut, spare);
+        if (middle > range->begin && middle < range->end) {
+            parts[0] = (struct range){range->begin, middle, range->box, range->cuts + 1, TETLOD_NONE};
+            parts[1] = (struct range){middle, range->end, range->box, range->cuts + 1, out->nodes};
+            parts[0].box.most[cut.axis] = parts[1].box.least[cut.axis] = (double)cut.at;
+            out->tree[out->nodes++] = cut;
+            return true;
+        }
+    }
+    add_cell(out, range);
+    return false;
+}
+
+/* Cuts until all are cells: the first part before the second one, so that nodes come in preorder. */
+static enum tetlod_status cut_all(struct cutter *cutter)
+{
+    struct range stack[MAX_CUTS + 1];
+    uint32_t depth = 1, *spare = array_new(cutter->mesh->tet_count, sizeof *spare);
+    stack[0] = (struct range){0,
+                              cutter->mesh->tet_count,
+                              {{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}},
+                              0,
+                              TETLOD_NONE};
+    bool room = spare;
+    while (depth && room) {
+        struct range parts[2], range = stack[--depth];
+        room = reserve(cutter);
+        if (room && cut_range(cutter, &range, spare, parts)) {
+            stack[depth++] = parts[1];
+            stack[depth++] = parts[0];
+        }
+    }
+    free(spare);
+    return room ? TETLOD_OK : no_memory(cutter);
+}
+
+/* Vertices with tetrahedra in several cells. */
+static enum tetlod_status find_seams(const struct cutter *cutter)
+{
+    const struct tetmesh *mesh = cutter->mesh;
+    struct partition *out = cutter->out;
+    uint32_t *cell_of = array_new(mesh->vertex_count, sizeof *cell_of);
+    out->seams = array_zero(mesh->vertex_count, 1);
+    if (!cell_of || !out->seams) {
+        free(cell_of);
+        return no_memory(cutter);
+    }
+    memset(cell_of, 0xff, mesh->vertex_count * sizeof *cell_of);
+    for (uint32_t cell = 0; cell < out->cells; cell++)
+        for (uint32_t i = out->begins[cell]; i < out->begins[cell + 1]; i++)
+            for (int c = 0; c < 4; c++) {
+                uint32_t v = mesh->corners[4 * (size_t)out->tets[i] + (size_t)c];
+                out->seams[v] |= cell_of[v] != TETLOD_NONE && cell_of[v] != cell;
+                cell_of[v] = cell;
+            }
+    free(cell_of);
+    return TETLOD_OK;
+}
+
+enum tetlod_status partition_make(struct partition *out, const struct tetmesh *mesh, uint32_t cell_tets,
+                                  const uint8_t *was_seam, struct tetlod_error *error)
+{
+    struct cutter cutter = {.mesh = mesh, .was_seam = was_seam, .cell_tets = cell_tets, .out = out, .error = error};
+    enum tetlod_status status = TETLOD_OK;
+    *out = (struct partition){.tets = array_new(mesh->tet_count, sizeof *out->tets)};
+    cutter.ranked = array_new(RANKED, sizeof *cutter.ranked);
+    if (!out->tets || !cutter.ranked)
+        TETLOD_TRY_DONE(no_memory(&cutter));
+    for (uint32_t t = 0; t < mesh->tet_count; t++)
+        out->tets[t] = t;
+    TETLOD_TRY_DONE(cut_all(&cutter));
+    status = find_seams(&cutter);
+done:
+    free(cutter.ranked);
+    if (status != TETLOD_OK)
+        partition_fini(out);
+    return status;
+}

@@ -1,0 +1,163 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""build --paged: contraction by cells, and levels in pages (format/SPEC.md, 7.6)."""
+import os
+import random
+import sys
+
+from common import case, fails, finish, info, must, path, report
+
+sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples', 'python'))
+try:
+    import numpy
+    from tetlod import reference, reference_pages
+except ImportError:
+    numpy = None
+
+
+def read(name):
+    with open(path(name), 'rb') as file:
+        return file.read()
+
+
+def build(mesh, name, *options):
+    must('build', mesh, '-o', name, *options)
+    return info(name)
+
+
+def holds(sample, *options):
+    """All that verify checks, with the original; more than one group; the same bytes on any number of threads."""
+    must('sample', *sample, '-o', 'mesh.vtu')
+    streams = []
+    for threads in ('1', '2', '3'):
+        stream = build('mesh.vtu', 'mesh.tetlod', *options, '--threads', threads)
+        streams.append(read('mesh.tetlod'))
+    if len(set(streams)) != 1:
+        return 'other bytes on other threads'
+    said = must('verify', 'mesh.tetlod', '--against', 'mesh.vtu').stdout.decode()
+    if 'max held against the exact maximum at all of them' not in said:
+        return said
+    head = streams[0][:16]
+    return None if stream['pages'] > 20 and head[12] == 1 and head[10] == 1 else (stream['pages'], head)
+
+
+def tets_at(stream, error):
+    name = next(field['name'] for field in stream['fields'] if field['controlled'])
+    return next(level['tets'] for level in stream['levels'] if level['errors'][name]['max'] <= error)
+
+
+def costs_little():
+    """Against one cell: at errors that end a group, and in the root."""
+    must('sample', 'fin', '--size', '32', '-o', 'fin.vtu')
+    whole = build('fin.vtu', 'whole.tetlod')
+    paged = build('fin.vtu', 'paged.tetlod', '--paged=8000')
+    more = {error: tets_at(paged, error) / tets_at(whole, error) for error in (0.001, 0.002, 0.005, 0.01, 0.05)}
+    size = paged['bytes'] / whole['bytes']
+    return None if max(more.values()) < 1.12 and size < 1.12 else (more, size)
+
+
+def parts_are_streams():
+    """A level in pages, and one before them, extracted with all that is coarser: a stream that stands for itself."""
+    stream = info('paged.tetlod')
+    first = stream['first_paged_level']
+    for level in (first - 1, first, first + 1, len(stream['levels']) - 2):
+        must('extract', 'paged.tetlod', '--level', str(level), '-o', 'part.tetlod')
+        must('verify', 'part.tetlod')
+        part = info('part.tetlod')
+        paged = 'pages' in part, read('part.tetlod')[12] == 1
+        if part['tets'] != stream['levels'][level]['tets'] or paged != (level >= first, level >= first):
+            return level, part.get('pages')
+    return None
+
+
+def small_meshes_stay():
+    must('sample', 'fin', '--size', '8', '-o', 'small.vtu')
+    build('small.vtu', 'one.tetlod')
+    build('small.vtu', 'other.tetlod', '--paged')
+    return None if read('one.tetlod')[64:] == read('other.tetlod')[64:] else 'other bytes'
+
+
+def original_comes_back():
+    must('sample', 'torus', '--size', '6', '-o', 'ring.vtu')
+    build('ring.vtu', 'ring.tetlod', '--paged=300', '--keep-order')
+    must('extract', 'ring.tetlod', '--original-order', '-o', 'back.vtu')
+    must('extract', 'ring.tetlod', '-o', 'level.vtu')
+    build('ring.vtu', 'plain.tetlod', '--keep-order')
+    must('extract', 'plain.tetlod', '--original-order', '-o', 'plain.vtu')
+    return None if read('back.vtu') == read('plain.vtu') else 'another mesh'
+
+
+def volume(points, tets):
+    a, b, c, d = (points[tets[:, i]] for i in range(4))
+    return numpy.einsum('ij,ij->i', b - a, numpy.cross(c - a, d - a)) / 6
+
+
+def is_closed_mesh(points, tets, size):
+    """A cube of that size is filled once: no tetrahedron is turned, and faces are shared by two or lie on a side of it."""
+    signed = volume(points, tets)
+    faces = {}
+    for corners in tets.tolist():
+        for i in range(4):
+            key = tuple(sorted(corners[:i] + corners[i + 1:]))
+            faces[key] = faces.get(key, 0) + 1
+    open_faces = points[numpy.array([face for face, count in faces.items() if count == 1])]
+    on_side = numpy.all((open_faces == 0) | (open_faces == size), axis=1) & (numpy.ptp(open_faces, axis=1) == 0)
+    turned = numpy.any(numpy.sign(signed) != numpy.sign(signed[0]))
+    filled = abs(abs(signed.sum()) - size ** 3) < 1e-6 * size ** 3
+    return filled and not turned and max(faces.values()) == 2 and bool(numpy.all(numpy.any(on_side, axis=1)))
+
+
+def closed_sets():
+    """Any closed set of pages is a mesh; within a box whose pages are all there it is the finest level."""
+    size = 8
+    must('sample', 'cube', '--size', str(size), '-o', 'cube.vtu')
+    build('cube.vtu', 'cube.tetlod', '--paged=100')
+    stream, chance = reference.open(path('cube.tetlod')), random.Random(1)
+    whole = stream.cursor().seek(max(stream.groups))
+    points, corners = whole.positions, whole.tets
+    every = [(level, page) for level, group in stream.groups.items() for page in range(group.count)]
+    for trial in range(24):
+        low = numpy.array([chance.uniform(0, size - 2) for _ in range(3)])
+        box = low, low + 2
+        chosen = reference_pages.meeting(stream, box) if trial % 2 else {}
+        for level, page in chance.sample(every, trial // 2):
+            chosen.setdefault(level, set()).add(page)
+        chosen = reference_pages.closure(stream, chosen)
+        cursor = stream.cursor().seek_pages(chosen)
+        if not is_closed_mesh(cursor.positions, cursor.tets, size):
+            return trial, 'no mesh'
+        if trial % 2 and not inside(points, corners, box) <= inside(cursor.positions, cursor.tets, box):
+            return trial, 'not the finest level in the box'
+        if trial < 2 and cursor.tet_count == whole.tet_count:
+            return trial, 'all pages'
+    return None
+
+
+def inside(points, tets, box):
+    """The tetrahedra that meet a box by their own boxes, by the places of their corners."""
+    ends = points[tets]
+    meets = numpy.all((ends.min(axis=1) <= box[1]) & (ends.max(axis=1) >= box[0]), axis=1)
+    return {tuple(sorted(map(tuple, corners))) for corners in ends[meets].tolist()}
+
+
+case('a curved boundary that moves', holds, ('torus', '--size', '6'), '--paged=300')
+case('several fields, a vector among them', holds, ('fin', '--size', '16'), '--paged=500', '--field', 'Pressure',
+     '--field',
+     'Velocity:mag', '--keep-order')
+case('local bounds', holds, ('cube', '--size', '9'), '--paged=300', '--local-bound')
+case('rounded', holds, ('cube', '--size', '9'), '--paged=300', '--position-bits', '12', '--field-bits', '10')
+case('limits of their own, up to an error', holds, ('fin', '--size', '16'), '--paged=500', '--field', 'Pressure:0.02',
+     '--max-error', '5%')
+case('few tetrahedra more, and hardly any bytes', costs_little)
+case('parts of it are streams', parts_are_streams)
+case('a small mesh is stored as ever', small_meshes_stay)
+case('the original comes back, in its order', original_comes_back)
+if numpy:
+    case('any closed set of pages is a mesh', closed_sets)
+RING = 'build', 'ring.vtu', '-o', 'no.tetlod'
+fails('exact errors are refused', 2, ['--paged', '--certify exact'], *RING, '--paged', '--certify', 'exact')
+fails('so is another metric', 2, ['--paged', '--metric'], *RING, '--paged', '--metric', 'quadric')
+must('sample', 'wake', '--steps', '2', '--size', '6', '-o', 'wake.pvd')
+fails('and a series', 2, ['--paged', 'series'], 'build', 'wake.pvd', '-o', 'no.tetlod', '--paged')
+fails('cells of too few tetrahedra', 2, ['paged'], *RING, '--paged=5')
+finish()
