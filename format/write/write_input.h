@@ -110,10 +110,4 @@ const char *tetlodi_metadata_wrong(const char *metadata);
 const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields);
 const char *tetlodi_field_wrong(const char *name, uint32_t components);
 
-/* Is the last level the exact tail? */
-int tetlodi_has_tail(const struct tetlodi_write_input *in);
-
-/* Why the sequence cannot be written, or NULL. */
-const char *tetlodi_input_wrong(const struct tetlodi_write_input *in);
-
 #endif

@@ -22,6 +22,7 @@
 #include "format/write/container.h"
 #include "format/write/lineage.h"
 #include "format/write/page_write.h"
+#include "format/write/write_check.h"
 
 /* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
 enum { USUAL_SLOWEST = 6 };

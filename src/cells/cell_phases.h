@@ -6,7 +6,7 @@
 #ifndef TETLOD_CELL_PHASES_H
 #define TETLOD_CELL_PHASES_H
 
-#include "format/write/writer.h"
+#include "format/write/write_input.h"
 #include "src/log/contraction_log.h"
 #include "src/simplify/simplify.h"
 

@@ -34,7 +34,7 @@ LAYERS = {
     'src/simplify/mesh': MESHES + ['src/log/contraction_log.h'],
     'src/simplify/rounds': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/limit.h', 'src/simplify/ladder.h', 'src/simplify/mesh/'],
-    'src/cells': MESHES + ['src/simplify/piece.h', 'src/simplify/rounds/rounds.h', 'src/simplify/ladder.h',
+    'src/cells': MESHES + ['format/write/write_input.h', 'src/simplify/piece.h', 'src/simplify/rounds/rounds.h', 'src/simplify/ladder.h',
                             'src/simplify/simplify.h', 'src/simplify/simplify_options.h', 'src/log/contraction_log.h'],
     'src/log': MESHES,
     'src/forest': MESHES,

@@ -71,8 +71,8 @@ class CInfo(Structure):
                 ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
                 ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count',
                                                                                c_uint32), ('cell_fields', POINTER(CCellField)),
-                ('topology_count', c_uint32), ('topologies', POINTER(CTopology)), ('page_count', c_uint32),
-                ('first_paged_level', c_uint32)]
+                ('topology_count', c_uint32), ('topologies', POINTER(CTopology)), ('cell_rows', c_uint32),
+                ('page_count', c_uint32), ('first_paged_level', c_uint32)]
 
 
 class CMesh(Structure):
