@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "format/write/prefix.h"
-#include "src/forest/forest.h"
-#include "src/forest/region.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/forest.h"
+#include "src/stream/region.h"
+#include "src/stream/level_mesh.h"
 #include "tests/memory_sink.h"
 
 enum { MAX_ROWS = 1 << 16, MAX_LEVELS = 64, MAX_STEPS = 10, MAX_GROUPS = 4 };

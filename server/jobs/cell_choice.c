@@ -6,7 +6,7 @@
 #include "format/fail.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 
 static bool is_known(struct cell_step at, uint32_t field)
 {

@@ -11,8 +11,8 @@
 #include "server/http/conditions.h"
 #include "server/http/respond.h"
 #include "server/jobs/obtain.h"
-#include "src/forest/forest.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/forest.h"
+#include "src/stream/level_mesh.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 

@@ -6,7 +6,7 @@
 #include "server/http/buffer.h"
 #include "server/http/exchange.h"
 #include "server/http/respond.h"
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 #include "src/mesh/tetmesh.h"
 #include "src/util/room.h"
 

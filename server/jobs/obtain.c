@@ -9,7 +9,7 @@
 
 #include "format/fail.h"
 #include "server/http/respond.h"
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 

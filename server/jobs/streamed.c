@@ -10,8 +10,8 @@
 #include "format/fail.h"
 #include "server/http/respond.h"
 #include "server/jobs/obtain.h"
-#include "src/forest/forest.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/forest.h"
+#include "src/stream/level_mesh.h"
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */

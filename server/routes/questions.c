@@ -12,7 +12,7 @@
 #include "server/jobs/obtain.h"
 #include "server/routes/handlers.h"
 #include "server/routes/steps.h"
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 #include "src/report/ask_json.h"
 #include "src/util/array.h"
 #include "src/util/hash.h"

@@ -7,6 +7,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/number_text.h"
 
 /* A question about one stream. */
 struct asking {
@@ -19,14 +20,8 @@ struct asking {
 
 bool ask_parse_within(const char *text, struct ask_options *out)
 {
-    char *end;
-    double width = strtod(text, &end);
-    bool relative = end != text && strcmp(end, "%") == 0;
-    if (end == text || (*end && !relative) || !isfinite(width) || width < 0)
-        return false;
-    out->width = width * (relative ? 0.01 : 1);
-    out->relative = relative;
-    return true;
+    out->relative = strchr(text, '%') != NULL;
+    return text_number(text, true, &out->width) && out->width >= 0;
 }
 
 enum tetlod_status ask_check(const struct tetlod_info *info, const struct ask_question *question,

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/util/number_text.h"
 
 struct text {
     const char *whole, *at;
@@ -57,13 +58,8 @@ static enum tetlod_status parse_sign(struct text *text, const char *sign, const 
 
 static enum tetlod_status parse_number(struct text *text, double *out)
 {
-    char *end;
     skip_blanks(text);
-    *out = strtod(text->at, &end);
-    if (end == text->at || !isfinite(*out))
-        return wrong(text, "a number");
-    text->at = end;
-    return TETLOD_OK;
+    return text_take_number(&text->at, out) ? TETLOD_OK : wrong(text, "a number");
 }
 
 /* '(' numbers with commas between them ')' */

@@ -26,8 +26,8 @@
 #include "src/measure/same.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
-#include "src/level/level_mesh.h"
-#include "src/level/metadata.h"
+#include "src/stream/level_mesh.h"
+#include "src/stream/metadata.h"
 #include "src/util/array.h"
 
 /* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is

@@ -13,7 +13,7 @@
 #include "src/mesh/displacement.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/pipeline/build.h"
 #include "src/report/series_json.h"
 #include "src/util/array.h"

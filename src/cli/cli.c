@@ -146,10 +146,8 @@ bool cli_parse_count(const struct command *command, const char *option, const ch
 
 bool cli_parse_nan_fill(const struct command *command, const char *text, struct nan_fill *out)
 {
-    char *end;
-    *out = (struct nan_fill){strcmp(text, "neighbours") == 0 ? NAN_FILL_NEIGHBOURS : NAN_FILL_VALUE,
-                             strtod(text, &end)};
-    if (out->kind == NAN_FILL_NEIGHBOURS || (end != text && !*end && isfinite(out->value)))
+    *out = (struct nan_fill){.kind = strcmp(text, "neighbours") == 0 ? NAN_FILL_NEIGHBOURS : NAN_FILL_VALUE};
+    if (out->kind == NAN_FILL_NEIGHBOURS || text_number(text, false, &out->value))
         return true;
     cli_usage(command->name, "--nan-fill takes a number, or 'neighbours' for the mean of the points around, not '%s'",
               text);

@@ -7,7 +7,7 @@
 #include "src/cli/print_json.h"
 #include "src/cli/step_option.h"
 #include "src/cli/stream_input.h"
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 #include "src/report/ask_json.h"
 #include "src/util/parallel.h"
 

@@ -13,7 +13,7 @@
 #include "src/cli/extract_step.h"
 #include "src/cli/step_option.h"
 #include "src/io/io.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/stream/selection.h"
 #include "src/util/file.h"
 #include "src/util/number_text.h"

@@ -6,7 +6,7 @@
 #include "src/cli/cli.h"
 #include "src/cli/print_json.h"
 #include "src/report/info_json.h"
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 #include "src/report/series_json.h"
 #include "src/report/byte_table.h"
 

@@ -8,7 +8,7 @@
 
 #include "format/fail.h"
 #include "src/measure/region_error.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"

@@ -3,7 +3,7 @@
 #ifndef TETLOD_EXTRACT_REGION_H
 #define TETLOD_EXTRACT_REGION_H
 
-#include "src/forest/region.h"
+#include "src/stream/region.h"
 
 /* The mesh, and in `about` what is promised of it. The region's fine level is finer than its coarse one. */
 TETLOD_CHECKED enum tetlod_status extract_region(struct tetlod_file *file, const struct region *region,

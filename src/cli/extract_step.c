@@ -7,7 +7,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/report/promise.h"
 #include "src/stream/series_time.h"
 

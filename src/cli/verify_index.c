@@ -13,7 +13,7 @@
 
 #include "format/fail.h"
 #include "format/read/grids.h"
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/make_summary.h"

@@ -3,7 +3,7 @@
 #ifndef TETLOD_REGION_ERROR_H
 #define TETLOD_REGION_ERROR_H
 
-#include "src/forest/region.h"
+#include "src/stream/region.h"
 
 /* out[f]: the largest difference of field f from the original over the transition of `region`, which region_mesh made
  * (`tets` too), in the field's units: that from the finest level, and what the finest level is off; 0 where there is no

@@ -12,7 +12,7 @@
 #ifndef TETLOD_TRANSITION_H
 #define TETLOD_TRANSITION_H
 
-#include "src/forest/region.h"
+#include "src/stream/region.h"
 #include "src/measure/value_grid.h"
 
 /* The fields that are compared, controlled ones and those with a local bound, and their components in a row. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/report/ask_json.h"
 
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 
 const char *ask_unit(const json_t *metadata, const struct ask_question *question)
 {

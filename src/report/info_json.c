@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 
 void stream_id(const char *path, char *out, size_t size)
 {

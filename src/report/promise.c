@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 
 static double error_of(const struct tetlod_info *info, uint32_t level, uint32_t field, enum tetlod_measure measure)
 {

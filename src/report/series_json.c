@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 
 bool series_own_ranges(const struct tetlod_info *info)
 {

@@ -4,7 +4,7 @@
 #ifndef TETLOD_SELECTION_H
 #define TETLOD_SELECTION_H
 
-#include "src/forest/region.h"
+#include "src/stream/region.h"
 
 enum selection_kind { TAKE_FINEST, TAKE_ERROR, TAKE_ABS_ERROR, TAKE_LEVEL, TAKE_TETS, TAKE_BYTES };
 

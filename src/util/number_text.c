@@ -1,22 +1,37 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/util/number_text.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-bool text_number(const char *text, bool percent, double *out)
+enum { MAX_NUMBER_TEXT = 64 };
+
+bool text_take_number(const char **at, double *out)
 {
     char *end;
-    size_t size = strspn(text, "+-.0123456789eE");
-    if (!size || size > 64 || (text[size] && strcmp(text + size, "%") != 0)) // strtod also knows nan, inf and 0x
+    size_t sign = strspn(*at, "+-");
+    if (sign > 1 || !strchr(".0123456789", (*at)[sign]) || !(*at)[sign] || tolower((unsigned char)(*at)[sign + 1]) == 'x')
+        return false; // strtod also knows blanks, nan, inf and 0x
+    double value = strtod(*at, &end);
+    if (end == *at || !isfinite(value))
         return false;
-    double value = strtod(text, &end);
-    double scale = percent && strcmp(end, "%") == 0 ? 0.01 : 1;
-    if (end == text || (*end && scale == 1) || !isfinite(value))
+    *at = end;
+    *out = value;
+    return true;
+}
+
+bool text_number(const char *text, bool percent, double *out)
+{
+    double value;
+    if (strspn(text, "+-.0123456789eE") > MAX_NUMBER_TEXT || !text_take_number(&text, &value))
         return false;
-    *out = value * scale;
+    bool scaled = percent && strcmp(text, "%") == 0;
+    if (*text && !scaled)
+        return false;
+    *out = value * (scaled ? 0.01 : 1);
     return true;
 }
 

@@ -7,7 +7,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A finite decimal number; "1%" is 0.01 where `percent` is allowed. */
+/* The finite decimal number that *at begins with; *at goes behind it. False: there is none, and *at stays. */
+bool text_take_number(const char **at, double *out);
+
+/* The same of a whole text; "1%" is 0.01 where `percent` is allowed. */
 bool text_number(const char *text, bool percent, double *out);
 
 /* A whole number with an optional suffix K, M, G, T (powers of 1024) where `suffix` is allowed. */

@@ -226,7 +226,7 @@ def predicates():
 def refusals():
     stream = path('plain.tetlod')
     for question, code, words in (
-            ('mean(heat', 2, ('character 10', "')'")), ('median(heat)', 2,
+            ('heat at (0x1,0,0)', 2, ('a number',)), ('mean(heat', 2, ('character 10', "')'")), ('median(heat)', 2,
                                                         ('functions are', 'quantile')), ('mean(cold)', 3,
                                                                                          ("no field 'cold'",)),
             ('mean(wind)', 3, ('3 components', '|wind|', 'wind:0')), ('mean(wind:3)', 3, ('components 0 to 2',)),
@@ -236,7 +236,8 @@ def refusals():
             ('mean(heat) over region 1', 3, ('--region',)), ('mean(heat) < ', 2, ('a number',)), ('mean(heat) 5', 2,
                                                                                                   ('the end',))):
         fails('refused: ' + question, code, words, 'ask', stream, question)
-    fails('a width that is none', 2, ('--within',), 'ask', stream, 'mean(heat)', '--within', 'x%')
+    for width in ('x%', '0x10', '5%%', '-1'):
+        fails('a width that is none: ' + width, 2, ('--within',), 'ask', stream, 'mean(heat)', '--within', width)
     with open(stream, 'rb') as whole:
         data = whole.read()
     with open(path('cut.tetlod'), 'wb') as cut:

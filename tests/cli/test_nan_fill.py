@@ -121,6 +121,7 @@ def build(mesh):
     fails('verify --against with another', 3, ['heat'], 'verify', 'holes.tetlod', '--against', 'holes.vtu',
           '--nan-fill', '-1',
           '--quiet')
+    fails('a number is decimal', 2, ['--nan-fill', '0x10'], 'convert', 'holes.vtu', '-o', 'x.vtu', '--nan-fill', '0x10')
     tetlod('build', 'holes.vtu', '-o', 'value.tetlod', '--nan-fill', '-1.5', '--quiet')
     metadata = info('value.tetlod')['metadata']
     report('build: a negative number', metadata['options']['nan_fill'] == -1.5 and

@@ -14,7 +14,7 @@
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/sample/sample.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"

@@ -3,7 +3,7 @@
  * complex. */
 #include <stdlib.h>
 
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 #include "src/util/json_text.h"
 #include "tests/test.h"
 

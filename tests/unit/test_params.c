@@ -95,6 +95,9 @@ static void test_numbers(void)
         if (text_number(bad[i], true, &x))
             TEST_FAIL("'%s' is read as %g", bad[i], x);
     CHECK(!text_number("1%", false, &x));
+    const char *at = "-2.5e1) 7";
+    CHECK(text_take_number(&at, &x) && x == -25 && strcmp(at, ") 7") == 0);
+    CHECK(!text_take_number(&at, &x) && *at == ')');
     CHECK(text_numbers("1,-2.5,3e2", 3, v) && v[0] == 1 && v[1] == -2.5 && v[2] == 300);
     CHECK(!text_numbers("1,2", 3, v));
     CHECK(!text_numbers("1,2,3,4", 3, v));

@@ -10,7 +10,7 @@
 #include "src/mesh/locate.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/sample/sample.h"
 #include "src/util/array.h"
 #include "tests/gen.h"

@@ -4,7 +4,7 @@
 
 #include "format/fail.h"
 #include "src/io/readers/readers.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/util/parallel.h"
 
 bool stream_sniff(const unsigned char *bytes, size_t size)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 
 #include <assert.h>
 #include <stdbool.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/forest/forest_data.h"
+#include "src/stream/forest_data.h"
 #include "src/util/array.h"
 
 /* A stage has at least so many times the tetrahedra of the one below. Decoding ends at the finest level, or at one that

@@ -12,7 +12,7 @@
 #ifndef TETLOD_REGION_H
 #define TETLOD_REGION_H
 
-#include "src/forest/forest.h"
+#include "src/stream/forest.h"
 #include "src/util/room.h"
 
 struct region_box {

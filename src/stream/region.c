@@ -10,7 +10,7 @@
  * children that have not been split from it. A split only ends the piece sooner. A round of repair looks at what was
  * split and at nothing else.
  */
-#include "src/forest/region.h"
+#include "src/stream/region.h"
 
 #include <assert.h>
 #include <math.h>
@@ -18,7 +18,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/forest/forest_data.h"
+#include "src/stream/forest_data.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 
 #include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 #include "src/util/array.h"
 #include "src/util/pages.h"
 

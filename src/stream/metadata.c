@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/level/metadata.h"
+#include "src/stream/metadata.h"
 
 #include <errno.h>
 #include <math.h>
