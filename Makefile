@@ -339,6 +339,16 @@ bench-defaults: needs-check
 	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all
 	@/usr/bin/python3 tests/bench/defaults.py $(CURDIR)/$(BINARY)
 
+## bench-answers: 200 pairs of results with known differences; twenty questions of ten meshes at twenty widths
+.PHONY: bench-answers
+BENCHES += bench-answers
+bench-answers: needs-check
+	$(Q)$(MAKE) --no-print-directory all
+	@rm -rf build/scratch/bench-answers; mkdir -p build/scratch/bench-answers
+	@cd build/scratch/bench-answers && export TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release \
+	    PYTHONPATH=$(CURDIR)/tests:$(CURDIR)/tests/cli; PAIRS=200 /usr/bin/python3 $(CURDIR)/tests/cli/test_diff.py && \
+	    ANSWERS=1 /usr/bin/python3 $(CURDIR)/tests/cli/test_ask.py
+
 ## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
 HOSTILE ?= 500000
 .PHONY: bench-server bench-http bench-day bench-opening bench-pressure bench-soak bench-hostile
