@@ -117,8 +117,12 @@ export interface Spec {
   regions?: { field: string; hidden: number[] } | null;
   surface?: boolean;
   slices?: { origin: Point; normal: Point }[];
+  /** A function of components colours instead of `field`: steps over a stack, as formula.js makes them. */
+  formula?: { inputs: [field: string, component: number][]; program: [operation: number, number: number][]; text: string } | null;
+  /** Points are moved by a field of three components; `outline`: the boundary without that comes, too. */
+  warp?: { field: string; scale: number; outline?: boolean } | null;
   /** `zone`: the two isosurfaces between which the original's lies, too. */
-  isosurfaces?: { field?: string; component?: Component; value: number; zone?: boolean }[];
+  isosurfaces?: { field?: string; component?: Component; formula?: true; value: number; zone?: boolean }[];
   /** Draw only tetrahedra whose corners have values from `low` to `high`. */
   threshold?: { field?: string; cellField?: string; component?: Component; low?: number; high?: number } | null;
   /** Lines of the cells in surface and slices. */
@@ -219,6 +223,8 @@ export interface Pictures {
   volume?: Grid | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   vectors?: Part | null;
+  /** The boundary without being moved; absent as `vectors` is. */
+  outline?: Part | null;
   seconds: number;
 }
 

@@ -175,6 +175,36 @@ function isosurfaces_are_where_the_value_is() {
   assert.throws(() => view.define({ inputs: [[0, 5]], program: [[1, 0]] }), /do not leave one number/);
 }
 
+// Points are moved at every level, and all the way of a move; what is asked about them is where they are then.
+function points_are_moved_by_a_field() {
+  const by = { field: numberOf('flow'), scale: 0.25 };
+  for (const level of [described.levels.length - 1, 3]) {
+    view.warp(null);
+    view.seek(level);
+    const plain = view.mesh(described.fields);
+    assert.ok(view.warp(by) && !view.warp(by));
+    const moved = view.mesh(described.fields);
+    plain.positions.forEach((x, i) => assert.equal(moved.positions[i], x + by.scale * plain.fields.flow[i]));
+    view.move(level - 1);
+    view.place(0);
+    view.shade(by.field, 0);
+    const ends = view.surface();
+    view.warp(null);
+    view.move(level - 1);
+    view.place(0);
+    view.shade(by.field, 0);
+    const unmoved = view.surface();
+    ends.values.forEach((x, v) =>
+      assert.ok(
+        Math.abs(ends.points[3 * v] - unmoved.points[3 * v] - by.scale * x) < 1e-6,
+        'the coarser shape is moved, too',
+      ),
+    );
+    view.rest();
+  }
+  assert.throws(() => view.warp({ field: numberOf('heat'), scale: 1 }), /three components/);
+}
+
 // ---- on the page
 
 writeFileSync(join(SCRATCH, 'beam.vtk'), beam()['beam.vtk']);
@@ -251,6 +281,45 @@ async function a_tensor_has_von_mises_on_the_page() {
   assert.ok(seen > 100 && wrong <= 0.02 * seen && told < 1e-5, JSON.stringify({ seen, wrong, told }));
 }
 
+async function a_body_is_warped() {
+  await open('&field=Stress&component=mises&error=0.05');
+  await page.locator('#warp').selectOption('Displacement');
+  await page.waitForFunction(
+    () => window.tetlod.settled && window.tetlod.scene.surface.part && window.tetlod.scene.room > 0,
+  );
+  const { warpScale } = await page.evaluate(() => window.tetlod.state);
+  assert.equal(warpScale, 0.5); // the largest is 0.3, the diagonal 1.73
+  const lowest = () =>
+    page.evaluate(() => {
+      const { part } = window.tetlod.scene.surface;
+      return part.points.reduce((low, x, i) => (i % 3 === 2 ? Math.min(low, x) : low), Infinity);
+    });
+  await page.waitForFunction(
+    () => window.tetlod.settled && window.tetlod.scene.surface.part.points.some((x, i) => i % 3 === 2 && x < -0.1),
+  );
+  assert.ok(Math.abs((await lowest()) + 0.15) < 0.01, `${await lowest()}`);
+  await page.locator('#outline').check();
+  await page.waitForFunction(() => window.tetlod.scene.outline?.actor.getVisibility());
+  const edges = await page.evaluate(() => window.tetlod.scene.outline.data.getLines().getData().length / 3);
+  assert.ok(edges >= 12 && edges < 200, `${edges} edges`); // those of a cube, in pieces
+  await page.locator('#warp-scale').fill('-1');
+  await page.locator('#warp-scale').press('Enter');
+  await page.waitForFunction(
+    () =>
+      location.hash.includes('warp=Displacement') &&
+      location.hash.includes('warpScale=-1') &&
+      location.hash.includes('outline=1'),
+  );
+  const link = page.url();
+  await page.goto('about:blank');
+  await page.goto(link);
+  await page.waitForFunction(() => window.tetlod?.settled && window.tetlod.scene.outline?.actor.getVisibility());
+  assert.ok((await lowest()) > -0.01);
+  await page.locator('#warp').selectOption('');
+  await page.waitForFunction(() => window.tetlod.settled && !window.tetlod.scene.outline.actor.getVisibility());
+  assert.deepEqual(page.complaints, []);
+}
+
 async function a_formula_is_typed_and_linked() {
   await open('&field=Displacement&error=0.05&pins=0.5,0.5,0.5');
   await page.locator('#formula').fill('norm(Displacement) * 2 + Zro');
@@ -281,6 +350,8 @@ await run([
   bounds_hold,
   pictures_and_lines_have_the_value_of_interpolated_components,
   isosurfaces_are_where_the_value_is,
+  points_are_moved_by_a_field,
+  a_body_is_warped,
   a_tensor_has_von_mises_on_the_page,
   a_formula_is_typed_and_linked,
 ]);

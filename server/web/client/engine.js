@@ -51,6 +51,7 @@ export class Engine {
   #surfaceOf = '';    // what the page has the triangles of
   #volumeOf = '';     // what the page has a volume of
   #raysOf = '';       // what the page has the tetrahedra of
+  #outlineOf = '';    // what the page has the outline of
   #vectorsOf = '';    // what the page has arrows or streamlines of
   #cells = new Map(); // promises of fields of cells, by number
   #cellBytes = new Map(); // what they are made from, by number
@@ -206,7 +207,7 @@ export class Engine {
 
   /** The next pictures leave nothing out. */
   forget() {
-    this.#sampleOf = this.#surfaceOf = this.#volumeOf = this.#raysOf = this.#vectorsOf = '';
+    this.#sampleOf = this.#surfaceOf = this.#volumeOf = this.#raysOf = this.#vectorsOf = this.#outlineOf = '';
   }
 
   #apply(spec) {
@@ -591,7 +592,7 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null }) {
+  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null }) {
     const defined = formula && this.#checkFormula(formula);
     const shade = formula ? this.#info.fields.length : field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
@@ -605,12 +606,21 @@ export class Engine {
     };
     const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
     return {
-      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined, vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
+      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined,
+      warp: warp && this.#checkWarp(warp), vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
       component: shade < 0 || formula ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold)) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
+  }
+
+  #checkWarp({ field: name, scale = 1, outline = false }) {
+    const field = this.#fieldIndex(name);
+    const { components } = this.#info.fields[field];
+    if (components !== 3) throw new RangeError(`the field '${name}' has ${components} components, points are moved by 3`);
+    if (!Number.isFinite(scale)) throw new RangeError(`warp.scale is a number, not ${scale}`);
+    return { by: { field, scale }, outline };
   }
 
   // With the fields' numbers; the module refuses what is no function.
@@ -767,16 +777,18 @@ export class Engine {
     this.#since = 0;
     if (!this.#spec) return;
     const started = performance.now();
+    this.#warp();
     if (this.#moved === this.#shown) this.#view.place(t);
     else this.#rest();
     const parts = this.#draw(t);
     this.#frameTime = performance.now() - started;
     const volume = this.#drawVolume(t);
     const vectors = this.#drawVectors(t);
+    const outline = this.#drawOutline(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
     this.#drawing = { time: performance.now() - started, tets: this.#info.levels[this.#shown].tets };
-    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, seconds });
+    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, outline, seconds });
     await this.#workUntil(seen);
   }
 
@@ -799,6 +811,31 @@ export class Engine {
       [this.#sampleOf, this.#surfaceOf, this.#raysOf] = known;
       this.#view.seek(this.#shown = fine);
     }
+  }
+
+  // Points are moved as the pictures want it; that ends a move between levels.
+  #warp() {
+    if (!this.#view.warp(this.#spec.warp?.by ?? null)) return;
+    this.#moved = -1;
+    this.#volumeOf = this.#vectorsOf = '';
+  }
+
+  // The boundary as it is without being moved: at rest, and where it is not the same.
+  #drawOutline(t) {
+    const { warp } = this.#spec;
+    if (!warp?.outline) {
+      this.#outlineOf = '';
+      return null;
+    }
+    const key = JSON.stringify([this.#shown, this.#at]);
+    if (t < 1 || key === this.#outlineOf) return undefined;
+    this.#outlineOf = key;
+    this.#view.clip(null);
+    this.#view.filter(null, null);
+    this.#view.warp(null);
+    const part = this.#view.surface({});
+    this.#view.warp(warp.by);
+    return part;
   }
 
   // Shows the cursor's own mesh, at the level that is shown.

@@ -53,7 +53,7 @@ function guarded(exports, broken) {
 }
 
 export class View {
-  #code; #view;
+  #code; #view; #warp = 'null';
 
   /** `broken(error)` hears that a call trapped: what the module's memory holds is worth nothing then. */
   static async create(module, broken = () => {}) {
@@ -220,6 +220,15 @@ export class View {
   define({ inputs, program }) {
     const words = Float64Array.from([...inputs, ...program].flat());
     this.#check(this.#lend(words, (address) => this.#code.view_define(this.#view, address, inputs.length, program.length)));
+  }
+
+  /** From now on points are moved by `scale` times a field of vectors, {field, scale}; null: they are not. True if that is new. */
+  warp(by) {
+    const key = JSON.stringify(by);
+    if (key === this.#warp) return false;
+    this.#check(this.#code.view_warp(this.#view, by?.field ?? 0, by?.scale ?? 0));
+    this.#warp = key;
+    return true;
   }
 
   /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now, whose

@@ -151,9 +151,12 @@ export function vectorsOf(info, { vectors, vectorField, field }) {
   return vectors === 'off' ? null : [vectorField, field].find((name) => able.includes(name)) ?? able[0] ?? null;
 }
 
+// The field that moves the points, or null.
+export const warpField = (info, { warp }) => (vectorFields(info).includes(warp) ? warp : null);
+
 // Names of the fields that the picture needs; probes and a plotted line tell the local bound, where there is one.
 export const shownFields = (info, state) => [...new Set([
-  state.field, ...(colouredOf(info, state).formula?.fields ?? []), ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
+  state.field, ...(warpField(info, state) ? [state.warp] : []), ...(colouredOf(info, state).formula?.fields ?? []), ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
   (state.pins.length || state.line ? localBoundOf(info, state.field) : null) ?? state.field])];
 
 export function titleOf(info, state) {

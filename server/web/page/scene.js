@@ -70,6 +70,7 @@ export class Scene extends EventTarget {
     this.container = container;
     this.bounds = [[-1, -1, -1], [1, 1, 1]];
     this.centre = [0, 0, 0];
+    this.room = 0;
     this.offset = [0, 0, 0];
     this.renderer = vtkRenderer.newInstance();
     this.window = vtkRenderWindow.newInstance();
@@ -442,8 +443,30 @@ export class Scene extends EventTarget {
     this.cameraRests();
   }
 
+  // `room`: how far points may be outside of the bounds.
+  setRoom(room) {
+    this.room = room;
+    this.afterCamera();
+  }
+
+  // Edges beside the layers: pairs of points, relative to the worker's origin; null: none.
+  setOutline(points, edges) {
+    this.outline ??= makeActor(this.renderer, null);
+    const { data, actor } = this.outline;
+    actor.setVisibility(Boolean(edges));
+    if (edges) {
+      data.getPoints().setData(points, 3);
+      data.getLines().setData(cells(edges, 2), 1);
+      data.modified();
+      actor.setPosition(...this.offset);
+      actor.getProperty().set({ lighting: false, color: this.boxColor });
+    }
+    this.render();
+  }
+
   afterCamera() {
-    this.renderer.resetCameraClippingRange(boundsOf(this.bounds));
+    const [low, high] = this.bounds;
+    this.renderer.resetCameraClippingRange(boundsOf([low.map((x) => x - this.room), high.map((x) => x + this.room)]));
     this.renderer.updateLightsGeometryToFollowCamera();
     this.render();
   }

@@ -2,7 +2,7 @@
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
 import { planeOf } from './geometry.js';
-import { colouredOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
+import { colouredOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf, warpField } from './levels.js';
 
 // A quotient may be anything: then as far as the largest component reaches.
 function spanOfFormula(formula, info) {
@@ -55,6 +55,7 @@ export function specOf(state, info) {
     rays: state.volume && !state.volumeSize,
     volume: state.volume && state.volumeSize ? { size: state.volumeSize, logarithmic: state.log } : null,
     vectors: vectorsOf(info, state) && { field: vectorsOf(info, state), kind: state.vectors, count: state.vectorCount },
+    warp: warpField(info, state) && { field: state.warp, scale: state.warpScale, outline: state.outline },
     morph: state.smooth,
   };
 }

@@ -43,6 +43,9 @@ export const defaults = Object.freeze({
   vectors: 'off', // off, arrows, streamlines
   vectorField: '', // of which field; empty: the drawn one if it has three components, else the first that has
   vectorCount: 200,
+  warp: '', // the field of vectors that moves the points
+  warpScale: 1,
+  outline: false, // what is not moved, too
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   pins: [], // places of probes that stay: fractions of the bounds
   volume: false,
@@ -120,6 +123,9 @@ const codecs = {
   vectors: oneOf('off', 'arrows', 'streamlines'),
   vectorField: text,
   vectorCount: { read: (t) => (Number(t) >= 1 ? clamp(Math.round(Number(t)), 1, mostVectors) : undefined), write: String },
+  warp: text,
+  warpScale: real,
+  outline: flag,
   line: {
     read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),
     write: (l) => l.map(round).join(','),

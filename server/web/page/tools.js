@@ -6,6 +6,7 @@ import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
+import { bindWarp } from './warp.js';
 import { bindSecondView } from './second_view.js';
 
 export class Tools {
@@ -19,6 +20,7 @@ export class Tools {
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);
     bindCalculator(viewer);
+    bindWarp(viewer);
     this.drafts = new Drafts(viewer);
     bindExports(viewer, save);
     bindSecondView(viewer, canOpenAnother);

@@ -38,6 +38,7 @@ export class Viewer extends EventTarget {
   at = null;       // the step that is shown: { step, band, error, time }; null: a level
   playing = false; // the player says which step is shown
   shade = null;    // { field, cells, component, range, sample } of the picture's colours
+  outline = null;  // the part of the picture that is not moved, if it was asked for
   regions = new Map(); // of fields of cells that are here: [{ number, tets }], or null if their numbers are no regions'
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
@@ -98,7 +99,7 @@ export class Viewer extends EventTarget {
                 this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
     store.watch(['field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
-                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => this.#remake());
+                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth'], () => this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
@@ -184,8 +185,8 @@ export class Viewer extends EventTarget {
   // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field
   // that is not there.
   async #openStream(source, started) {
-    const { field, isosurfaceField, vectorField } = this.store.state;
-    const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field])] : 'first';
+    const { field, isosurfaceField, vectorField, warp } = this.store.state;
+    const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field, warp || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
       .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' },
                                                                   started) : Promise.reject(error)));
@@ -197,7 +198,7 @@ export class Viewer extends EventTarget {
     this.store.state = valid(fromFragment(this.#fragment, this.base), this.info);
     this.#hear();
     if (!this.#missing.length) return this.#showNow();
-    this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off' }); // what there is, until the others are here
+    this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off', warp: '' }); // what there is, until the others are here
     this.#remake();
   }
 
@@ -463,6 +464,7 @@ export class Viewer extends EventTarget {
       return;
     }
     const pictures = event.detail;
+    if (pictures.outline !== undefined) this.outline = pictures.outline;
     this.scene.addEventListener('render', this.#tellPictured, { once: true });
     this.scene.update(pictures, this.store.state, this.#lengthsOf(pictures.shade));
     this.#takeShade(pictures.shade);

@@ -367,7 +367,8 @@ bool view_is_near(const struct view *view)
 static void find_bounds(const struct view *view, double out[2][3])
 {
     memcpy(out, view_info(view)->bounds, 2 * sizeof *out);
-    for (size_t i = 0; view->step_points && i < 3 * (size_t)view->shown.vertex_count; i++) {
+    const bool moved = view->step_points || view->warp_scale != 0;
+    for (size_t i = 0; moved && i < 3 * (size_t)view->shown.vertex_count; i++) {
         out[0][i % 3] = fmin(out[0][i % 3], view->shown.positions[i]);
         out[1][i % 3] = fmax(out[1][i % 3], view->shown.positions[i]);
     }

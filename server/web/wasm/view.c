@@ -93,6 +93,35 @@ uint32_t view_rest(struct view *view)
     return view_begin_pictures(view);
 }
 
+static void move_points(const struct view *view, const double *from, const double *vectors, size_t count, double *out)
+{
+    for (size_t i = 0; i < count; i++)
+        out[i] = from[i] + view->warp_scale * vectors[i];
+}
+
+static enum tetlod_status warp_mesh(struct view *view)
+{
+    size_t count = 3 * (size_t)view->mesh.vertices;
+    const double *vectors = view->warp_scale != 0 ? view->mesh.fields[view->warp_field] : NULL;
+    if (!vectors)
+        return TETLOD_OK;
+    if (!ARRAY_RESERVE(view->warped, view->warped_cap, count + 1))
+        return tetlodi_fail_nomem(&view->error, "the points", 8 * (uint64_t)count);
+    move_points(view, view->mesh.positions, vectors, count, view->warped);
+    view->mesh.positions = view->warped;
+    return TETLOD_OK;
+}
+
+uint32_t view_warp(struct view *view, uint32_t field, double scale)
+{
+    if (scale != 0 && (field >= view->shown.field_count || view->shown.fields[field].components != 3))
+        return tetlodi_fail(&view->error, TETLOD_ERR_ARGUMENT, "points are moved by a field of three components");
+    view->warp_field = field;
+    view->warp_scale = scale;
+    view->moving = false;
+    return view_arrive(view);
+}
+
 enum tetlod_status view_arrive(struct view *view)
 {
     tetlod_cursor_mesh(view->cursor, &view->mesh);
@@ -100,6 +129,7 @@ enum tetlod_status view_arrive(struct view *view)
         view->mesh.fields = view->step_values;
     if (view->step_points)
         view->mesh.positions = view->step_points;
+    TETLOD_TRY(warp_mesh(view));
     return view->moving ? TETLOD_OK : view_rest(view);
 }
 
@@ -200,6 +230,9 @@ static enum tetlod_status find_origins(struct view *view, uint32_t level)
         fields[f] = view->mesh.fields[f] ? view->from.fields[f].values : NULL;
     enum tetlod_status status = tetlod_cursor_origins(view->cursor, level, view->from.positions, fields, &view->error);
     free(fields);
+    const double *vectors = view->warp_scale != 0 ? view->from.fields[view->warp_field].values : NULL;
+    if (status == TETLOD_OK && vectors && view->mesh.fields[view->warp_field])
+        move_points(view, view->from.positions, vectors, 3 * (size_t)view->mesh.vertices, view->from.positions);
     return status;
 }
 

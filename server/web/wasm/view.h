@@ -123,6 +123,10 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     struct view_function defined;
+    double *warped;                  /* points of the mesh, moved by `warp_scale` times a field of vectors; 0: none is */
+    size_t warped_cap;
+    uint32_t warp_field;
+    double warp_scale;
     struct view_fine fine;           /* of the last isosurface of a length */
     double shade_range[2];
     /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
@@ -228,6 +232,9 @@ VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t fie
 VIEW_EXPORT(view_define) uint32_t view_define(struct view *view, const double *words, uint32_t inputs, uint32_t steps);
 /* Some of those values, as many of each as it has of the volume. */
 VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
+/* From now on the mesh's points are moved by so many times a field of three components that is decoded; 0: they are as
+ * they were. */
+VIEW_EXPORT(view_warp) uint32_t view_warp(struct view *view, uint32_t field, double scale);
 /* From now on pictures are of what is behind a plane; or of everything again. */
 VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny,
                                       double nz);
