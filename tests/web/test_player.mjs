@@ -16,16 +16,22 @@ const server = await program([join(SCRATCH, 'wake.tetlod'), join(ROOT, 'tests/go
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 900, height: 620 } });
 
-const look = () => page.evaluate(() => ({
-  at: window.tetlod.at, series: window.tetlod.stream.series, state: window.tetlod.state, level: window.tetlod.level,
-  now: document.getElementById('player-now')?.textContent, error: document.getElementById('shown-error').textContent,
-}));
+const look = () =>
+  page.evaluate(() => ({
+    at: window.tetlod.at,
+    series: window.tetlod.stream.series,
+    state: window.tetlod.state,
+    level: window.tetlod.level,
+    now: document.getElementById('player-now')?.textContent,
+    error: document.getElementById('shown-error').textContent,
+  }));
 const until = (check, argument) => page.waitForFunction(check, argument);
 const atStep = (step) => until((wanted) => window.tetlod.settled && window.tetlod.at?.step === wanted, step);
-const picture = () => page.evaluate(async () => {
-  for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
-  return (await window.tetlod.scene.capture()).src;
-});
+const picture = () =>
+  page.evaluate(async () => {
+    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+    return (await window.tetlod.scene.capture()).src;
+  });
 
 async function open(state, name = 'wake') {
   await page.goto('about:blank');
@@ -43,14 +49,18 @@ async function stepsAreShown() {
   await page.keyboard.press('.');
   await atStep(2);
   const { at, series, now, error } = await look();
-  const { stderr: told } = spawnSync(TETLOD, ['extract', 'wake.tetlod', '--step', '2', '--error', '1%', '-o', 'step.vtu'], { cwd: SCRATCH, encoding: 'utf8' });
+  const { stderr: told } = spawnSync(
+    TETLOD,
+    ['extract', 'wake.tetlod', '--step', '2', '--error', '1%', '-o', 'step.vtu'],
+    { cwd: SCRATCH, encoding: 'utf8' },
+  );
   const [, own] = /Pressure within ([\d.]+) %/.exec(told);
   assert.ok(Number(own) <= 1, told);
   assert.equal(series.times.length, STEPS);
   assert.deepEqual([at.step, at.error, at.level], [2, 0.01, series.bands[at.band].level]);
   assert.match(now, /2 of 19/);
   assert.ok(error.startsWith(`${own}\u202f%`), `${error} on the page, ${own} % of ${told}`);
-  assert.ok(await picture() !== first, 'another step has the same picture');
+  assert.ok((await picture()) !== first, 'another step has the same picture');
   await page.keyboard.press(',');
   await atStep(1);
   await page.locator('#player-step').fill('15');
@@ -77,7 +87,12 @@ async function theRangeIsTheSeries() {
   await atStep(0);
   const low = () => page.locator('#low').inputValue();
   const { series } = await look();
-  await until((wanted) => Math.abs(Number(document.getElementById('low').value.replace('\u2212', '-')) - wanted) < 1e-3 * (1 + Math.abs(wanted)), series.fields[0].range[0]);
+  await until(
+    (wanted) =>
+      Math.abs(Number(document.getElementById('low').value.replace('\u2212', '-')) - wanted) <
+      1e-3 * (1 + Math.abs(wanted)),
+    series.fields[0].range[0],
+  );
   const before = await low();
   await page.locator('#player-step').fill('13');
   await atStep(13);
@@ -92,8 +107,14 @@ async function valuesAreOfWhatIsShown() {
     const { value, values, number, least, absolute, range } = await page.evaluate(() => {
       const { scene, viewer } = window.tetlod;
       const numberOf = (id) => Number(document.querySelector(id).value);
-      return { value: scene.isosurfaces[0].part.values[0], values: [...scene.surface.part.values], number: numberOf('#isosurfaces .number'),
-        least: numberOf('#threshold-least'), absolute: numberOf('#error-absolute'), range: viewer.info.fields[0].range };
+      return {
+        value: scene.isosurfaces[0].part.values[0],
+        values: [...scene.surface.part.values],
+        number: numberOf('#isosurfaces .number'),
+        least: numberOf('#threshold-least'),
+        absolute: numberOf('#error-absolute'),
+        range: viewer.info.fields[0].range,
+      };
     });
     const span = range[1] - range[0];
     const near = (a, b) => assert.ok(Math.abs(a - b) < 2e-3 * span, `${a} is not ${b}`);
@@ -108,7 +129,7 @@ async function valuesAreOfWhatIsShown() {
   const overAll = await checked();
   await page.evaluate(() => window.tetlod.set({ step: null }));
   await until(() => window.tetlod.settled && window.tetlod.at === null);
-  assert.ok(await checked() < overAll);
+  assert.ok((await checked()) < overAll);
   await page.evaluate(() => window.tetlod.set({ step: 12 }));
   await atStep(12);
   assert.equal(await checked(), overAll);
@@ -128,7 +149,7 @@ async function playsAndLoops() {
   const heard = await page.evaluate(() => window.heard);
   const steps = heard.filter((step, i) => step !== heard[i - 1]);
   assert.deepEqual(steps.slice(0, 6), [17, 18, 19, 0, 1, 2]);
-  assert.ok(await page.locator('#player-buffer rect').count() >= 2);
+  assert.ok((await page.locator('#player-buffer rect').count()) >= 2);
   await page.locator('#player-loop').click();
   await page.locator('#player-step').fill('18');
   await atStep(18);
@@ -144,7 +165,9 @@ async function withoutTheNextGroups() {
   const { bands } = (await look()).series;
   const wanted = bands.findIndex(({ error }) => error === 0.01);
   let send;
-  const sent = new Promise((resolve) => { send = resolve; });
+  const sent = new Promise((resolve) => {
+    send = resolve;
+  });
   await page.route(groups, async (route) => {
     const [, band, group] = groups.exec(route.request().url()).map(Number);
     if (band >= wanted && group) await sent;
@@ -156,7 +179,14 @@ async function withoutTheNextGroups() {
     const { viewer } = window.tetlod;
     const text = (id) => document.getElementById(id).textContent;
     window.heard = [];
-    viewer.addEventListener('step', () => window.heard.push({ step: viewer.at.step, error: viewer.at.error, late: text('player-late'), shown: text('shown-error') }));
+    viewer.addEventListener('step', () =>
+      window.heard.push({
+        step: viewer.at.step,
+        error: viewer.at.error,
+        late: text('player-late'),
+        shown: text('shown-error'),
+      }),
+    );
     viewer.showStep = function (step, options) {
       if (step === viewer.series.group) window.asked ??= performance.now();
       return Object.getPrototypeOf(this).showStep.call(this, step, options);
@@ -199,7 +229,10 @@ async function aStepThatDoesNotComeIsAskedForAgain() {
     const [, , group] = groups.exec(route.request().url()).map(Number);
     if (!silent || !group) await route.continue();
   });
-  for (const [state, key, next] of [['&step=7', '.', 8], ['&step=7&error=0.5', ' ', 10]]) {
+  for (const [state, key, next] of [
+    ['&step=7', '.', 8],
+    ['&step=7&error=0.5', ' ', 10],
+  ]) {
     silent = true;
     await open(state);
     await atStep(7);
@@ -219,15 +252,19 @@ async function aStepThatDoesNotComeIsAskedForAgain() {
 // The body bends: the surface that is drawn has other places at another step, and covers other pixels.
 async function pointsMove() {
   await open('&step=0', 'series_moving');
-  const shape = () => page.evaluate(async () => {
-    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
-    const image = await window.tetlod.scene.capture();
-    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
-    context.drawImage(image, 0, 0);
-    const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer);
-    const { positions } = await window.tetlod.stream.mesh();
-    return { highest: positions.reduce((most, x, i) => (i % 3 === 2 ? Math.max(most, x) : most), -Infinity), covered: [...pixels].map((p) => p !== pixels[0]) };
-  });
+  const shape = () =>
+    page.evaluate(async () => {
+      for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+      const image = await window.tetlod.scene.capture();
+      const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+      context.drawImage(image, 0, 0);
+      const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer);
+      const { positions } = await window.tetlod.stream.mesh();
+      return {
+        highest: positions.reduce((most, x, i) => (i % 3 === 2 ? Math.max(most, x) : most), -Infinity),
+        covered: [...pixels].map((p) => p !== pixels[0]),
+      };
+    });
   const shapes = [];
   for (const step of [0, 8]) {
     await page.locator('#player-step').fill(String(step));
@@ -241,6 +278,13 @@ async function pointsMove() {
 }
 
 await run([
-  stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, valuesAreOfWhatIsShown, playsAndLoops,
-  lateStepsAreCoarser, stepsThatDoNotComeAreCoarser, aStepThatDoesNotComeIsAskedForAgain,
+  stepsAreShown,
+  pointsMove,
+  aLinkNamesTheStep,
+  theRangeIsTheSeries,
+  valuesAreOfWhatIsShown,
+  playsAndLoops,
+  lateStepsAreCoarser,
+  stepsThatDoNotComeAreCoarser,
+  aStepThatDoesNotComeIsAskedForAgain,
 ]);
