@@ -93,16 +93,16 @@ static const char *contradiction(const struct tetlodi_section *sections, uint32_
     const struct tetlodi_section *section = &sections[i];
     const struct known *known = find_known(section->tag);
     if (!is_tag(section->tag) || section->flags & ~(uint32_t)SECTION_FLAGS)
-        return "a section of no known form";
+        return "malformed section";
     if (section->flags & SECTION_PACKED ? !tetlodi_packs(tetlodi_section_packing(section->tag), section->plain,
                                                          section->frame.size)
                                         : section->plain != section->frame.size)
-        return "a section of another size than its bytes can hold";
+        return "impossible size of section";
     if (known && known->once && tetlodi_section_find(sections, i, section->tag))
-        return "two sections of which there can be one";
+        return "duplicate section";
     if (known && known->early != ((section->flags & SECTION_EARLY) != 0))
-        return "a section at the wrong place";
-    return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MAX_METADATA ? "too much metadata" : NULL;
+        return "misplaced section";
+    return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MAX_METADATA ? "too large section" : NULL;
 }
 
 enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count,
@@ -111,7 +111,8 @@ enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections
     for (uint32_t i = 0; i < count; i++) {
         const char *tag = sections[i].tag, *wrong = contradiction(sections, i);
         if (wrong)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: %s%s%s", wrong, is_tag(tag) ? " " : "",
+                                is_tag(tag) ? tag : "");
         if (sections[i].flags & SECTION_CRITICAL && !find_known(tag))
             return tetlodi_fail(error, TETLOD_ERR_VERSION,
                                 "the stream cannot be read without its section %s, which this program does not know",

@@ -50,6 +50,7 @@ struct exchange {
     struct request *request;
     struct response *response;
     const struct access_policy *policy; /* held */
+    struct dataset *dataset; /* the stream that the path names, held; NULL: it names none */
     const char *path;  /* below the base path, with its '/'; up to the query */
     const char *query; /* after '?', or NULL */
     const char *parameters; /* of the query that the route knows, as check_parameters wants them; NULL: it heeds none */

@@ -230,20 +230,22 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
         response_header_text(response, "Tetlod-Uncontrolled", texts->uncontrolled);
 }
 
-void name_download(struct response *response, const struct dataset *dataset, const char *format, ...)
+void name_download(struct exchange *exchange, const char *format, ...)
 {
     char rest[64], plain[ID_CAPACITY + 64], encoded[3 * (ID_CAPACITY + 64)];
     va_list arguments;
+    if (exchange->response->status != 200)
+        return;
     va_start(arguments, format);
     vsnprintf(rest, sizeof rest, format, arguments);
     va_end(arguments);
-    snprintf(plain, sizeof plain, "%s%s", dataset_id(dataset), rest);
+    snprintf(plain, sizeof plain, "%s%s", dataset_id(exchange->dataset), rest);
     bool encodes = percent_encode(plain, encoded, sizeof encoded);
     for (char *c = plain; *c; c++) // for clients that know nothing but ASCII
         if (*c < 0x20 || *c > 0x7e || strchr("\"\\/%", *c))
             *c = '_';
     if (encodes)
-        response_header(response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain,
+        response_header(exchange->response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain,
                         encoded);
 }
 

@@ -77,9 +77,8 @@ bool check_parameters_of(struct exchange *exchange, const char *names);
 json_t *json_texts(const char *const *list, size_t count);
 json_t *field_names(const struct tetlod_info *info);
 
-/* The name under which a browser saves what is answered: the stream's id and what follows. */
-void name_download(struct response *response, const struct dataset *dataset, const char *format,
-                   ...) __attribute__((format(printf, 3, 4)));
+/* The name under which a browser saves an answer of 200: the stream's id and what follows. */
+void name_download(struct exchange *exchange, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* Tetlod-Level, -Vertices, -Tets, -Error. */
 void level_headers(struct response *response, const struct dataset *dataset, uint32_t level);

@@ -26,3 +26,20 @@ enum tetlod_status json_body(json_t *object, enum coding coding, struct cache_va
     buffer_fini(&buffer);
     return status;
 }
+
+void respond_json(struct exchange *exchange, const struct cache_value *value, const char *etag, enum coding coding)
+{
+    respond_body(exchange, value,
+                 &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+    cache_revalidate(exchange->response);
+}
+
+enum outcome answer_json(struct exchange *exchange, struct cache *cache, const char *key, const char *etag,
+                         enum coding coding, const struct job *job)
+{
+    const struct cache_value *value;
+    enum outcome outcome = obtain(exchange, cache, key, job, &value);
+    if (value)
+        respond_json(exchange, value, etag, coding);
+    return outcome;
+}

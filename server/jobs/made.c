@@ -126,7 +126,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
     memcpy(mesh_job->choice, answer->choice, answer->choice_size);
     uint64_t bytes = answer->measure ? FIRST_BYTES : making_bytes(dataset_info(dataset), answer);
     const struct job job = {make, free_mesh_job, mesh_job, bytes, MAX_WAIT_SECONDS, NULL,
-                                  cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
+                            cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
     return obtain(exchange, cache, key, &job, out);
 }
 

@@ -161,7 +161,7 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     snprintf(key, sizeof key, "%s/cells/%" PRIx64 "/%" PRIu32 "/%s", info->cid, dataset_file_number(dataset),
              answer->level, name);
     const struct job job = {make_cells, free_cells_job, cells_job,
-                                  cell_choice_decoding(answer->cells, info, answer->level) + 65536,
+                            cell_choice_decoding(answer->cells, info, answer->level) + 65536,
                                   MAX_WAIT_SECONDS, NULL, 0};
     enum outcome outcome = obtain(exchange, exchange->site->memory, key, &job, &value);
     if (value)

@@ -212,7 +212,7 @@ static unsigned refuse_framing(const struct call *call, const char *method, cons
     else if (framing.hosts > 1 || (one && !framing.hosts))
         *why = "a request has one Host header";
     else if (framing.codings || framing.lengths > 1 || framing.content)
-        *why = "requests here have no body; this one announces one";
+        *why = "request bodies are not accepted";
     else
         return 0;
     return !one && !zero ? 505 : framing.bad_name || framing.bad_value || framing.hosts != 1 ? 400 : 413;

@@ -225,17 +225,12 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
 
 enum outcome handle_region(struct exchange *exchange)
 {
-    struct dataset *dataset = captured_dataset(exchange);
     struct region_choice choice;
-    enum outcome outcome = ANSWERED;
-    if (!dataset)
-        return ANSWERED;
     memset(&choice, 0, sizeof choice);
-    choice.file = dataset_file(dataset);
-    if (take_choice(exchange, dataset_info(dataset), &choice))
-        outcome = answer_region(exchange, dataset, &choice);
-    if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-%s-region.%s", exchange->captures[2], exchange->captures[3]);
-    dataset_release(dataset);
+    choice.file = dataset_file(exchange->dataset);
+    if (!take_choice(exchange, dataset_info(exchange->dataset), &choice))
+        return ANSWERED;
+    enum outcome outcome = answer_region(exchange, exchange->dataset, &choice);
+    name_download(exchange, "-%s-region.%s", exchange->captures[2], exchange->captures[3]);
     return outcome;
 }

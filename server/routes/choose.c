@@ -243,8 +243,9 @@ static enum outcome redirect_to_step(struct exchange *exchange, const struct ste
     return ANSWERED;
 }
 
-static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
+enum outcome handle_mesh(struct exchange *exchange)
 {
+    struct dataset *dataset = exchange->dataset;
     struct choice choice = {0};
     struct step_choice step;
     uint32_t level;
@@ -269,8 +270,9 @@ static enum outcome answer_step_prefix(struct exchange *exchange, const struct s
 }
 
 /* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
-static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
+enum outcome handle_prefix(struct exchange *exchange)
 {
+    struct dataset *dataset = exchange->dataset;
     struct choice choice = {0};
     struct step_choice step;
     uint32_t level;
@@ -285,24 +287,4 @@ static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dat
         cache_revalidate(exchange->response);
     }
     return outcome;
-}
-
-static enum outcome of_dataset(struct exchange *exchange, enum outcome (*answer)(struct exchange *, struct dataset *))
-{
-    struct dataset *dataset = named_dataset(exchange);
-    if (!dataset)
-        return ANSWERED;
-    enum outcome outcome = answer(exchange, dataset);
-    dataset_release(dataset);
-    return outcome;
-}
-
-enum outcome handle_mesh(struct exchange *exchange)
-{
-    return of_dataset(exchange, answer_mesh);
-}
-
-enum outcome handle_prefix(struct exchange *exchange)
-{
-    return of_dataset(exchange, answer_prefix);
 }

@@ -110,37 +110,25 @@ static enum outcome answer_records(struct exchange *exchange, struct dataset *da
 
 enum outcome handle_records(struct exchange *exchange)
 {
-    struct dataset *dataset = captured_dataset(exchange);
-    enum outcome outcome = ANSWERED;
+    const struct tetlod_info *info = dataset_info(exchange->dataset);
     uint32_t from, to;
-    if (!dataset)
+    if (!check_parameters(exchange) || !parse_level(exchange, info, exchange->captures[2], &from) ||
+        !parse_level(exchange, info, exchange->captures[3], &to))
         return ANSWERED;
-    const struct tetlod_info *info = dataset_info(dataset);
-    if (check_parameters(exchange) && parse_level(exchange, info, exchange->captures[2], &from) &&
-        parse_level(exchange, info, exchange->captures[3], &to)) {
-        if (from >= to)
-            response_problem(exchange->response, 400, exchange->request->target,
-                             "records go from a level to a finer one, not from %" PRIu32 " to %" PRIu32, from, to);
-        else
-            outcome = answer_records(exchange, dataset, from, to);
-    }
-    dataset_release(dataset);
-    return outcome;
+    if (from < to)
+        return answer_records(exchange, exchange->dataset, from, to);
+    response_problem(exchange->response, 400, exchange->request->target,
+                     "records go from a level to a finer one, not from %" PRIu32 " to %" PRIu32, from, to);
+    return ANSWERED;
 }
 
 enum outcome handle_stream(struct exchange *exchange)
 {
-    struct dataset *dataset = captured_dataset(exchange);
-    enum outcome outcome = ANSWERED;
-    if (!dataset)
+    const struct tetlod_info *info = dataset_info(exchange->dataset);
+    const struct tetlod_span whole = {0, info->bytes};
+    if (!check_parameters(exchange))
         return ANSWERED;
-    const struct tetlod_info *info = dataset_info(dataset);
-    if (check_parameters(exchange))
-        outcome = answer_immutable(exchange,
-                                   respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1,
-                                                  info->cid));
-    if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, ".tetlod");
-    dataset_release(dataset);
+    enum outcome outcome = answer_immutable(exchange, respond_stored(exchange, exchange->dataset, &whole, 1, info->cid));
+    name_download(exchange, ".tetlod");
     return outcome;
 }

@@ -73,16 +73,11 @@ static bool take_group(struct exchange *exchange, const struct dataset *dataset,
 
 enum outcome handle_group(struct exchange *exchange)
 {
-    struct dataset *dataset = captured_dataset(exchange);
     struct step_choice choice;
-    enum outcome outcome = ANSWERED;
-    if (!dataset)
-        return ANSWERED;
-    if (check_parameters(exchange) && captured_band(exchange, dataset, &choice) &&
-        take_group(exchange, dataset, &choice))
-        outcome = answer_group(exchange, &choice);
-    dataset_release(dataset);
-    return outcome;
+    if (check_parameters(exchange) && captured_band(exchange, exchange->dataset, &choice) &&
+        take_group(exchange, exchange->dataset, &choice))
+        return answer_group(exchange, &choice);
+    return ANSWERED;
 }
 
 enum outcome respond_step_prefix(struct exchange *exchange, const struct step_choice *choice)

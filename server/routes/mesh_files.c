@@ -86,9 +86,8 @@ static enum outcome answer_step(struct exchange *exchange, struct dataset *datas
         query_cells(exchange, dataset_info(dataset), (struct cell_step){dataset_series(dataset), choice.step.step},
                     &choice.cells))
         outcome = answer_made(exchange, dataset, choice.step.level, &choice);
-    if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step),
-                      exchange->captures[2], exchange->captures[4]);
+    name_download(exchange, "-step%" PRIu32 "-%s.%s", step_number(&choice.step), exchange->captures[2],
+                  exchange->captures[4]);
     return outcome;
 }
 
@@ -99,17 +98,13 @@ static enum outcome answer_level(struct exchange *exchange, struct dataset *data
     uint32_t level;
     if (format && parse_level(exchange, dataset_info(dataset), exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
-    if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);
+    name_download(exchange, "-%s.%s", exchange->captures[2], exchange->captures[3]);
     return outcome;
 }
 
 enum outcome handle_mesh_file(struct exchange *exchange)
 {
-    struct dataset *dataset = captured_dataset(exchange);
-    enum outcome outcome = ANSWERED;
-    if (dataset && check_parameters(exchange))
-        outcome = exchange->of_step ? answer_step(exchange, dataset) : answer_level(exchange, dataset);
-    dataset_release(dataset);
-    return outcome;
+    if (!check_parameters(exchange))
+        return ANSWERED;
+    return exchange->of_step ? answer_step(exchange, exchange->dataset) : answer_level(exchange, exchange->dataset);
 }

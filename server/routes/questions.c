@@ -112,30 +112,18 @@ static enum outcome answer(struct exchange *exchange, struct ask_context *contex
              context->options.width, step, context->text);
     snprintf(etag, sizeof etag, "%s-ask-%016llx-" TETLOD_VERSION_STRING, info->cid,
              (unsigned long long)hash_text(HASH_START, key));
-    const struct cache_value *value;
     const struct job job = {make_answer, free_context, context, bytes, MAX_WAIT_SECONDS, NULL, 0};
-    enum outcome outcome = obtain(exchange, cache_for(exchange->site, bytes), key, &job, &value);
-    if (value) {
-        respond_body(exchange, value,
-                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
-        cache_revalidate(exchange->response);
-    }
-    return outcome;
+    return answer_json(exchange, cache_for(exchange->site, bytes), key, etag, coding, &job);
 }
 
 enum outcome handle_ask(struct exchange *exchange)
 {
-    struct dataset *dataset = named_dataset(exchange);
-    if (!dataset)
-        return ANSWERED;
     struct ask_context *context = array_zero(1, sizeof *context);
-    if (!context) {
-        dataset_release(dataset);
+    if (!context)
         return respond_no_memory(exchange);
-    }
-    context->dataset = dataset;
+    context->dataset = dataset_hold(exchange->dataset);
     context->coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
-    if (take_question(exchange, dataset_info(dataset), context))
+    if (take_question(exchange, dataset_info(exchange->dataset), context))
         return answer(exchange, context);
     free_context(context);
     return ANSWERED;

@@ -10,6 +10,7 @@
 #include "server/http/buffer.h"
 #include "server/http/conditions.h"
 #include "server/http/params.h"
+#include "server/http/respond.h"
 #include "server/routes/handlers.h"
 #include "server/routes/viewer.h"
 
@@ -109,6 +110,19 @@ static enum outcome answer_only_health(struct exchange *exchange)
     return ANSWERED;
 }
 
+/* Calls the handler; meanwhile the stream that the template names is held. */
+static enum outcome call_handler(struct exchange *exchange, const struct route *route)
+{
+    static const char of_stream[] = "/v1/meshes/{id}", of_content[] = "/v1/meshes/{id}/{cid}/";
+    if (strncmp(route->template, of_stream, sizeof of_stream - 1) != 0)
+        return route->handle(exchange);
+    bool has_cid = strncmp(route->template, of_content, sizeof of_content - 1) == 0;
+    exchange->dataset = has_cid ? captured_dataset(exchange) : named_dataset(exchange);
+    enum outcome outcome = exchange->dataset ? route->handle(exchange) : ANSWERED;
+    dataset_release(exchange->dataset);
+    return outcome;
+}
+
 static enum outcome dispatch(struct exchange *exchange, const char *target)
 {
     struct response *response = exchange->response;
@@ -123,7 +137,7 @@ static enum outcome dispatch(struct exchange *exchange, const char *target)
             exchange->of_step = route->of_step;
             if (exchange->site->only_health && !route->health)
                 break;
-            return route->handle(exchange);
+            return call_handler(exchange, route);
         }
     if (exchange->site->only_health)
         return answer_only_health(exchange);
@@ -136,7 +150,7 @@ static enum outcome dispatch(struct exchange *exchange, const char *target)
         return handle_asset(exchange, asset);
     }
     response_problem(response, 404, exchange->request->target,
-                     "there is nothing under this path; openapi.json at the root of the site lists what there is");
+                     "not found; openapi.json at the root of the site lists the paths");
     return ANSWERED;
 }
 

@@ -52,10 +52,7 @@ static struct dataset *take_topology(struct exchange *exchange, struct dataset *
 
 enum outcome handle_stream_info(struct exchange *exchange)
 {
-    struct dataset *whole = named_dataset(exchange);
-    if (!whole)
-        return ANSWERED;
-    struct dataset *dataset = take_topology(exchange, whole);
+    struct dataset *dataset = take_topology(exchange, dataset_hold(exchange->dataset));
     if (!dataset)
         return ANSWERED;
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
@@ -69,16 +66,9 @@ enum outcome handle_stream_info(struct exchange *exchange)
     snprintf(etag, sizeof etag, "%s-" TETLOD_VERSION_STRING,
              dataset_info(dataset)->cid); // what it says may differ from version to version
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
-    const struct cache_value *value;
     const struct job job = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), MAX_WAIT_SECONDS, NULL, 0};
-    enum outcome outcome = obtain(exchange, exchange->site->cache, key, &job, &value);
-    if (value) {
-        respond_body(exchange, value,
-                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
-        cache_revalidate(exchange->response);
-    }
-    return outcome;
+                            1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), MAX_WAIT_SECONDS, NULL, 0};
+    return answer_json(exchange, exchange->site->cache, key, etag, coding, &job);
 }
 
 /* Which part of the catalogue: `limit` streams at most, those behind the id `after`. */
@@ -178,7 +168,7 @@ static enum outcome obtain_list(struct exchange *exchange, enum coding coding, c
     context->page = *page;
     name_list(digest, coding, page, etag, key);
     const struct job job = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count),
-                                  MAX_WAIT_SECONDS, NULL, 0};
+                            MAX_WAIT_SECONDS, NULL, 0};
     return obtain(exchange, cache_for(site, job.bytes), key, &job, out);
 }
 
@@ -200,10 +190,8 @@ enum outcome handle_catalogue(struct exchange *exchange)
     if (!value)
         outcome = obtain_list(exchange, coding, &page, etag, &value);
     if (value) {
-        respond_body(exchange, value,
-                     &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+        respond_json(exchange, value, etag, coding);
         link_description(exchange);
-        cache_revalidate(exchange->response);
     }
     return outcome;
 }

@@ -225,25 +225,20 @@ static bool take_mesh(struct exchange *exchange, struct dataset *dataset, struct
 
 static enum outcome handle_shape(struct exchange *exchange, enum shape shape)
 {
-    struct dataset *dataset = captured_dataset(exchange);
+    static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
+    struct dataset *dataset = exchange->dataset;
     struct surface_choice choice;
     const char *format = exchange->captures[exchange->of_step ? 4 : 3];
-    enum outcome outcome = ANSWERED;
-    if (!dataset)
-        return ANSWERED;
+    char step[STEP_NAME] = "";
     memset(&choice, 0, sizeof choice);
     choice.shape = shape;
-    if (take_mesh(exchange, dataset, &choice) && take_format(exchange, format, &choice) &&
-        take_shape(exchange, dataset, &choice))
-        outcome = answer_surface(exchange, dataset, &choice);
-    static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
-    if (outcome == ANSWERED && exchange->response->status == 200) {
-        char step[STEP_NAME] = "";
-        if (exchange->of_step)
-            snprintf(step, sizeof step, "-step%" PRIu32, step_number(&choice.step));
-        name_download(exchange->response, dataset, "%s-%s-%s.%s", step, exchange->captures[2], names[shape], format);
-    }
-    dataset_release(dataset);
+    if (!take_mesh(exchange, dataset, &choice) || !take_format(exchange, format, &choice) ||
+        !take_shape(exchange, dataset, &choice))
+        return ANSWERED;
+    enum outcome outcome = answer_surface(exchange, dataset, &choice);
+    if (exchange->of_step)
+        snprintf(step, sizeof step, "-step%" PRIu32, step_number(&choice.step));
+    name_download(exchange, "%s-%s-%s.%s", step, exchange->captures[2], names[shape], format);
     return outcome;
 }
 

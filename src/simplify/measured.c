@@ -234,8 +234,8 @@ static bool reserve(const struct samples *samples, struct sampler *sampler, cons
         for (uint32_t s = samples->first[question->star->tets[i]]; s != TETLOD_NONE; s = samples->next[s])
             held++;
     return ARRAY_RESERVE(sampler->cones, sampler->cone_room, question->star->tet_count) &&
-                ARRAY_RESERVE(sampler->held, sampler->held_room, 2 * held) &&
-                ARRAY_RESERVE(sampler->parts, sampler->part_room, 2 * held * question->working->component_count);
+           ARRAY_RESERVE(sampler->held, sampler->held_room, 2 * held) &&
+           ARRAY_RESERVE(sampler->parts, sampler->part_room, 2 * held * question->working->component_count);
 }
 
 static enum tetlod_status ask(void *state, unsigned worker, const struct question *question, struct answer *answer,

@@ -27,7 +27,7 @@ static inline uint64_t pair_key(uint32_t x, uint32_t y)
 static bool reserve(struct links *links, const struct star_data *data)
 {
     return ARRAY_RESERVE(links->marks, links->mark_room, data->count) &&
-                ARRAY_RESERVE(links->beside, links->beside_room, data->count);
+           ARRAY_RESERVE(links->beside, links->beside_room, data->count);
 }
 
 /* The vertex x of the ring has y beside it. False: it has two already, so that the ring is no cycle and no path. */

@@ -24,7 +24,7 @@ bool simplex_at_one_point(const struct working *working, const uint32_t *simplex
 static bool reserve(struct star *star, size_t count)
 {
     return ARRAY_RESERVE(star->tets, star->tet_room, count) &&
-                ARRAY_RESERVE(star->moving, star->moving_room, count);
+           ARRAY_RESERVE(star->moving, star->moving_room, count);
 }
 
 bool star_gather(struct star *star, const struct working *working, const uint32_t *simplex, uint32_t count)
