@@ -10,6 +10,7 @@
 #include "format/fail.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
+#include "src/level/level_mesh.h"
 #include "src/stream/series_time.h"
 #include "src/stream/selection.h"
 #include "src/util/array.h"
@@ -194,6 +195,8 @@ static enum tetlod_status make_step(const void *opaque, const struct forest *for
         status = put_values(out, series, error);
     if (status == TETLOD_OK)
         status = tetlod_step_move(series, out->positions, error);
+    if (status == TETLOD_OK)
+        level_mesh_step_origin(forest_info(forest), series, choice->band, choice->step, out);
     tetlod_series_free(series);
     if (status != TETLOD_OK)
         tetmesh_fini(out);

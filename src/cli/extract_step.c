@@ -91,6 +91,7 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, choice, band, step, about, about_size);
     TETLOD_TRY(level_mesh_step(info, series, out, error));
+    level_mesh_step_origin(info, series, band, step, out);
     TETLOD_TRY(take_cells(file, series, step, out, about, about_size, error));
     return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
 }

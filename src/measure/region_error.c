@@ -312,6 +312,16 @@ static enum tetlod_status measure(struct measuring *m, struct tetmesh *region, d
     return status;
 }
 
+/* The errors that the region states are those of all its parts. */
+static void state_errors(const struct tetlod_info *info, struct tetmesh *region, const double *errors)
+{
+    for (uint32_t f = 0; f < region->field_count; f++) {
+        struct point_field *field = &region->fields[f];
+        field->has_error &= info->fields[f].controlled != 0;
+        field->error = fmax(field->error, range_fraction(info->fields[f].range, errors[f]));
+    }
+}
+
 enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *region, const uint32_t *tets,
                                   unsigned threads, struct room *room, double *out, struct tetlod_error *error)
 {
@@ -324,6 +334,8 @@ enum tetlod_status region_measure(const struct forest *forest, struct tetmesh *r
     enum tetlod_status status = transition_init(&transition, forest, region, tets, room, error);
     if (status == TETLOD_OK && transition.tets.tet_count && transition.fields.count)
         status = measure(&m, region, out, error);
+    if (status == TETLOD_OK)
+        state_errors(forest_info(forest), region, out);
     transition_fini(&transition);
     room_back_to(room, held);
     return status;

@@ -205,6 +205,22 @@ enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_er
     return tetmesh_validate_values(mesh, error);
 }
 
+void tetmesh_set_origin(struct tetmesh *mesh, const struct tetlod_info *info, uint32_t level)
+{
+    const struct tetlod_level *at = &info->levels[level];
+    mesh->origin = (struct mesh_origin){.level = level, .domain_error = at->domain_error};
+    if (!info->lossless || level + 1 < info->level_count)
+        memcpy(mesh->origin.id, info->cid, sizeof mesh->origin.id);
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        uint32_t own = tetmesh_find_field(mesh, info->fields[f].name);
+        double error = at->errors[f * TETLOD_MEASURES + TETLOD_MAX];
+        if (own == TETLOD_NONE || isnan(error))
+            continue;
+        mesh->fields[own].has_error = true;
+        mesh->fields[own].error = error;
+    }
+}
+
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2])
 {
     size_t count = (size_t)vertex_count * field->components;

@@ -22,6 +22,17 @@ struct point_field {
     struct grid grid; /* that the values lie on */
     bool is_integer;  /* the file holds integers: ids of regions, of materials */
     bool is_ids;      /* not controlled, and no value is a mean of others (ids.h) */
+    bool has_error;   /* the mesh is a level, whose error in this field is known */
+    double error;     /* then: at most, a fraction of the field's range */
+};
+
+/* The stream and the level that a mesh was taken from, for files that have a place for it. */
+struct mesh_origin {
+    char id[33]; /* content id; "": the mesh is of no stream */
+    uint32_t level;
+    double domain_error; /* a fraction of the bounding box's diagonal */
+    bool has_time;
+    double time; /* of a step */
 };
 
 struct tetmesh {
@@ -35,6 +46,7 @@ struct tetmesh {
     uint32_t cell_field_count;
     uint32_t *parents;         /* owned, [tet_count]: alike where tetrahedra were made of one cell; NULL: none was split */
     uint64_t unused_points;    /* points of the input that no tetrahedron used: dropped */
+    struct mesh_origin origin;
 };
 
 void tetmesh_fini(struct tetmesh *mesh);
@@ -54,6 +66,10 @@ uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name);
 
 /* The cell field that tells regions: of integers, with a name that says so; TETLOD_NONE: there is none. */
 uint32_t tetmesh_find_region(const struct tetmesh *mesh);
+
+/* Says that the mesh is a level of the stream: its origin, and the certified errors of its fields. One that is the
+ * original has no origin: its file is the one that is made of the original. */
+void tetmesh_set_origin(struct tetmesh *mesh, const struct tetlod_info *info, uint32_t level);
 
 void point_field_fini(struct point_field *field);
 

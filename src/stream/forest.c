@@ -367,8 +367,10 @@ enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, str
         out->fields[out->field_count++] = (struct point_field){.name = name, .components = column->components,
                                                                .type = column->type};
     }
-    if (out->fields && out->field_count + 1 == forest->column_count)
+    if (out->fields && out->field_count + 1 == forest->column_count) {
+        tetmesh_set_origin(out, tetlod_info(forest->file), level);
         return TETLOD_OK;
+    }
     tetmesh_fini(out);
     return tetlodi_fail_nomem(error, "a level", 0);
 }

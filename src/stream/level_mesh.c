@@ -47,6 +47,7 @@ static enum tetlod_status copy(const struct tetlod_info *info, const struct tetl
                    (size_t)mesh.vertices * field->components * sizeof(double),
                    gives);
     }
+    tetmesh_set_origin(out, info, mesh.level);
 done:
     if (status != TETLOD_OK)
         tetmesh_fini(out);
@@ -104,6 +105,20 @@ enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct 
                (size_t)mesh->vertex_count * field->components * sizeof(double));
     }
     return TETLOD_OK;
+}
+
+void level_mesh_step_origin(const struct tetlod_info *info, const struct tetlod_series *series, uint32_t band,
+                            uint32_t step, struct tetmesh *mesh)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    memcpy(mesh->origin.id, info->cid, sizeof mesh->origin.id);
+    mesh->origin.has_time = true;
+    mesh->origin.time = steps->times[step];
+    for (uint32_t f = 0; f < steps->field_count; f++) {
+        uint32_t own = tetmesh_find_field(mesh, info->fields[steps->fields[f]].name);
+        mesh->fields[own].error = tetlod_step_error(series, f, band, step);
+        mesh->fields[own].has_error = true;
+    }
 }
 
 /* Where values of cells are from: the stream, or a step of its series. */

@@ -20,6 +20,10 @@ TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info
                                                   struct tetmesh *mesh,
                                                   struct tetlod_error *error);
 
+/* Says that the mesh is of a step in a band: its time, and the errors of the fields that have steps. */
+void level_mesh_step_origin(const struct tetlod_info *info, const struct tetlod_series *series, uint32_t band,
+                            uint32_t step, struct tetmesh *mesh);
+
 /* Adds the stream's values of cells, all fields or the one number `field` (TETLOD_NONE: all), to the mesh of any level,
  * or to one of the tetrahedra that have these numbers (NULL: those of a level have the first ones). */
 TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field,

@@ -825,6 +825,8 @@ enum tetlod_status region_mesh(const struct forest *forest, const struct region 
         status = tetlodi_fail_nomem(error, "a region", cut.count * sizeof **tets);
     if (status == TETLOD_OK)
         fill_mesh(&cut, out, *tets, counts);
+    if (status == TETLOD_OK)
+        tetmesh_set_origin(out, forest_info(forest), region->coarse);
     else
         tetmesh_fini(out);
     counts->rounds = cut.rounds;

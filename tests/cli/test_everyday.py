@@ -50,8 +50,8 @@ def parts():
     must('verify', 'part.tetlod')
     for k in (0, level // 2, level):
         for name in ('fin', 'part'):
-            must('extract', name + '.tetlod', '--level', str(k), '-o', name + '.vtu' if name == 'part' else 'whole.vtu')
-        if content('part.vtu') != content('whole.vtu'):
+            must('extract', name + '.tetlod', '--level', str(k), '-o', name + '.vtk' if name == 'part' else 'whole.vtk')
+        if content('part.vtk') != content('whole.vtk'):
             return 'level %d differs' % k
     must('extract', 'fin.tetlod', '-o', 'copy.tetlod')
     if content('copy.tetlod') != content('fin.tetlod'):
@@ -67,9 +67,9 @@ def parts_with_cells():
     found = info(stream)
     level = len(found['levels']) // 2
     must('extract', stream, '--level', str(level), '-o', 'cells.tetlod')
-    must('extract', stream, '--level', str(level), '-o', 'whole.vtu')
-    must('extract', 'cells.tetlod', '-o', 'part.vtu')
-    return None if content('whole.vtu') == content('part.vtu') and b'CellData' in content('part.vtu') else 'the levels differ'
+    must('extract', stream, '--level', str(level), '-o', 'whole.vtk')
+    must('extract', 'cells.tetlod', '-o', 'part.vtk')
+    return None if content('whole.vtk') == content('part.vtk') and b'CELL_DATA' in content('part.vtk') else 'the levels differ'
 
 
 def cut_off():

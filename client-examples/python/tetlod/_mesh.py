@@ -44,7 +44,7 @@ class Mesh:
 
     `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the range.
     `errors[field][measure]` are all of them. `cells` holds values of tetrahedra by name, such as materials.
-    `time` is that of the step that `Stream.at` found.
+    `time` is that of the step that `Stream.at` found. `id` is the stream's content id.
     """
     points: Any
     tets: Any
@@ -55,6 +55,7 @@ class Mesh:
     domain_error: float
     cells: Mapping[str, Any]
     time: Optional[float] = None
+    id: str = ''
 
     def __repr__(self) -> str:
         """Three lines: what it is, its fields, its cells."""
@@ -66,7 +67,7 @@ class Mesh:
             ', '.join(self.cells) or 'none')
 
     def to_vtk(self) -> Any:
-        """A vtkUnstructuredGrid with copies of the arrays. Needs the vtk package."""
+        """A vtkUnstructuredGrid with copies of the arrays, and field data as `tetlod extract` writes. Needs the vtk package."""
         from .adapters import grid
         return grid(self)
 

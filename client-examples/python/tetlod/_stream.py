@@ -116,7 +116,7 @@ class Stream:
         fields = {name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected}
         errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
         return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
-                    level.domain_error, self._step_cells(step, len(tets)), steps.times[step])
+                    level.domain_error, self._step_cells(step, len(tets)), steps.times[step], self.info.cid)
 
     def ask(self, question: str, within: Optional[Fraction] = None, *, time: Optional[float] = None,
             step: Optional[int] = None) -> Answer:
@@ -215,7 +215,7 @@ class Stream:
         if copy:
             points, tets, fields = frozen(points), frozen(tets), {name: frozen(values) for name, values in fields.items()}
         return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error,
-                    self._cells(len(tets)))
+                    self._cells(len(tets)), id=self.info.cid)
 
     def _cells(self, count: int) -> Cells:
         return Cells([name for name in self.info.cells if name not in self._missing_cells()], self._decoder.cells, count)

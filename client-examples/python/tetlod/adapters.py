@@ -2,10 +2,24 @@
 """tetlod for VTK, PyVista (entry point `pyvista.readers`) and meshio."""
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, Dict
 
 from . import _stream
 from ._mesh import VTK_TETRA, Mesh
+
+
+def facts(mesh: Mesh) -> Dict[str, Any]:
+    """What `tetlod extract` writes as field data: ERRORS.md."""
+    import numpy as np
+    numbers = {'tetlod_level': mesh.level, 'tetlod_domain_error': mesh.domain_error}
+    if mesh.time is not None:
+        numbers['TimeValue'] = mesh.time
+    for name, known in mesh.errors.items():
+        if not math.isnan(known.get('max', math.nan)):
+            numbers['tetlod_max_error ' + name] = known['max']
+    found = {name: np.array([number], float) for name, number in numbers.items()}
+    return {'tetlod_id': np.frombuffer(mesh.id.encode(), np.uint8), **found}
 
 
 def grid(mesh: Mesh) -> Any:
@@ -21,7 +35,8 @@ def grid(mesh: Mesh) -> Any:
                   numpy_to_vtkIdTypeArray(mesh.tets.astype(np.int64).ravel(), deep=True))
     made.SetPoints(points)
     made.SetCells(VTK_TETRA, cells)
-    for data, arrays in ((made.GetPointData(), mesh.fields), (made.GetCellData(), mesh.cells)):
+    for data, arrays in ((made.GetPointData(), mesh.fields), (made.GetCellData(), mesh.cells),
+                         (made.GetFieldData(), facts(mesh))):
         for name, values in arrays.items():
             array = numpy_to_vtk(values, deep=True)
             array.SetName(name)

@@ -255,6 +255,8 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
     bool cell = strcasecmp(centre, "Cell") == 0;
     uint64_t rows = cell ? block_cell_count(block) : mesh->vertex_count;
     struct xdmf_item item;
+    if (strcasecmp(centre, "Grid") == 0) // of the mesh as a whole: no field
+        return TETLOD_OK;
     if ((*centre && !cell && strcasecmp(centre, "Node") != 0) || !child || rows == 0) {
         io_leave_out(x->report, &x->report->skipped_arrays, name, strlen(name));
         return TETLOD_OK;

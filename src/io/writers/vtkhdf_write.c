@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Writing VTKHDF 1.0: one part, chunks of deflate. The file is made in memory, as HDF5 wants to go back and forth in
  * it. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/io/writers/facts.h"
 #include "src/io/writers/writers.h"
 #include "src/io/services/h5.h"
 #include "src/util/array.h"
@@ -23,6 +25,7 @@ static void put_set(struct writer *w, const char *name, int rank, const hsize_t 
     hid_t space = H5Screate_simple(rank, dims,
                                    NULL), list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
     w->good = w->good && H5Pset_create_intermediate_group(links, 1) >= 0 && H5Pset_char_encoding(links, H5T_CSET_UTF8) >= 0;
+    w->good = w->good && H5Pset_obj_track_times(list, false) >= 0; // the same mesh, the same bytes
     if (dims[0] > 1)
         w->good = w->good && H5Pset_chunk(list, rank, chunk) >= 0 && H5Pset_deflate(list, 4) >= 0;
     hid_t set = w->good ? H5Dcreate2(w->root, name, stored, space, links, list, H5P_DEFAULT) : -1;
@@ -72,20 +75,27 @@ static void put_unit(struct writer *w, const char *path, const char *unit)
     H5Dclose(set);
 }
 
-/* A '/' in a field's name would be a group. */
+/* The path of a data set in a group, to be freed; NULL: no memory. A '/' in a field's name would be a group. */
+static char *path_of(const char *group, const char *name)
+{
+    size_t before = strlen(group), length = strlen(name);
+    char *path = array_new(before + length + 1, 1);
+    if (!path)
+        return NULL;
+    memcpy(path, group, before);
+    memcpy(path + before, name, length + 1);
+    for (char *c = path + before; *c; c++)
+        *c = *c == '/' ? '_' : *c;
+    return path;
+}
+
 static enum tetlod_status put_field(struct writer *w, const char *group, const struct point_field *field, uint64_t rows,
                                     struct tetlod_error *error)
 {
     const hsize_t dims[2] = {rows, field->components};
-    size_t before = strlen(group), length = strlen(field->name);
-    char *path = array_new(before + length + 2, 1);
+    char *path = path_of(group, field->name);
     if (!path)
-        return tetlodi_fail_nomem(error, "a field's name", length);
-    memcpy(path, group, before);
-    path[before] = '/';
-    memcpy(path + before + 1, field->name, length + 1);
-    for (char *c = path + before + 1; *c; c++)
-        *c = *c == '/' ? '_' : *c;
+        return tetlodi_fail_nomem(error, "a field's name", strlen(field->name));
     put_set(w, path, field->components > 1 ? 2 : 1, dims, H5T_NATIVE_DOUBLE,
             field->is_integer ? H5T_STD_I64LE : float_type(field->type), field->values);
     if (field->unit[0])
@@ -113,6 +123,20 @@ static enum tetlod_status put_cells(struct writer *w, const struct tetmesh *mesh
     return nomem ? tetlodi_fail_nomem(error, "the cells", tets * 9) : TETLOD_OK;
 }
 
+static enum tetlod_status put_fact(struct writer *w, const struct fact *fact, struct tetlod_error *error)
+{
+    char group[64];
+    snprintf(group, sizeof group, "FieldData/%s%s", fact->name, fact->field ? " " : "");
+    const hsize_t rows = fact->codes ? strlen(fact->codes) : 1;
+    char *path = path_of(group, fact->field ? fact->field : "");
+    if (!path)
+        return tetlodi_fail_nomem(error, "a field's name", strlen(group));
+    put_set(w, path, 1, &rows, fact->codes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE,
+            fact->codes ? H5T_STD_U8LE : H5T_IEEE_F64LE, fact->codes ? (const void *)fact->codes : &fact->value);
+    free(path);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status put_mesh(struct writer *w, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     const hsize_t one = 1, points[2] = {mesh->vertex_count, 3};
@@ -124,9 +148,12 @@ static enum tetlod_status put_mesh(struct writer *w, const struct tetmesh *mesh,
     put_set(w, "Points", 2, points, H5T_NATIVE_DOUBLE, float_type(mesh->position_type), mesh->positions);
     TETLOD_TRY(put_cells(w, mesh, error));
     for (uint32_t f = 0; f < mesh->field_count; f++)
-        TETLOD_TRY(put_field(w, "PointData", &mesh->fields[f], mesh->vertex_count, error));
+        TETLOD_TRY(put_field(w, "PointData/", &mesh->fields[f], mesh->vertex_count, error));
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)
-        TETLOD_TRY(put_field(w, "CellData", &mesh->cell_fields[f], mesh->tet_count, error));
+        TETLOD_TRY(put_field(w, "CellData/", &mesh->cell_fields[f], mesh->tet_count, error));
+    struct fact fact;
+    for (uint32_t i = 0; fact_of(mesh, i, &fact); i++)
+        TETLOD_TRY(put_fact(w, &fact, error));
     return TETLOD_OK;
 }
 

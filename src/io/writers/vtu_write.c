@@ -7,6 +7,7 @@
 #include <zlib.h>
 
 #include "format/fail.h"
+#include "src/io/writers/facts.h"
 #include "src/io/writers/layout.h"
 #include "src/io/writers/writers.h"
 #include "src/mesh/ids.h"
@@ -154,6 +155,31 @@ static void put_fields(struct writer *w, const struct point_field *fields, uint3
         put_array(w, fields[f].name, fields[f].unit);
 }
 
+static void put_fact(struct put *put, const struct fact *fact)
+{
+    put_format(put, "      <DataArray type=\"%s\" Name=\"%s", fact->codes ? "UInt8" : "Float64", fact->name);
+    if (fact->field) {
+        put_text(put, " ");
+        put_escaped(put, fact->field);
+    }
+    put_format(put, "\" NumberOfTuples=\"%zu\" format=\"ascii\">", fact->codes ? strlen(fact->codes) : 1);
+    for (const char *code = fact->codes; code && *code; code++)
+        put_format(put, code[1] ? "%d " : "%d", *code);
+    if (!fact->codes)
+        put_format(put, "%.17g", fact->value);
+    put_text(put, "</DataArray>\n");
+}
+
+static void put_facts(struct put *put, const struct tetmesh *mesh)
+{
+    struct fact fact;
+    for (uint32_t i = 0; fact_of(mesh, i, &fact); i++) {
+        put_text(put, i ? "" : "    <FieldData>\n");
+        put_fact(put, &fact);
+    }
+    put_text(put, fact_of(mesh, 0, &fact) ? "    </FieldData>\n" : "");
+}
+
 /* All that is in front of the arrays. */
 static void put_head(struct writer *w, bool plain)
 {
@@ -164,6 +190,7 @@ static void put_head(struct writer *w, bool plain)
                   "header_type=\"UInt64\"");
     put_text(put, plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
     put_text(put, ">\n  <UnstructuredGrid>\n");
+    put_facts(put, mesh);
     put_format(put, "    <Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfCells=\"%" PRIu32 "\">\n      <PointData",
                mesh->vertex_count,
                mesh->tet_count);

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing XDMF 3 as one file: all numbers are in its text, with as many digits as bring them back. */
+/* Writing XDMF as one file, which says that it is XDMF 2: meshio takes values of the grid only there. In it all numbers are in its text, with as many digits as bring them back. */
 #include <inttypes.h>
 #include <math.h>
+#include <string.h>
 
 #include "format/fail.h"
+#include "src/io/writers/facts.h"
 #include "src/io/writers/writers.h"
 #include "src/util/put.h"
 
@@ -40,12 +42,30 @@ static void put_attribute(struct put *put, const struct point_field *field, bool
     put_text(put, "</Attribute>\n");
 }
 
+/* Values of the whole grid: VTK takes them as field data. */
+static void put_fact(struct put *put, const struct fact *fact)
+{
+    put_format(put, "<Attribute Name=\"%s", fact->name);
+    if (fact->field) {
+        put_text(put, " ");
+        put_escaped(put, fact->field);
+    }
+    put_format(put, "\" AttributeType=\"Scalar\" Center=\"Grid\">\n<DataItem Dimensions=\"%zu\" NumberType=\"%s\" "
+               "Precision=\"%d\" Format=\"XML\">", fact->codes ? strlen(fact->codes) : 1, fact->codes ? "Int" : "Float",
+               fact->codes ? 4 : 8);
+    for (const char *code = fact->codes; code && *code; code++)
+        put_format(put, code[1] ? "%d " : "%d", *code);
+    if (!fact->codes)
+        put_format(put, "%.17g", fact->value);
+    put_text(put, "</DataItem></Attribute>\n");
+}
+
 enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     struct put put;
     const struct point_field points = {.components = 3, .type = mesh->position_type, .values = mesh->positions};
     TETLOD_TRY(put_init(&put, sink, false, error));
-    put_text(&put, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\"><Domain><Grid Name=\"mesh\" "
+    put_text(&put, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"2.0\"><Domain><Grid Name=\"mesh\" "
                    "GridType=\"Uniform\">\n");
     put_format(&put, "<Topology TopologyType=\"Tetrahedron\" NumberOfElements=\"%" PRIu32 "\">\n<DataItem Dimensions=\"%" PRIu32
                      " 4\" NumberType=\"Int\" Precision=\"8\" Format=\"XML\">\n", mesh->tet_count, mesh->tet_count);
@@ -58,6 +78,9 @@ enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_s
         put_attribute(&put, &mesh->fields[f], false, mesh->vertex_count);
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)
         put_attribute(&put, &mesh->cell_fields[f], true, mesh->tet_count);
+    struct fact fact;
+    for (uint32_t i = 0; fact_of(mesh, i, &fact); i++)
+        put_fact(&put, &fact);
     put_text(&put, "</Grid></Domain></Xdmf>\n");
     return put_finish(&put);
 }
