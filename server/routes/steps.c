@@ -10,7 +10,7 @@
 #include "format/fail.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
-#include "src/level/level_mesh.h"
+#include "src/stream/level_mesh.h"
 #include "src/stream/series_time.h"
 #include "src/stream/selection.h"
 #include "src/util/array.h"

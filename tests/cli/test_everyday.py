@@ -69,7 +69,8 @@ def parts_with_cells():
     must('extract', stream, '--level', str(level), '-o', 'cells.tetlod')
     must('extract', stream, '--level', str(level), '-o', 'whole.vtk')
     must('extract', 'cells.tetlod', '-o', 'part.vtk')
-    return None if content('whole.vtk') == content('part.vtk') and b'CELL_DATA' in content('part.vtk') else 'the levels differ'
+    part = content('part.vtk')
+    return None if content('whole.vtk') == part and b'CELL_DATA' in part else 'the levels differ'
 
 
 def cut_off():

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Field data of what is extracted: content id, level, errors and time, read by VTK and meshio; none of them becomes a field."""
+"""Field data of what is extracted: content id, level, errors and time, by VTK and meshio; none becomes a field."""
 import os
 import re
 import sys
@@ -74,9 +74,9 @@ def step_case(extension):
     level = level_of(must('extract', 'wake.tetlod', '--step', '2', '--error', '5%', '-o',
                           'step' + extension).stderr.decode())
     mesh = client.open(path('wake.tetlod')).at(stream['series']['times'][2], error=0.05)
-    problem = differs(facts('step' + extension), stream, level, {n: e['max'] for n, e in mesh.errors.items()}, mesh.time)
-    return problem or differs(of_grid(mesh.to_vtk()), stream, level, {n: e['max'] for n, e in mesh.errors.items()},
-                              mesh.time)
+    errors = {name: error['max'] for name, error in mesh.errors.items()}
+    problem = differs(facts('step' + extension), stream, level, errors, mesh.time)
+    return problem or differs(of_grid(mesh.to_vtk()), stream, level, errors, mesh.time)
 
 
 def box_case():

@@ -67,7 +67,7 @@ class Mesh:
             ', '.join(self.cells) or 'none')
 
     def to_vtk(self) -> Any:
-        """A vtkUnstructuredGrid with copies of the arrays, and field data as `tetlod extract` writes. Needs the vtk package."""
+        """A vtkUnstructuredGrid with copies of the arrays, and field data as `tetlod extract` writes. Needs vtk."""
         from .adapters import grid
         return grid(self)
 

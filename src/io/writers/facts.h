@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What a file says of a mesh as a whole: the stream and the level that it was taken from, its time, its errors. Formats
+/* Facts of a mesh as a whole in a file: the stream and the level that it was taken from, its time, its errors. Formats
  * of VTK have them as field data. client-examples/ERRORS.md lists the names. */
 #ifndef TETLOD_FACTS_H
 #define TETLOD_FACTS_H

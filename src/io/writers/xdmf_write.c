@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing XDMF as one file, which says that it is XDMF 2: meshio takes values of the grid only there. In it all numbers are in its text, with as many digits as bring them back. */
+/* Writing XDMF as one file, which says that it is XDMF 2: meshio takes values of the grid only there. All numbers are
+ * in its text, with as many digits as bring them back. */
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>

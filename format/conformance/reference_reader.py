@@ -1,0 +1,52 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: 0BSD
+"""A reader as README.md defines it: the reference decoder."""
+import json
+import os
+import sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.environ.get('TETLOD_PYTHON',
+                                     os.path.join(HERE, '..', '..', 'client-examples', 'python'))]
+import answers  # noqa: E402
+import tetlod.reference as tetlod  # noqa: E402
+
+
+def steps_of(series):
+    """Band by band, step by step."""
+    rows = []
+    for band in range(len(series.bands)):
+        for step in range(len(series.times)):
+            values = list(series.seek(band, step)[1].values())
+            rows.append(answers.digest(values + ([series.points()] if series.displacement else [])))
+    return rows
+
+
+def of_stream(stream):
+    for section in stream.sections:
+        stream.section(section['tag'])
+    cursor, series = stream.cursor(), stream.series()
+    names = [field['name'] for field in stream.fields]
+    cells = [field['name'] for field in stream.cell_fields]
+    answer = {'levels': [answers.level(found.positions, found.tets, [found.field(name) for name in names])
+                         for found in map(cursor.seek, range(len(stream.levels)))],
+              'cells': [answers.digest([stream.cells(name)]) for name in cells]}
+    if series:
+        answer['steps'] = steps_of(series)
+        answer['cell_steps'] = [[answers.digest([series.cells(name, step)]) for step in range(len(series.times))]
+                                for name in cells if series.has_cells(name, 1)]
+    return answer
+
+
+def answer(path):
+    stream = tetlod.open(path)
+    own = of_stream(stream)
+    groups = [of_stream(stream.topology(number)) for number in range(1, len(stream.topologies))]
+    return {**own, 'groups': groups} if groups else own
+
+
+if __name__ == '__main__':
+    try:
+        print(json.dumps(answer(sys.argv[1])))
+    except (tetlod.StreamError, IndexError, KeyError) as problem:
+        sys.exit('%s: %r' % (sys.argv[1], problem))

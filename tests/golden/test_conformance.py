@@ -1,0 +1,120 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""format/conformance: expected.json is what the reference decoder gives, the Python package over the C library gives
+the same, each planted fault is found, and the runner keeps its contract."""
+import json
+import os
+import subprocess
+import sys
+import types
+import warnings
+
+from tap import finish, report
+
+ROOT = os.environ.get('ROOT', '.')
+KIT = os.path.join(os.path.abspath(ROOT), 'format', 'conformance')
+sys.path.insert(0, KIT)
+os.environ.setdefault('TETLOD_LIBRARY', os.path.join(os.path.dirname(os.environ['TETLOD']), 'libtetlod.so.0.1.0'))
+import make  # noqa: E402
+import package_reader  # noqa: E402
+import reference_reader  # noqa: E402
+
+warnings.simplefilter('ignore')  # of a file that is cut off
+REFERENCE = reference_reader.tetlod
+with open(make.EXPECTED, encoding='utf-8') as file:
+    TEXT = file.read()
+EXPECTED = json.loads(TEXT)
+
+# What is written in the place of what; each is an error that somebody who reads SPEC.md may make
+FAULTS = [
+    ('code - (1 << width) if signed', 'code if signed'),
+    ('self.step[axis] + 0.5)', 'self.step[axis])'),
+    ('self.origin[axis] + self.step[axis] * float(code)', 'self.origin[axis] + self.step[axis] * float(code + 1)'),
+    ('return bits if bits <= self.most else -1 - (bits & self.most)', 'return bits'),
+    ('code if code >= 0 else ~code | self.most + 1', 'code if code >= 0 else -code | self.most + 1'),
+    ('place = above if stride == 1 else i % stride % 8', 'place = above'),
+    ('above = out[i - stride] if i >= stride else 0', 'above = out[i - 1] if i else 0'),
+    ('bound = (self.range >> 12) * (p >> 4)', 'bound = (self.range >> 16) * p'),
+    ('chances[i] = p + ((65536 - p) >> SHIFT[seen])', 'chances[i] = p + (65536 - p >> 4)'),
+    ('top = min(left, 2)', 'top = min(left, 3)'),
+    ('value = value << some | self.plain(some)', 'value = value << some | self.plain(some) ^ 1'),
+    ('some = min(left, 16)\n            left', 'some = min(left, 8)\n            left'),
+    ("return [32768] * count, [0] * count", "return [32767] * count, [0] * count"),
+    ('out[first], out[second] = out[second], out[first]', 'pass'),
+    ('own * len(codes) - sum(codes[1:])', 'own * 2 - sum(codes[1:])'),
+    ('value - scale.value(code, axis)', 'value - scale.value(code, 0) * 0.5'),
+    ('return component if self.part == 0 else 0', 'return 0'),
+    ('float(code) / POWERS[self.digits]', 'float(code) * (1 / POWERS[self.digits])'),
+    ("self.copied[c] = coder.tree(source, 6)", "self.copied[c] = coder.tree(source, 5)"),
+    ("require(not any(self.rest), what", "require(True, what"),
+    ("self.code < self.range, 'a frame", "self.code <= self.range, 'a frame"),
+]
+
+
+def answered(answer, entry):
+    """Does a decoder give what it must?"""
+    try:
+        return json.loads(json.dumps(answer(os.path.join(KIT, entry['stream'])))) == entry['answer']
+    except Exception:  # a fault may end in any
+        return False
+
+
+def refused(answer, entry):
+    try:
+        answer(os.path.join(KIT, entry['stream']))
+        return False
+    except Exception:
+        return True
+
+
+def faulty(old, new):
+    with open(REFERENCE.__file__, encoding='utf-8') as file:
+        text = file.read()
+    assert old in text, old
+    module = types.ModuleType('tetlod.reference')
+    module.__file__, module.__package__ = REFERENCE.__file__, 'tetlod'
+    exec(compile(text.replace(old, new), REFERENCE.__file__, 'exec'), module.__dict__)
+    return module
+
+
+def found(old, new):
+    """Whether a vector shows the fault: small streams are tried first."""
+    reference_reader.tetlod = sys.modules['tetlod.reference'] = faulty(old, new)
+    try:
+        valid = sorted(EXPECTED['valid'], key=lambda entry: os.path.getsize(os.path.join(KIT, entry['stream'])))
+        return any(not answered(reference_reader.answer, entry) for entry in valid) or \
+            any(not refused(reference_reader.answer, entry) for entry in EXPECTED['invalid'])
+    finally:
+        reference_reader.tetlod = sys.modules['tetlod.reference'] = REFERENCE
+
+
+def run_kit(reader, only):
+    done = subprocess.run([os.path.join(KIT, 'run'), '--reader', reader, '--only', only], stdout=subprocess.PIPE,
+                          text=True)
+    return done.returncode, done.stdout.splitlines()[-1]
+
+
+small = [entry['stream'] for entry in EXPECTED['valid'] if os.path.getsize(os.path.join(KIT, entry['stream'])) < 20000]
+report('at least 60 valid streams below 20 kB, and 60 invalid ones', min(len(small), len(EXPECTED['invalid'])) >= 60)
+with open(os.path.join(ROOT, 'format', 'SPEC.md'), encoding='utf-8') as file:
+    clauses = {line.split()[1].rstrip('.') for line in file if line.startswith('#') and line.split()[1][0].isdigit()}
+named = {entry['clause'] for kind in ('valid', 'invalid') for entry in EXPECTED[kind]}
+report('the clauses are in SPEC.md', named <= clauses, named - clauses)
+listed = {entry['stream'] for entry in EXPECTED['valid']}
+here = {'valid/' + name for name in os.listdir(os.path.join(KIT, 'valid'))}
+report('every stream of valid/ is listed', here <= listed, here - listed)
+report('expected.json is what the reference decoder gives: format/conformance/make.py writes it',
+       make.expected(make.noted()) == TEXT)
+wrong = [entry['stream'] for entry in EXPECTED['valid'] if not answered(package_reader.answer, entry)]
+report('the package over the C library gives the same', not wrong, wrong)
+for decoder, name in ((reference_reader, 'reference decoder'), (package_reader, 'package')):
+    taken = [e['stream'] for e in EXPECTED['invalid'] if not e.get('validator') and not refused(decoder.answer, e)]
+    report('the %s refuses the invalid streams' % name, not taken, taken)
+hidden = [old for old, new in FAULTS if not found(old, new)]
+report('each of %d planted faults is found' % len(FAULTS), not hidden, hidden)
+reader = os.path.join(KIT, 'reference_reader.py')
+report('the runner: a right reader', run_kit("/usr/bin/python3 '%s' %%s" % reader, 'shape_o')[0] == 0)
+report('the runner: a reader that gives nothing', run_kit('true %s', 'shape_o')[0] == 1)
+report('the runner: a reader that crashes is no refusal', run_kit("sh -c 'exit 2' %s", 'invalid/magic')[0] == 1)
+report('the runner: nothing to run is a failure', run_kit('true %s', 'no such stream')[0] == 1)
+finish()
