@@ -52,7 +52,9 @@ def hat(random, base=None):
     values = fine[2].copy()
     values[top] += height
     second = fine[0][order], back[fine[1]][random.permutation(len(fine[1]))], values[order]
-    return Pair(base, second, abs(height), (volumes[star] * height ** 2 / 10).sum(), volumes.sum())
+    pair = Pair(base, second, abs(height), (volumes[star] * height ** 2 / 10).sum(), volumes.sum())
+    pair.support = volumes[star].sum()
+    return pair
 
 
 def linear(random):

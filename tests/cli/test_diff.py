@@ -108,6 +108,10 @@ def moved_boundaries():
             must('build', path('ring%d.vtu' % m), '-o', path('ring%d.tetlod' % m), '--summary', '--quiet',
                  '--domain-error', '0.01')
         check_pair(tally, 'ring %d' % seed, pair, [path('ring0.tetlod'), path('ring1.tetlod')])
+        code, found = diff(path('ring0.tetlod'), path('ring1.tetlod'), '--field', 'f', '--limit',
+                           repr(0.1 * pair.largest))
+        if code != 4 or found['swept'] >= pair.support:  # what was swept may be all of the hat
+            tally.wrong.append(('ring %d' % seed, found, pair.support))
     report('rings: %d intervals hold what is true' % tally.asked, not tally.wrong, tally.wrong[:3])
     step = [values + (np.arange(len(values)) >= 0) * 0.5 * np.ptp(values) for _, _, values in pair.meshes[:1]][0]
     write_mesh('ring1.vtu', *pair.meshes[0][:2], {'f': step})
@@ -115,6 +119,8 @@ def moved_boundaries():
     code, found = diff(path('ring0.tetlod'), path('ring1.tetlod'), '--field', 'f', '--limit', '10%')
     report('a level whose boundary has moved shows what is beyond the limit',
            code == 4 and found['swept'] > 0 and found['first']['bytes'] < 0.7 * found['first']['of_bytes'], found)
+    most = 1.5 * np.ptp(pair.meshes[0][2])
+    report('and no more than the ranges say of the largest one', abs(found['max']['upper'] - most) < 1e-6 * most, found)
 
 
 def wavy_bodies(n):
@@ -188,6 +194,15 @@ def domains():
         found = diff(path('cube.vtu'), path('half.vtu'), '--field', field)[1]
         report('%s differs by %g' % (field, wanted), abs(found['max']['upper'] - wanted) < 1e-9 and
                abs(found['rms']['lower'] - wanted) < 1e-6, found)
+    points, tets = kuhn(4, np.random.default_rng(1))
+    middles = points[tets].mean(axis=1)
+    arms = tets[(abs(middles[:, 0] - 0.5) > 0.25) | (middles[:, 1] < 0.25)]
+    write_mesh('arms.vtu', points, arms, {'f': points[:, 0]})
+    coarse = kuhn(1, np.random.default_rng(1))
+    write_mesh('coarse.vtu', *coarse, {'f': coarse[0][:, 0]})
+    found = diff(path('coarse.vtu'), path('arms.vtu'), '--field', 'f', '--limit', '0.001')[1]
+    report('a tetrahedron that reaches across a gap is compared on both sides', found['verdict'] == 'within' and
+           abs(found['overlap'] - found['volumes'][1]) < 1e-9, found)
     write_mesh('far.vtu', points + 7, tets, {'f': points[:, 0]})
     fails('meshes that do not overlap', 3, ('do not overlap',), 'diff', path('cube.vtu'), path('far.vtu'),
           '--field', 'f')

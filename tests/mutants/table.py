@@ -211,10 +211,6 @@ mutant('diff: nothing was swept', 'src/diff/difference.c',
        'if (volume > swept)',
        'if (volume > 0)',
        'what was swept does not show a difference', DIFF)
-mutant('diff: a square without what was swept', 'src/diff/decide.c',
-       'found->squares[1] + swept * components * furthest * furthest',
-       'found->squares[1]',
-       'what was swept may differ', DIFF)
 
 # ---- the overlay, which checks it: what rules pairs out (8)
 
