@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/http/buffer.h"
 #include "src/util/array.h"
+#include "src/util/buffer.h"
 #include "src/util/file.h"
 
 enum { MAX_ORIGIN_BYTES = 240, MAX_TOKEN = 200 };

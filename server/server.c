@@ -24,12 +24,12 @@
 
 #include "format/fail.h"
 #include "server/http/access_log.h"
-#include "server/http/buffer.h"
 #include "server/net/http.h"
 #include "server/net/listener.h"
 #include "server/routes/routes.h"
 #include "server/rules.h"
 #include "src/util/array.h"
+#include "src/util/buffer.h"
 #include "src/util/clock.h"
 #include "src/util/memory_limit.h"
 #include "src/util/parallel.h"

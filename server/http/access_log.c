@@ -4,8 +4,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "server/http/buffer.h"
 #include "server/http/params.h"
+#include "src/util/buffer.h"
 
 static void put_json_text(struct buffer *line, const char *text)
 {

@@ -3,7 +3,7 @@
 #ifndef TETLOD_SERVER_METRICS_H
 #define TETLOD_SERVER_METRICS_H
 
-#include "server/http/buffer.h"
+#include "src/util/buffer.h"
 
 struct metrics;
 

@@ -5,7 +5,7 @@
 
 #include <jansson.h>
 
-#include "server/http/buffer.h"
+#include "server/http/encode.h"
 #include "server/http/exchange.h"
 
 /* What a region's headers say of it. */

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/http/encode.h"
 #include "server/http/conditions.h"
 #include "server/http/respond.h"
 #include "server/jobs/obtain.h"

@@ -3,11 +3,11 @@
 #ifndef TETLOD_SERVER_MADE_H
 #define TETLOD_SERVER_MADE_H
 
-#include "server/http/buffer.h"
 #include "server/http/exchange.h"
 #include "server/http/respond.h"
-#include "src/stream/forest.h"
 #include "src/mesh/tetmesh.h"
+#include "src/stream/forest.h"
+#include "src/util/buffer.h"
 #include "src/util/room.h"
 
 struct level_answer {

@@ -3,9 +3,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "server/http/buffer.h"
 #include "server/http/respond.h"
 #include "server/routes/handlers.h"
+#include "src/util/buffer.h"
 
 enum outcome handle_health(struct exchange *exchange)
 {

@@ -3,9 +3,9 @@
 #ifndef TETLOD_SERVER_MESH_FORMATS_H
 #define TETLOD_SERVER_MESH_FORMATS_H
 
-#include "server/http/buffer.h"
 #include "server/http/exchange.h"
 #include "src/mesh/tetmesh.h"
+#include "src/util/buffer.h"
 
 struct io_layout;
 

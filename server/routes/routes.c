@@ -7,12 +7,12 @@
 #include <strings.h>
 
 #include "server/http/access.h"
-#include "server/http/buffer.h"
 #include "server/http/conditions.h"
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/routes/handlers.h"
 #include "server/routes/viewer.h"
+#include "src/util/buffer.h"
 
 #define ROUTE(template, handle, health, parameters, answer, operation, summary)                               \
     {template, handle, parameters, health, false},

@@ -168,16 +168,16 @@ static enum tetlod_status build_file(struct build_request *request, const struct
                                      double *write_seconds, struct tetlod_error *error)
 {
     struct file_output *output;
-    struct tetlodi_buffer whole = {0};
+    struct buffer whole = {0};
     TETLOD_TRY(file_output_open(&output, request->output, error));
-    const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? mail_sink(&whole) : file;
+    const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? buffer_sink(&whole) : file;
     enum tetlod_status status = write_stream(request, in, &sink, report, error);
     double encoded = clock_seconds();
     if (status == TETLOD_OK && request->for_mail)
         status = mail_write(&whole, request->mail_error, &file, error);
     status = file_output_finish(output, status, error);
     *write_seconds = clock_seconds() - encoded;
-    tetlodi_buffer_fini(&whole);
+    buffer_fini(&whole);
     return status;
 }
 

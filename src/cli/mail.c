@@ -12,19 +12,7 @@ void mail_round(struct quantise_options *quantise, double error)
         quantise->field_error = FIELD_SHARE * error;
 }
 
-static enum tetlod_status append(void *opaque, const void *bytes, size_t size)
-{
-    struct tetlodi_buffer *whole = opaque;
-    tetlodi_put_block(whole, bytes, size);
-    return whole->failed ? TETLOD_ERR_NOMEM : TETLOD_OK;
-}
-
-struct tetlodi_sink mail_sink(struct tetlodi_buffer *whole)
-{
-    return (struct tetlodi_sink){append, whole};
-}
-
-enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, const struct tetlodi_sink *sink,
+enum tetlod_status mail_write(const struct buffer *whole, double limit, const struct tetlodi_sink *sink,
                               struct tetlod_error *error)
 {
     struct tetlod_file *file;

@@ -4,9 +4,8 @@
 #ifndef TETLOD_MAIL_H
 #define TETLOD_MAIL_H
 
-#include "format/common/bytes.h"
-#include "format/common/sink.h"
 #include "src/pipeline/quantise.h"
+#include "src/util/buffer.h"
 
 #define MAIL_ERROR 0.01
 
@@ -14,11 +13,8 @@
  * rounding. */
 void mail_round(struct quantise_options *quantise, double error);
 
-/* Collects the whole stream; the caller finishes the buffer. */
-struct tetlodi_sink mail_sink(struct tetlodi_buffer *whole);
-
 /* Writes the levels of a stream up to the coarsest one within an error. ERR_ARGUMENT if none is. */
-TETLOD_CHECKED enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit,
+TETLOD_CHECKED enum tetlod_status mail_write(const struct buffer *whole, double limit,
                                              const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
 

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Bytes that grow, and their compression for Content-Encoding. */
-#ifndef TETLOD_SERVER_BUFFER_H
-#define TETLOD_SERVER_BUFFER_H
+/* Bytes that grow. */
+#ifndef TETLOD_BUFFER_H
+#define TETLOD_BUFFER_H
+
+#include <stddef.h>
+#include <stdint.h>
 
 #include "format/common/sink.h"
-#include "server/http/coding.h"
 
 struct buffer {
     unsigned char *bytes; /* owned */
@@ -27,11 +29,5 @@ TETLOD_CHECKED enum tetlod_status buffer_reserve(struct buffer *buffer, uint64_t
 
 /* The buffer as a sink. */
 struct tetlodi_sink buffer_sink(struct buffer *buffer);
-
-/* Replaces the contents by their encoded form (nothing to do for identity). */
-TETLOD_CHECKED enum tetlod_status buffer_encode(struct buffer *buffer, enum coding coding, struct tetlod_error *error);
-
-/* Memory that encoding so many bytes takes beside them, at most. */
-uint64_t buffer_encoding_bytes(uint64_t size, enum coding coding);
 
 #endif
