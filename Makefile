@@ -93,7 +93,7 @@ FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
 WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary)
 LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
-BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/stream/forest.c src/stream/region.c src/mesh/% src/util/% src/ask/features.c,$(LIBRARY_SRC))
+BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/stream/forest.c src/stream/region.c src/mesh/% src/util/% src/ask/features.c src/ask/clip.c,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c server/store/*.c))
 ALONE := $(if $(filter 0,$(SERVER)),-alone)

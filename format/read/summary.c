@@ -7,20 +7,27 @@
 
 #include "format/fail.h"
 
-enum { SUMMARY_HEAD = 16, LEVEL_ROW = 4, COMPONENT_ROW = 16 };
+enum { SUMMARY_HEAD = 16, LEVEL_ROW = 4, COMPONENT_ROW = 16, COUNT_SIZE = 4, PLACES = 48, THRESHOLD_ROW = 16 };
 
-int tetlodi_summary_allocate(struct tetlodi_summary *summary, uint32_t levels, uint32_t components)
+int tetlodi_summary_allocate(struct tetlodi_summary *summary, uint32_t levels, uint32_t components,
+                             uint32_t thresholds)
 {
-    *summary = (struct tetlodi_summary){.level_count = levels, .component_count = components};
+    size_t rows = (size_t)thresholds * components;
+    *summary = (struct tetlodi_summary){.level_count = levels, .component_count = components,
+                                        .threshold_count = thresholds};
+    summary->places = calloc(components ? components : 1, sizeof *summary->places);
+    summary->below = calloc(rows ? rows : 1, sizeof *summary->below);
     summary->swept = calloc(levels ? levels : 1, sizeof *summary->swept);
     summary->sums = calloc(components ? components : 1, sizeof *summary->sums);
-    return summary->swept && summary->sums;
+    return summary->swept && summary->sums && summary->places && summary->below;
 }
 
 void tetlodi_summary_fini(struct tetlodi_summary *summary)
 {
     free(summary->swept);
     free(summary->sums);
+    free(summary->places);
+    free(summary->below);
     *summary = (struct tetlodi_summary){0};
 }
 
@@ -38,6 +45,46 @@ void tetlodi_summary_encode(const struct tetlodi_summary *summary, struct tetlod
         tetlodi_put_f64(out, summary->sums[c][0]);
         tetlodi_put_f64(out, summary->sums[c][1]);
     }
+    if (summary->threshold_count)
+        tetlodi_put(out, summary->threshold_count, COUNT_SIZE);
+    for (uint32_t c = 0; c < summary->component_count && summary->threshold_count; c++) {
+        for (int i = 0; i < 6; i++)
+            tetlodi_put_f64(out, summary->places[c][i / 3][i % 3]);
+        for (uint32_t t = 0; t < 2 * summary->threshold_count; t++)
+            tetlodi_put_f64(out, summary->below[(size_t)c * summary->threshold_count + t / 2][t % 2]);
+    }
+}
+
+/* Thresholds and volumes do not fall. */
+static int is_distribution(const struct tetlodi_summary *summary, uint32_t component)
+{
+    double last[2] = {-INFINITY, 0};
+    for (int i = 0; i < 6; i++)
+        if (!isfinite(summary->places[component][i / 3][i % 3]))
+            return 0;
+    for (uint32_t t = 0; t < summary->threshold_count; t++)
+        for (int i = 0; i < 2; i++) {
+            double value = summary->below[(size_t)component * summary->threshold_count + t][i];
+            if (!(value >= last[i]) || !isfinite(value))
+                return 0;
+            last[i] = value;
+        }
+    return last[1] <= summary->volume * (1 + 1e-9);
+}
+
+static enum tetlod_status decode_distributions(struct tetlodi_summary *summary, struct tetlodi_bytes *from,
+                                               struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < summary->component_count && summary->threshold_count; c++) {
+        for (int i = 0; i < 6; i++)
+            summary->places[c][i / 3][i % 3] = tetlodi_get_f64(from);
+        for (uint32_t t = 0; t < 2 * summary->threshold_count; t++)
+            summary->below[(size_t)c * summary->threshold_count + t / 2][t % 2] = tetlodi_get_f64(from);
+        if (!is_distribution(summary, c))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "section SUMS: the places or the distribution of component %u are not of any field", c);
+    }
+    return TETLOD_OK;
 }
 
 static enum tetlod_status decode_rows(struct tetlodi_summary *summary, struct tetlodi_bytes *from,
@@ -66,17 +113,29 @@ enum tetlod_status tetlodi_summary_decode(struct tetlodi_summary *summary, const
     struct tetlodi_bytes from = {.at = bytes, .left = size};
     uint64_t levels = tetlodi_get(&from, 4), components = tetlodi_get(&from, 4);
     double volume = tetlodi_get_f64(&from);
+    uint64_t plain = SUMMARY_HEAD + LEVEL_ROW * levels + COMPONENT_ROW * components, thresholds = 0;
     *summary = (struct tetlodi_summary){0};
-    if (from.failed || size != SUMMARY_HEAD + LEVEL_ROW * levels + COMPONENT_ROW * components)
+    if (!from.failed && size >= plain + COUNT_SIZE && components) {
+        struct tetlodi_bytes count = {.at = bytes + plain, .left = COUNT_SIZE};
+        thresholds = tetlodi_get(&count, COUNT_SIZE);
+        plain += COUNT_SIZE + components * (PLACES + THRESHOLD_ROW * thresholds);
+        if (!thresholds || thresholds > MAX_SUMMARY_THRESHOLDS)
+            from.failed = 1;
+    }
+    if (from.failed || size != plain)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "section SUMS: truncated or trailing bytes");
     if (!(volume >= 0) || isinf(volume))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "section SUMS: the volume is not a number");
-    if (!tetlodi_summary_allocate(summary, (uint32_t)levels, (uint32_t)components)) {
+    if (!tetlodi_summary_allocate(summary, (uint32_t)levels, (uint32_t)components, (uint32_t)thresholds)) {
         tetlodi_summary_fini(summary);
         return tetlodi_fail_nomem(error, "the section SUMS", size);
     }
     summary->volume = volume;
     enum tetlod_status status = decode_rows(summary, &from, error);
+    if (thresholds)
+        tetlodi_get(&from, COUNT_SIZE);
+    if (status == TETLOD_OK)
+        status = decode_distributions(summary, &from, error);
     if (status != TETLOD_OK)
         tetlodi_summary_fini(summary);
     return status;

@@ -10,10 +10,17 @@ struct tetlodi_summary {
     double volume;    /* of the original's tetrahedra */
     float *swept;     /* [level_count] volume that the boundary has swept between the original and the level: a bound */
     double (*sums)[2]; /* [component_count] integral of the component, and of its square */
+    /* Of each component, if there are thresholds: where it is least and greatest, and its distribution. */
+    uint32_t threshold_count;  /* of each component, ascending; 0: none of it is there */
+    double (*places)[2][3];    /* [component_count] */
+    double (*below)[2];        /* [threshold_count * component_count] a threshold; the volume where it is not above */
 };
 
+enum { MAX_SUMMARY_THRESHOLDS = 4096 };
+
 /* Room for all of it, zero. 0: out of memory. */
-int tetlodi_summary_allocate(struct tetlodi_summary *summary, uint32_t levels, uint32_t components);
+int tetlodi_summary_allocate(struct tetlodi_summary *summary, uint32_t levels, uint32_t components,
+                             uint32_t thresholds);
 void tetlodi_summary_fini(struct tetlodi_summary *summary);
 
 /* As the section's bytes, and back. Decoding checks what the section can be checked for by itself. ERR_STREAM,

@@ -240,35 +240,89 @@ static enum tetlod_status check_levels(const struct asking *asking, struct tetlo
     return forms_none(asking->forms, error);
 }
 
+/* The number of the component that is asked about, through all fields. */
+static uint32_t component_of(const struct asking *asking)
+{
+    uint32_t at = 0;
+    for (uint32_t f = 0; f < asking->forms->field; f++)
+        at += asking->info->fields[f].components;
+    return at + (asking->question->quantity.component > 0 ? (uint32_t)asking->question->quantity.component : 0);
+}
+
+/* The volume where the component is at most the question's number, or below it: between two of the thresholds. */
+static struct ask_interval volume_below(const struct asking *asking, const double (*below)[2], bool equal)
+{
+    struct ask_interval out = {0, asking->forms->summary.volume};
+    double number = asking->question->number;
+    for (uint32_t k = 0; k < asking->forms->summary.threshold_count; k++)
+        if (below[k][0] < number || (equal && below[k][0] == number))
+            out.lower = below[k][1];
+    for (uint32_t k = asking->forms->summary.threshold_count; k-- > 0;)
+        if (below[k][0] >= number)
+            out.upper = below[k][1];
+    return out;
+}
+
+/* What the distribution says of volumes and quantiles of the whole domain; false: it has none. */
+static bool find_in_distribution(const struct asking *asking, struct ask_interval *out)
+{
+    static const double ROUNDING = 4e-12; // of the volume
+    const struct ask_question *question = asking->question;
+    const struct tetlodi_summary *summary = &asking->forms->summary;
+    double volume = summary->volume, slack = ROUNDING * volume;
+    bool is_quantile = question->function == ASK_QUANTILE;
+    if (!summary->threshold_count || asking->info->inverted_tets || !(volume > 0) || !question->quantity.name[0] ||
+        !(is_quantile || (question->function == ASK_VOLUME && question->side != ASK_NO_LIMIT)))
+        return false;
+    const double (*below)[2] =
+        (const double(*)[2])summary->below + (size_t)component_of(asking) * summary->threshold_count;
+    if (is_quantile) {
+        double wanted = question->number * volume;
+        *out = (struct ask_interval){asking->forms->range[0], asking->forms->range[1]};
+        for (uint32_t k = 0; k < summary->threshold_count; k++)
+            out->lower = below[k][1] + slack < wanted ? below[k][0] : out->lower;
+        for (uint32_t k = summary->threshold_count; k-- > 0;)
+            out->upper = below[k][1] - slack >= wanted ? below[k][0] : out->upper;
+        return true;
+    }
+    bool above = question->side == ASK_GREATER || question->side == ASK_AT_LEAST;
+    *out = volume_below(asking, below, question->side == ASK_GREATER || question->side == ASK_AT_MOST);
+    if (above)
+        *out = (struct ask_interval){volume - out->upper, volume - out->lower};
+    *out = (struct ask_interval){fmax(out->lower - slack, 0), out->upper + slack};
+    return true;
+}
+
 /* The sums of the original have the whole domain's integrals, but not of lengths. */
 static bool find_in_sums(const struct asking *asking, struct ask_interval *out)
 {
     const struct ask_question *question = asking->question;
-    uint32_t at = 0;
     const struct tetlodi_summary *summary = &asking->forms->summary;
     if (!summary->level_count || (question->function == ASK_VOLUME && question->side != ASK_NO_LIMIT))
         return false;
     double value = summary->volume, volume = value;
-    if (question->function != ASK_VOLUME) {
-        for (uint32_t f = 0; f < asking->forms->field; f++)
-            at += asking->info->fields[f].components;
-        at += question->quantity.component > 0 ? (uint32_t)question->quantity.component : 0;
-        value = summary->sums[at][0] / (question->function == ASK_MEAN ? volume : 1);
-    }
+    if (question->function != ASK_VOLUME)
+        value = summary->sums[component_of(asking)][0] / (question->function == ASK_MEAN ? volume : 1);
     *out = (struct ask_interval){value - 1e-12 * fabs(value), value + 1e-12 * fabs(value)};
     return volume > 0 && (question->function == ASK_MEAN || question->function == ASK_INTEGRAL ||
                           question->function == ASK_VOLUME);
 }
 
 /* What the bytes before the levels say: the index has the extremes of a field of one component. */
-static bool find_before_levels(const struct asking *asking, struct ask_result *out)
+static bool find_before_levels(const struct asking *asking, const struct ask_options *options,
+                               struct ask_result *out)
 {
     const struct ask_question *question = asking->question;
     bool extreme = question->function == ASK_MIN || question->function == ASK_MAX;
     if (question->in_box || question->over_region || question->quantity.component == ASK_LENGTH)
         return false;
-    out->exact = true;
     out->bytes = asking->info->levels[0].offset;
+    if (find_in_distribution(asking, &out->interval))
+        return question->compare != ASK_NO_LIMIT
+                   ? ask_decide(question, &out->interval) >= 0
+                   : out->interval.upper - out->interval.lower <=
+                         width_of(asking, options, asking->forms->summary.volume);
+    out->exact = true;
     if (!extreme)
         return find_in_sums(asking, &out->interval);
     double value = asking->forms->range[question->function == ASK_MAX];
@@ -279,7 +333,7 @@ static bool find_before_levels(const struct asking *asking, struct ask_result *o
 static enum tetlod_status ask_forms(struct asking *asking, const struct ask_options *options, struct ask_result *out,
                                     struct tetlod_error *error)
 {
-    if (!asking->forms->series && find_before_levels(asking, out))
+    if (!asking->forms->series && find_before_levels(asking, options, out))
         return TETLOD_OK;
     TETLOD_TRY(check_levels(asking, error));
     TETLOD_TRY(load_regions(asking, error));

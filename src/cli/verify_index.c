@@ -10,6 +10,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "format/read/grids.h"
@@ -125,6 +126,48 @@ static bool is_sum(double declared, double found, double scale)
     return fabs(declared - found) <= 1e-9 * scale;
 }
 
+/* Is there a vertex at a place with the component's least (greatest) value? */
+static bool is_extreme_at(const struct tetmesh *mesh, uint32_t field, uint32_t component, const double place[3],
+                          bool greatest)
+{
+    const struct point_field *of = &mesh->fields[field];
+    double extreme = of->values[component];
+    bool found = false;
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        double value = of->values[of->components * v + component];
+        if (greatest ? value > extreme : value < extreme)
+            found = false;
+        extreme = greatest ? fmax(extreme, value) : fmin(extreme, value);
+        found |= value == extreme && memcmp(mesh->positions + 3 * v, place, 3 * sizeof *place) == 0;
+    }
+    return found;
+}
+
+/* The volumes below the thresholds, and the places of extremes. */
+static enum tetlod_status compare_distributions(const struct tetmesh *finest, const struct tetlodi_summary *declared,
+                                                struct tetlodi_summary *found, struct tetlod_error *error)
+{
+    size_t rows = (size_t)declared->threshold_count * declared->component_count;
+    for (size_t i = 0; i < rows; i++)
+        found->below[i][0] = declared->below[i][0];
+    TETLOD_TRY(summary_fill_volumes(found, finest, error));
+    for (size_t i = 0; i < rows; i++)
+        if (!is_sum(declared->below[i][1], found->below[i][1], found->volume))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                "section SUMS says that component %zu is at most %.9g in a volume of %.9g, the finest "
+                                "level in %.9g", i / declared->threshold_count, declared->below[i][0],
+                                declared->below[i][1], found->below[i][1]);
+    uint32_t at = 0;
+    for (uint32_t f = 0; f < finest->field_count; f++)
+        for (uint32_t c = 0; c < finest->fields[f].components; c++, at++)
+            for (int i = 0; i < 2 && rows; i++)
+                if (!is_extreme_at(finest, f, c, declared->places[at][i], i))
+                    return tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                        "section SUMS says that %.60s is %s where it is not", finest->fields[f].name,
+                                        i ? "greatest" : "least");
+    return TETLOD_OK;
+}
+
 static enum tetlod_status compare_sums(const struct tetlod_info *info, const struct tetlodi_summary *declared,
                                        const struct tetlodi_summary *found, struct tetlod_error *error)
 {
@@ -155,9 +198,11 @@ static enum tetlod_status check_sums(const struct tetlod_file *file, const struc
     TETLOD_TRY(tetlodi_summary_read(file, &declared, error));
     enum tetlod_status status = TETLOD_OK;
     if (declared.level_count && info->lossless) {
-        status = summary_of_mesh(&found, finest, 0, error);
+        status = summary_of_mesh(&found, finest, 0, declared.threshold_count, error);
         if (status == TETLOD_OK)
             status = compare_sums(info, &declared, &found, error);
+        if (status == TETLOD_OK)
+            status = compare_distributions(finest, &declared, &found, error);
     }
     tetlodi_summary_fini(&declared);
     tetlodi_summary_fini(&found);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/ask/clip.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -203,14 +204,27 @@ static enum tetlod_status add_swept(struct tetlodi_summary *out, const struct te
     return status;
 }
 
+static void find_places(const struct tetmesh *mesh, const struct point_field *field, uint32_t component,
+                        double out[2][3])
+{
+    uint32_t at[2] = {0, 0};
+    for (uint32_t v = 1; v < mesh->vertex_count; v++) {
+        double value = field->values[(size_t)field->components * v + component];
+        at[0] = value < field->values[(size_t)field->components * at[0] + component] ? v : at[0];
+        at[1] = value > field->values[(size_t)field->components * at[1] + component] ? v : at[1];
+    }
+    for (int i = 0; i < 2; i++)
+        memcpy(out[i], mesh->positions + 3 * (size_t)at[i], sizeof out[i]);
+}
+
 enum tetlod_status summary_of_mesh(struct tetlodi_summary *out, const struct tetmesh *mesh, uint32_t levels,
-                                   struct tetlod_error *error)
+                                   uint32_t thresholds, struct tetlod_error *error)
 {
     uint32_t components = 0, at = 0;
     long double volume = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    if (!tetlodi_summary_allocate(out, levels, components)) {
+    if (!tetlodi_summary_allocate(out, levels, components, thresholds)) {
         tetlodi_summary_fini(out);
         return tetlodi_fail_nomem(error, "the sums of the fields", 16 * (uint64_t)components + 4 * (uint64_t)levels);
     }
@@ -218,19 +232,169 @@ enum tetlod_status summary_of_mesh(struct tetlodi_summary *out, const struct tet
         volume += volume_of(mesh, t);
     out->volume = (double)volume;
     for (uint32_t f = 0; f < mesh->field_count; f++)
-        for (uint32_t c = 0; c < mesh->fields[f].components; c++)
-            add_sums(mesh, &mesh->fields[f], c, out->sums[at++]);
+        for (uint32_t c = 0; c < mesh->fields[f].components; c++, at++) {
+            add_sums(mesh, &mesh->fields[f], c, out->sums[at]);
+            find_places(mesh, &mesh->fields[f], c, out->places[at]);
+        }
     return TETLOD_OK;
+}
+
+/* ---- distributions */
+
+static void add_share(void *opaque, const double piece[4][4])
+{
+    *(double *)opaque += clip_share(piece);
+}
+
+/* The share of a tetrahedron where its interpolant is not above a threshold between its values. */
+static double share_below(const double values[4], double threshold)
+{
+    double plane[1][4], share = 0;
+    for (int c = 0; c < 4; c++)
+        plane[0][c] = threshold - values[c];
+    clip_tet((const double(*)[4])plane, 1, add_share, &share);
+    return fmin(share, 1);
+}
+
+/* `sums` has, of each threshold, the volume that is above the threshold before and not above this one, of whole
+ * tetrahedra, and then the volume of parts. */
+static void add_volumes(const double (*below)[2], uint32_t count, const double values[4], double volume,
+                        long double (*sums)[2])
+{
+    double least = fmin(fmin(values[0], values[1]), fmin(values[2], values[3]));
+    double most = fmax(fmax(values[0], values[1]), fmax(values[2], values[3]));
+    uint32_t first = 0, end = count;
+    while (first < end) { // the first threshold that is not below the least value
+        uint32_t middle = first + (end - first) / 2;
+        if (below[middle][0] < least)
+            first = middle + 1;
+        else
+            end = middle;
+    }
+    for (; first < count && below[first][0] < most; first++)
+        sums[first][1] += volume * share_below(values, below[first][0]);
+    if (first < count)
+        sums[first][0] += volume;
+}
+
+static void fill_component(const struct tetmesh *mesh, const struct point_field *field, uint32_t component,
+                           double (*below)[2], uint32_t count, long double (*sums)[2])
+{
+    long double whole = 0;
+    memset(sums, 0, count * sizeof *sums);
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        double values[4];
+        for (int c = 0; c < 4; c++)
+            values[c] = field->values[(size_t)field->components * mesh->corners[4 * (size_t)t + (size_t)c] + component];
+        add_volumes((const double(*)[2])below, count, values, volume_of(mesh, t), sums);
+    }
+    for (uint32_t k = 0; k < count; k++) {
+        whole += sums[k][0];
+        below[k][1] = fmax((double)(whole + sums[k][1]), k ? below[k - 1][1] : 0);
+    }
+}
+
+enum tetlod_status summary_fill_volumes(struct tetlodi_summary *out, const struct tetmesh *mesh,
+                                        struct tetlod_error *error)
+{
+    uint32_t count = out->threshold_count, at = 0;
+    long double (*sums)[2] = array_new(count, sizeof *sums);
+    if (!sums)
+        return tetlodi_fail_nomem(error, "the distributions", count * sizeof *sums);
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        for (uint32_t c = 0; c < mesh->fields[f].components; c++, at++)
+            fill_component(mesh, &mesh->fields[f], c, out->below + (size_t)at * count, count, sums);
+    free(sums);
+    return TETLOD_OK;
+}
+
+struct weighed {
+    double value, volume;
+};
+
+static int compare_weighed(const void *a, const void *b)
+{
+    double one = ((const struct weighed *)a)->value, other = ((const struct weighed *)b)->value;
+    return (one > other) - (one < other);
+}
+
+/* Thresholds with about as much volume between any two: a vertex stands for a quarter of its tetrahedra. */
+static void choose_thresholds(const struct tetmesh *mesh, const struct point_field *field, uint32_t component,
+                              struct weighed *weighed, double (*below)[2], uint32_t count)
+{
+    double sum = 0, whole = 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        weighed[v] = (struct weighed){field->values[(size_t)field->components * v + component], 0};
+    for (size_t i = 0; i < 4 * (size_t)mesh->tet_count; i++)
+        weighed[mesh->corners[i]].volume += volume_of(mesh, (uint32_t)(i / 4)) / 4;
+    qsort(weighed, mesh->vertex_count, sizeof *weighed, compare_weighed);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        whole += weighed[v].volume;
+    for (uint32_t v = 0, k = 0; v < mesh->vertex_count && k < count; v++) {
+        sum += weighed[v].volume;
+        while (k < count && (v + 1 == mesh->vertex_count || sum * (count + 1) >= whole * (k + 1)))
+            below[k++][0] = weighed[v].value;
+    }
+}
+
+/* Moves thresholds to where the distribution, taken as straight between them, has as much volume between any two. */
+static void space_evenly(double (*below)[2], uint32_t count, double volume, struct weighed *old)
+{
+    for (uint32_t k = 0; k < count; k++)
+        old[k] = (struct weighed){below[k][0], below[k][1]};
+    for (uint32_t k = 0, at = 0; k < count; k++) {
+        double wanted = volume * (k + 1) / (count + 1);
+        while (at + 1 < count && old[at].volume < wanted)
+            at++;
+        double rise = at ? old[at].volume - old[at - 1].volume : 0;
+        if (rise > 0 && old[at].volume > wanted)
+            below[k][0] = old[at].value - (old[at].value - old[at - 1].value) * ((old[at].volume - wanted) / rise);
+        else
+            below[k][0] = old[at].value;
+        below[k][0] = fmax(below[k][0], k ? below[k - 1][0] : old[0].value);
+    }
+}
+
+static enum tetlod_status add_distributions(struct tetlodi_summary *out, const struct tetmesh *mesh,
+                                            struct tetlod_error *error)
+{
+    enum { PASSES = 3 };
+    uint32_t count = out->threshold_count, at = 0;
+    struct weighed *weighed = array_new(mesh->vertex_count + (size_t)count, sizeof *weighed);
+    enum tetlod_status status = TETLOD_OK;
+    if (!weighed)
+        return tetlodi_fail_nomem(error, "the distributions", mesh->vertex_count * sizeof *weighed);
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        for (uint32_t c = 0; c < mesh->fields[f].components; c++, at++)
+            choose_thresholds(mesh, &mesh->fields[f], c, weighed, out->below + (size_t)at * count, count);
+    for (int pass = 0; pass < PASSES && status == TETLOD_OK; pass++) {
+        for (uint32_t c = 0; c < at && pass; c++)
+            space_evenly(out->below + (size_t)c * count, count, out->volume, weighed);
+        status = summary_fill_volumes(out, mesh, error);
+    }
+    free(weighed);
+    return status;
+}
+
+/* As many as keep a field within 5 kB, and all fields together within what a small stream may carry. */
+static uint32_t thresholds_for(const struct tetmesh *mesh)
+{
+    enum { MIN_COUNT = 8, MAX_COUNT = 48, FIELD_BYTES = 5000, COMPONENT_BYTES = 64, ROW = 16 };
+    uint32_t most = 1;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        most = mesh->fields[f].components > most ? mesh->fields[f].components : most;
+    int count = (FIELD_BYTES / (int)most - COMPONENT_BYTES) / ROW;
+    return (uint32_t)(count > MAX_COUNT ? MAX_COUNT : count < MIN_COUNT ? MIN_COUNT : count);
 }
 
 enum tetlod_status summary_make(struct tetlodi_summary *out, const struct tetmesh *original,
                                 const struct tetmesh *contracted,
                                 const struct contraction_log *log, uint32_t levels, struct tetlod_error *error)
 {
-    TETLOD_TRY(summary_of_mesh(out, original, levels, error));
+    TETLOD_TRY(summary_of_mesh(out, original, levels, thresholds_for(original), error));
     size_t size = 3 * (size_t)original->vertex_count * sizeof *original->positions;
-    enum tetlod_status status = TETLOD_OK;
-    if (memcmp(original->positions, contracted->positions, size) == 0)
+    enum tetlod_status status = add_distributions(out, original, error);
+    if (status == TETLOD_OK && memcmp(original->positions, contracted->positions, size) == 0)
         status = add_swept(out, contracted, log, error);
     else
         for (uint32_t l = 0; l < levels; l++)

@@ -7,10 +7,15 @@
 #include "src/log/contraction_log.h"
 #include "src/mesh/tetmesh.h"
 
-/* Volume and sums of a mesh; room for so many swept volumes, which are 0. To be freed. ERR_NOMEM. O(tetrahedra). */
+/* Volume, sums, and places of extremes of a mesh; room for so many swept volumes and thresholds, which are 0. To be
+ * freed. ERR_NOMEM. O(tetrahedra). */
 TETLOD_CHECKED enum tetlod_status summary_of_mesh(struct tetlodi_summary *out, const struct tetmesh *mesh,
-                                                  uint32_t levels,
+                                                  uint32_t levels, uint32_t thresholds,
                                                   struct tetlod_error *error);
+
+/* Fills in the volumes below the thresholds, of all components. ERR_NOMEM. O(tetrahedra * thresholds in each). */
+TETLOD_CHECKED enum tetlod_status summary_fill_volumes(struct tetlodi_summary *out, const struct tetmesh *mesh,
+                                                       struct tetlod_error *error);
 
 /* `levels` has a level for each mark of the log, coarse to fine, and may have one more, the exact tail. `original` has
  * the values to sum; `contracted` is what the log is of: where its points are not the original's, swept volumes are

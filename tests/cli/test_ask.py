@@ -206,23 +206,74 @@ def many_meshes(totals):
             totals[i] += n
 
 
+def distribution(original, stream, scalar):
+    """Volumes below thresholds and quantiles come from the first bytes where they are narrow enough there."""
+    with open(path(stream), 'rb') as file:
+        data = file.read()
+    sums, v = reference.open(data).sums(), original.corner_values(scalar)
+    rows, volume = sums['distributions'][scalar, 0], original.volumes.sum()
+    true = [volume - original.above(v, t, original.volumes) for t, _ in rows]
+    report('%s: the distribution is exact' % stream, np.allclose(rows[:, 1], true, rtol=0, atol=1e-6 * volume),
+           (rows, true))
+    gaps = np.diff(np.concatenate([[0], rows[:, 1], [volume]])) / volume
+    report('%s: no more than 3 %% of the volume lies between two thresholds' % stream, gaps.max() <= 0.03, gaps)
+    extremes = [original.points[original.fields[scalar] == value].tolist() for value in (v.min(), v.max())]
+    places = sums['places'][scalar, 0].tolist()
+    report('%s: extremes have places' % stream, all(p in found for p, found in zip(places, extremes)), places)
+    size, components = len(reference.open(data).section('SUMS')), len(sums['sums'])
+    report('%s: the sums are small' % stream, size <= 850 * components + 4 * len(sums['swept']) + 20, size)
+    early, missed = 0, []
+    for share in np.linspace(0.02, 0.97, 9):
+        t = float(np.float32(v.min() + share * (v.max() - v.min())))
+        above, quantile = original.above(v, t, original.volumes), original.quantile(v, share)
+        for question, truth in (('volume(%s > %.17g)' % (scalar, t), above),
+                                ('volume(%s <= %.17g)' % (scalar, t), volume - above),
+                                ('quantile(%s, %.17g)' % (scalar, share), quantile)):
+            found = answer(stream, question, '5%')
+            early += 'level' not in found
+            if not found['lower'] - 1e-6 * abs(truth) <= truth <= found['upper'] + 1e-6 * abs(truth):
+                missed.append((question, truth, found))
+    report('%s: what the distribution says holds the truth' % stream, not missed and early >= 18, (early, missed))
+
+
+def refuses_sums(data):
+    try:
+        reference.open(data).sums()
+    except ValueError:
+        return True
+    return False
+
+
+def patched(data, at, change):
+    return data[:at] + struct.pack('<d', change(struct.unpack('<d', data[at:at + 8])[0])) + data[at + 8:]
+
+
 def forged_sums():
     """verify holds the sums against the finest level, and refuses a section that is none."""
     with open(path('torus.tetlod'), 'rb') as file:
         stream = plain(file.read())
     sums = bytes(reference.open(stream).section('SUMS'))
+    levels, components = struct.unpack('<II', sums[:8])
+    end = 16 + 4 * levels + 16 * components  # of the integrals
     report('verify accepts the sums', common.tetlod('verify', path('torus.tetlod')).returncode == 0)
     for name, forged, word in (
             ('another volume', sums[:8] + struct.pack('<d', 1.0001 * struct.unpack('<d', sums[8:16])[0]) + sums[16:],
              b'volume'),
-            ('another integral', sums[:-16] + struct.pack('<d', 1 + struct.unpack('<d', sums[-16:-8])[0]) + sums[-8:],
-             b'integrals'),
+            ('another integral', patched(sums, end - 16, lambda value: value + 1), b'integrals'),
+            ('another volume below a threshold', patched(sums, end + 60, lambda value: value * 0.999), b'in a volume'),
+            ('a distribution that falls', patched(sums, end + 60, lambda value: 1e9), b'distribution'),
+            ('another place of the least value', patched(sums, end + 4, lambda value: value + 1), b'is least where'),
+            ('no thresholds', sums[:end] + bytes(4), b'trailing'),
+            ('a part of the distributions', sums[:-8], b'trailing'),
             ('a swept volume that grows', sums[:16] + bytes(4) + sums[20:], b'swept'), ('a byte more', sums + b'x',
                                                                                         b'trailing')):
         with open(path('forged.tetlod'), 'wb') as file:
             file.write(with_section(stream, 'SUMS', forged))
         done = common.tetlod('verify', path('forged.tetlod'))
         report('verify refuses ' + name, done.returncode == 3 and word in done.stderr and b'SUMS' in done.stderr, done)
+        if word in (b'distribution', b'trailing', b'swept'):
+            with open(path('forged.tetlod'), 'rb') as file:
+                report('the reference decoder refuses ' + name, refuses_sums(file.read()))
 
 
 def predicates():
@@ -291,6 +342,7 @@ def main():
         original = Original(name + '.vtu')
         enclosed(name, original, name + '.tetlod', scalar, None)
         swept(original, name + '.tetlod', scalar)
+        distribution(original, name + '.tetlod', scalar)
     box_answers(Original('plain.vtu'), 'plain.tetlod', 'heat')
     forged_sums()
     predicates()

@@ -280,6 +280,34 @@ class Stream:
             return unpack(data, section['size']) if section['packed'] else data
         return None
 
+    def sums(self):
+        """Exact sums over the original (SPEC 3.9), or None: the volume, the levels' swept volumes, integrals of each
+        component and its square, and, where they are there, places of extremes and distributions."""
+        section = self.section('SUMS')
+        if section is None:
+            return None
+        levels, components, volume = struct.unpack_from('<IId', section)
+        names = [(field['name'], c) for field in self.fields for c in range(field['components'])]
+        require(levels >= len(self.levels) and components == len(names), 'sums of other levels or components')
+        require(len(section) >= 16 + 4 * levels + 16 * components, 'the sums end too early')
+        swept = np.frombuffer(section, '<f4', levels, 16)
+        sums = np.frombuffer(section, '<f8', 2 * components, 16 + 4 * levels).reshape(-1, 2)
+        numbers, rest = [np.array([volume]), sums.ravel()], section[16 + 4 * levels + 16 * components:]
+        places = distributions = {}
+        if rest:
+            count = int.from_bytes(rest[:4], 'little')
+            require(1 <= count <= 4096 and len(rest) == 4 + components * (48 + 16 * count), 'bytes behind the sums')
+            rows = np.frombuffer(rest, '<f8', offset=4).reshape(components, 6 + 2 * count)
+            below = rows[:, 6:].reshape(-1, count, 2)
+            require((np.diff(below, axis=1) >= 0).all() and (below[:, :, 1] >= 0).all() and
+                    (below[:, -1, 1] <= volume * (1 + 1e-9)).all(), 'a distribution that falls')
+            numbers.append(rows.ravel())
+            places, distributions = dict(zip(names, rows[:, :6].reshape(-1, 2, 3))), dict(zip(names, below))
+        require(all(np.isfinite(part).all() for part in numbers) and volume >= 0 and (sums[:, 1] >= 0).all() and
+                (swept >= 0).all() and (swept[1:] <= swept[:-1]).all(), 'sums that are no numbers')
+        return {'volume': volume, 'swept': swept, 'sums': dict(zip(names, sums)), 'places': places,
+                'distributions': distributions}
+
     def _parse_cell_tables(self, tags):
         if 'CELL' in tags:
             require('PCEL' not in tags, 'two tables of cell fields')
