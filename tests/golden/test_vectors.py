@@ -94,10 +94,10 @@ def limits():
                                                                            'little') + over) + data[28:]) for over in (0, 1)]
     yield 'the packed index', *index, b'contradicts itself'
     for what, tag, size in (('a packed section', b'XABC', 6400), ('a packed table', b'TIME', 65836)):
-        yield what, *(crafted([(8, 1, 20, 8)], 1, [(tag, 4, packed, size + over)]) for over in (0, 1)), b'another size than its bytes can hold'
+        yield what, *(crafted([(8, 1, 20, 8)], 1, [(tag, 4, packed, size + over)]) for over in (0, 1)), b'impossible size of section'
     yield 'many packed sections', *(crafted([(8, 1, 20, 8)], 1,
                                             [(b'XABC', 4, b'\1\0\0' + bytes(9997),
-                                              640000 + over)] * 20) for over in (0, 1)), b'another size'
+                                              640000 + over)] * 20) for over in (0, 1)), b'impossible size of section'
     yield 'vertices', *(crafted([(5024 + over, 1, 1000, 2000)]) for over in (0, 1)), values
     yield 'values', *(crafted([(5024, 1, 1000, 80128 - over)], 64) for over in (0, 1)), values
     yield 'levels', *(crafted([(40000 + k, 1, 9744 if k == 0 else 1, 0) for k in range(count)], 0) for count in (104, 330)), b'more levels than go with'
