@@ -74,6 +74,37 @@ async function received_is_told() {
   assert.match(await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB`));
 }
 
+// A unit that somebody types stands behind every number of the field, and in the link.
+async function units_are_typed() {
+  await open('&error=0.05');
+  assert.match(await page.locator('#shown-error').innerText(), /± [\d.]+ in its units$/);
+  await enter('unit', 'kPa');
+  await page.locator('#shown-error').getByText(/± [\d.]+ kPa$/).waitFor();
+  await until(() => location.hash.includes('units=Pressure%3DkPa'));
+  await page.reload();
+  await firstPicture(page);
+  await page.locator('#shown-error').getByText(/± [\d.]+ kPa$/).waitFor();
+  await page.locator('#field').selectOption('Density');
+  assert.equal(await page.locator('#unit').inputValue(), '');
+}
+
+// What was chosen is undone by Back, however the camera was turned since.
+async function back_undoes() {
+  await open('&error=0.05');
+  await page.locator('#surface').selectOption('glass');
+  await until(() => location.hash.includes('surface=glass'));
+  await page.locator('#edges').check();
+  await until(() => location.hash.includes('edges=1'));
+  await page.locator('#picture').press('ArrowLeft');
+  await until(() => location.hash.includes('camera='));
+  await page.goBack();
+  await until(() => !window.tetlod.state.edges && window.tetlod.state.surface === 'glass');
+  await page.goBack();
+  await becomes('surface', 'solid');
+  await page.goForward();
+  await becomes('surface', 'glass');
+}
+
 // Frames that take half a second are two a second.
 async function slow_frames_have_a_number() {
   await open('');
@@ -421,6 +452,11 @@ async function surfaces_are_saved() {
     const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, zOf]);
     assert.ok(Math.abs(found - value) < 1e-3 * (most - least), `${value}, ${found} there`);
   }
+  const glb = (await download('export-glb')).bytes;
+  const json = JSON.parse(glb.subarray(20, 20 + glb.readUInt32LE(12)));
+  assert.ok(glb.toString('latin1', 0, 4) === 'glTF' && glb.readUInt32LE(8) === glb.length);
+  assert.deepEqual([json.accessors[0].count, json.accessors.at(-1).count], [points, 3 * triangles]);
+  assert.ok(near(json.accessors[0].min[2] + json.nodes[0].translation[2], z) && json.bufferViews.at(-1).byteOffset + json.bufferViews.at(-1).byteLength === json.buffers[0].byteLength);
   await page.locator('#export-part').selectOption('isosurface 1');
   const iso = vtpOf(await download('export-vtp'));
   assert.ok(iso.triangles > 10 && iso.arrays.Pressure.every((value) => near(value, least + 0.4 * (most - least))), `${iso.arrays.Pressure}`);
@@ -592,7 +628,7 @@ async function fingers_turn_and_probe() {
 
 await run([
   the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
-  slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
+  units_are_typed, back_undoes, slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
   logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
   the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
   surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,

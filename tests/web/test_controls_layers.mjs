@@ -21,6 +21,10 @@ async function layers_are_drawn() {
   await page.getByLabel('Slice 1: place in percent').fill('30 %');
   await page.getByLabel('Slice 1: place in percent').press('Enter');
   assert.equal((await state()).slices[0].at, 0.3);
+  const { bounds: [low, high] } = await infoOf();
+  await page.getByLabel('Slice 1: coordinate').fill(String(low[0] + 0.6 * (high[0] - low[0])));
+  await page.getByLabel('Slice 1: coordinate').press('Enter');
+  assert.ok(Math.abs((await state()).slices[0].at - 0.6) < 1e-9);
   await page.getByLabel('Slice 2: across').selectOption('x');
   assert.deepEqual((await state()).slices[1].normal, [1, 0, 0]);
   for (let i = 0; i < 4; i++) await page.getByLabel('Remove slice 1').click();

@@ -8,6 +8,7 @@ import {
   colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf,
   measuresOf, spanOf, targetFieldOf, tensorParts, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
 } from './levels.js';
+import { reachOf } from './geometry.js';
 import { notice } from './notices.js';
 import { bytes, clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
@@ -344,15 +345,24 @@ export class Controls {
         ? element('button', { type: 'button', className: 'small', ariaLabel: 'Keep the other side' }, 'flip')
         : element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `${name} ${i + 1}: place in percent` });
       const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove ${name.toLowerCase()} ${i + 1}` }, '×');
+      const place = element('input', { className: 'number place', inputMode: 'decimal', autocomplete: 'off' });
+      place.ariaLabel = `${name} ${i + 1}: coordinate`;
+      place.addEventListener('change', () => {
+        const [from, to] = reachOf(this.info.bounds, box.planes[i]);
+        const value = parseNumber(place.value);
+        if (Number.isFinite(value)) put(i, { at: clamp((value - from) / (to - from || 1), 0, 1) });
+      });
       axis.addEventListener('change', () => put(i, { normal: this.normal(axis.value) }));
       slider.addEventListener('input', () => put(i, { at: slider.value / 1000 }));
       if (flips) third.addEventListener('click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
       else third.addEventListener('change', () => put(i, { at: clamp((parseNumber(third.value) || 0) / 100, 0, 1) }));
       remove.addEventListener('click', () => change(box.planes.filter((_, k) => k !== i)));
-      return element('div', { className: 'item' }, axis, slider, third, remove);
+      return element('div', { className: 'item' }, axis, slider, third, remove, place);
     });
     rows.forEach((row, i) => {
-      const [axis, slider, third] = row.children;
+      const [axis, slider, third, , place] = row.children;
+      const [from, to] = reachOf(this.info.bounds, planes[i]);
+      if (document.activeElement !== place) place.value = plain(from + planes[i].at * (to - from));
       const at = axisOf(planes[i].normal);
       const negative = axisOf(planes[i].normal.map((c) => -c || 0));
       options(axis, [['x', 'x'], ['y', 'y'], ['z', 'z'], ['view', 'view'], ...(at ? [] : negative ? [['now', `−${negative}`]] : [['now', 'free']])]);

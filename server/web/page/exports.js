@@ -12,14 +12,22 @@ const mostPixels = 8192; // on a side
 export function pictureSize() {
   const size = ['png-width', 'png-height'].map((id) => Math.round(Number(byId(id).value)));
   if (size.every((side) => side >= 16 && side <= mostPixels)) return size;
-  if (size.some(Boolean)) notice('share', `A picture has from 16 to ${mostPixels} pixels on each side: it is saved as on the screen.`, { failed: true });
+  if (size.some(Boolean))
+    notice('share', `A picture has from 16 to ${mostPixels} pixels on each side: it is saved as on the screen.`, {
+      failed: true,
+    });
   return null;
 }
 
 // What is drawn now, by names.
 function partsOf({ surface, slices, isosurfaces, vectors }) {
   const named = (name, layers) => layers.map((layer, i) => [`${name} ${i + 1}`, layer.part]);
-  return [...named('slice', slices), ...named('isosurface', isosurfaces), ...named('vectors', vectors), ['boundary', surface.visible && surface.part]].filter(([, part]) => part?.triangles?.length);
+  return [
+    ...named('slice', slices),
+    ...named('isosurface', isosurfaces),
+    ...named('vectors', vectors),
+    ['boundary', surface.visible && surface.part],
+  ].filter(([, part]) => part?.triangles?.length);
 }
 
 /** `save(ending, blob)` */
@@ -32,20 +40,28 @@ export function bindExports(viewer, save) {
     const chosen = choice.value;
     choice.replaceChildren(...names.map((name) => element('option', { value: name }, name)));
     if (names.includes(chosen)) choice.value = chosen;
-    for (const id of ['export-csv', 'export-vtp']) byId(id).disabled = !names.length;
+    for (const id of ['export-csv', 'export-vtp', 'export-glb']) byId(id).disabled = !names.length;
   };
   viewer.addEventListener('pictures', list);
   viewer.store.watch(['surface'], list);
 
   const write = async (kind) => {
     const [name, part] = partsOf(scene).find(([found]) => found === choice.value);
-    const { csvOfPart, vtpOfPart } = await import('./surface_files.js');
+    const { csvOfPart, glbOfPart, vtpOfPart } = await import('./surface_files.js');
     const { told: info, level, coloredState: state } = viewer;
     const { bound, certified } = boundShown(info, level, state);
     const origin = add(scene.centre, scene.offset);
-    const blob = kind === 'csv' ? new Blob([csvOfPart(part, origin, titleOf(info, state))], { type: 'text/csv' })
-      : vtpOfPart(part, origin, titleOf(info, state), [['level', level], ...(bound === null ? [] : [[certified ? 'certified bound' : 'measured bound', bound]])]);
+    const title = titleOf(info, state);
+    const blob =
+      kind === 'glb'
+        ? glbOfPart(part, origin, title, (value) => scene.colorOf(value, viewer.store.state.log))
+        : kind === 'csv'
+          ? new Blob([csvOfPart(part, origin, titleOf(info, state))], { type: 'text/csv' })
+          : vtpOfPart(part, origin, titleOf(info, state), [
+              ['level', level],
+              ...(bound === null ? [] : [[certified ? 'certified bound' : 'measured bound', bound]]),
+            ]);
     save(`${name.replace(' ', '-')}.${kind}`, blob);
   };
-  for (const kind of ['csv', 'vtp']) byId(`export-${kind}`).addEventListener('click', () => write(kind));
+  for (const kind of ['csv', 'vtp', 'glb']) byId(`export-${kind}`).addEventListener('click', () => write(kind));
 }

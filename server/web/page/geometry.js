@@ -27,6 +27,13 @@ export function planeOf(bounds, { normal, at }) {
   return { origin: add(centre, n, low + at * (high - low) - dot(centre, n)), normal: n };
 }
 
+/** Where a plane is along its normal, from side to side of the bounds; for one across an axis these are its coordinates. */
+export function reachOf(bounds, { normal }) {
+  const [low, high] = extent(bounds, unit(normal));
+  const negative = normal.filter((c) => c !== 0).length === 1 && normal.some((c) => c < 0);
+  return negative ? [-low, -high] : [low, high];
+}
+
 // The polygon in which a plane cuts the bounds, in order around its middle.
 export function planeOutline(bounds, plane) {
   const c = corners(bounds);

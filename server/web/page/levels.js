@@ -166,9 +166,16 @@ export function titleOf(info, state) {
   return component === 'magnitude' ? `|${name}|` : `${name} ${componentName(components, component)}`;
 }
 
-// The unit of a field, or nothing: metadata hold what a file said, or anything.
+/** Units as the state has them, by the names of fields; and back. */
+export const unitsOf = ({ units }) => new Map(units.split(';').map((part) => {
+  const end = part.lastIndexOf('=');
+  return [part.slice(0, end), part.slice(end + 1)];
+}).filter(([name, unit]) => name && unit));
+export const unitsText = (units) => [...units].filter(([name, unit]) => unit && !/[;=]/.test(unit) && !name.includes(';')).map((pair) => pair.join('=')).join(';');
+
+// The unit of a field, or nothing: what somebody typed, else metadata, which hold what a file said, or anything.
 export function unitOf(info, name) {
-  const unit = info.metadata?.units?.[name];
+  const unit = info.typedUnits?.get(name) ?? info.metadata?.units?.[name];
   return typeof unit === 'string' ? unit : '';
 }
 

@@ -113,17 +113,26 @@ function listen() {
   });
   const tellSoon = coalesced(tellShown);
   for (const event of ['progress', 'fetched']) viewer.addEventListener(event, tellSoon);
-  for (const event of ['step', 'cells']) viewer.addEventListener(event, tellShown);
+  for (const event of ['step', 'cells', 'info']) viewer.addEventListener(event, tellShown);
   viewer.addEventListener('colors', ({ detail }) => controls.setColors(detail));
 }
 
 // ---- from the controls
 
+// What somebody chose is a step back of the browser's; how it is turned, and the time, are part of the last one.
 const remember = (() => {
+  const passing = ['camera', 'step', 'second'];
   let timer = 0;
-  return () => {
+  let chosen = false;
+  return ({ changed }) => {
+    chosen ||= [...changed].some((key) => !passing.includes(key));
     clearTimeout(timer);
-    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + viewer.fragment), 250);
+    timer = setTimeout(() => {
+      const { fragment } = viewer;
+      if (fragment !== location.hash)
+        history[chosen ? 'pushState' : 'replaceState'](null, '', location.pathname + location.search + fragment);
+      chosen = false;
+    }, 250);
   };
 })();
 

@@ -16,7 +16,13 @@ function drawLabel(context, part, left, origin) {
   const [x, y] = [box.left - origin.left + left, box.top - origin.top - 10];
   Object.assign(context, { fillStyle: backgroundColor, font, textAlign: 'center', textBaseline: 'middle' });
   context.beginPath();
-  context.roundRect(x, y, box.width, box.height, borderRadius.endsWith('%') ? box.height / 2 : parseFloat(borderRadius));
+  context.roundRect(
+    x,
+    y,
+    box.width,
+    box.height,
+    borderRadius.endsWith('%') ? box.height / 2 : parseFloat(borderRadius),
+  );
   context.fill();
   context.fillStyle = color;
   context.fillText(part.textContent, x + box.width / 2, y + box.height / 2);
@@ -41,11 +47,19 @@ export class Pins {
   }
 
   #add(at) {
-    const { scene, store, info: { bounds: [low, high] } } = this.viewer;
+    const {
+      scene,
+      store,
+      info: {
+        bounds: [low, high],
+      },
+    } = this.viewer;
     const { width, height } = scene.container.getBoundingClientRect();
     const hit = scene.pick(at?.x ?? width / 2, at?.y ?? height / 2);
     if (!hit) return notice('pin', `Nothing is seen ${at ? 'under the pointer' : 'in the middle of the picture'}.`);
-    const pin = add(hit.point, scene.centre).map((c, i) => Number(((c - low[i]) / (high[i] - low[i] || 1)).toPrecision(5)));
+    const pin = add(hit.point, scene.centre).map((c, i) =>
+      Number(((c - low[i]) / (high[i] - low[i] || 1)).toPrecision(5)),
+    );
     store.set({ pins: [...store.state.pins, pin.map((x) => Math.min(1, Math.max(0, x)))] });
   }
 
@@ -62,10 +76,22 @@ export class Pins {
       const place = this.#world(pin);
       const mark = element('div', { className: 'pin' }, element('b', {}, String(i + 1)), element('span'));
       const value = element('span', {}, '…');
-      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove probe ${i + 1}` }, '×');
+      const remove = element(
+        'button',
+        { type: 'button', className: 'remove', ariaLabel: `Remove probe ${i + 1}` },
+        '×',
+      );
       remove.addEventListener('click', () => store.set({ pins: store.state.pins.filter((_, k) => k !== i) }));
-      const apart = i ? element('small', {}, `${significant(length(add(place, this.#world(pins[i - 1]), -1)), 4)} from ${i}`) : '';
-      const row = element('div', { className: 'item pinned' }, element('b', {}, String(i + 1)), element('div', {}, value, element('small', {}, `at ${place.map((c) => significant(c, 4)).join(', ')}`), apart), remove);
+      const apart = i
+        ? element('small', {}, `${significant(length(add(place, this.#world(pins[i - 1]), -1)), 4)} from ${i}`)
+        : '';
+      const row = element(
+        'div',
+        { className: 'item pinned' },
+        element('b', {}, String(i + 1)),
+        element('div', {}, value, element('small', {}, `at ${place.map((c) => significant(c, 4)).join(', ')}`), apart),
+        remove,
+      );
       this.layer.append(mark);
       return { place, mark, value, row };
     });
@@ -100,17 +126,42 @@ export class Pins {
 
   async #ask() {
     const { viewer, marks } = this;
-    const { told: info, level, store: { state }, stream } = viewer;
+    const {
+      told: info,
+      level,
+      store: { state },
+      stream,
+    } = viewer;
     if (level < 0 || !stream.fields.includes(state.field)) return;
-    const { field: { name }, cells, component, formula } = colouredOf(info, viewer.coloredState);
+    const {
+      field: { name },
+      cells,
+      component,
+      formula,
+    } = colouredOf(info, viewer.coloredState);
     for (const { place, mark, value } of marks) {
       const answer = await stream.probe(place).catch(() => null);
       if (marks !== this.marks) return;
       const found = answer?.[cells ? 'cells' : 'values'][name];
-      const local = answer?.values[localBoundOf(info, name)]?.[0] * (component === 'magnitude' ? Math.sqrt(found.length) : 1);
-      const { words } = formula && answer ? formulaBound(formula, info, level, answer.values) : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
-      const number = found && significant(formula ? formula.valueAt(answer.values) : component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
-      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}${local > 0 ? ' here' : ''}` : 'nothing is drawn here';
+      const local =
+        answer?.values[localBoundOf(info, name)]?.[0] * (component === 'magnitude' ? Math.sqrt(found.length) : 1);
+      const { words } =
+        formula && answer
+          ? formulaBound(formula, info, level, answer.values)
+          : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
+      const number =
+        found &&
+        significant(
+          formula
+            ? formula.valueAt(answer.values)
+            : component === 'magnitude'
+              ? Math.hypot(...found)
+              : found[component],
+          5,
+        );
+      value.textContent = found
+        ? `${titleOf(info, viewer.coloredState)} ${number} ${words}${local > 0 ? ' here' : ''}`
+        : 'nothing is drawn here';
       mark.lastChild.textContent = found ? number : 'nothing';
     }
   }

@@ -316,6 +316,13 @@ export class Scene extends EventTarget {
     this.render();
   }
 
+  // The map's colour of a value.
+  colorOf(value, logarithmic) {
+    const [low, high] = this.range;
+    const at = ((logarithmic ? Math.log10(value) : value) - low) / (high - low || 1);
+    return this.table[Math.round(clamp(at, 0, 1) * (this.table.length - 1)) || 0];
+  }
+
   setLogarithmic(logarithmic) {
     this.drafted = null;
     for (const layer of this.layers()) layer.color(logarithmic);

@@ -19,6 +19,7 @@ export const defaults = Object.freeze({
   field: '',
   component: 'magnitude', // or a number, or mises, principal1 … principal3 of tensors
   formula: '', // a function of components that colours instead of the field
+  units: '', // of fields, as somebody typed them: 'Pressure=Pa;Velocity=m/s'
   cells: '', // values of cells that colour instead of the field
   range: 'auto', // auto, data, visible, manual
   low: 0,
@@ -96,6 +97,7 @@ const codecs = {
   step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   formula: text,
+  units: text,
   component: { read: (t) => (/^(magnitude|mises|principal[123])$/.test(t) ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
   cells: text,
   range: oneOf('auto', 'data', 'visible', 'manual'),

@@ -5,7 +5,8 @@ const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"
 const escaped = (text) => text.replace(/[<>&"]/g, (c) => `&#${c.charCodeAt(0)};`);
 
 /** Rows of text for spreadsheets. `columns`: names; `rows`: numbers. */
-export const csvOf = (columns, rows) => `${[columns.map(quoted).join(), ...rows.map((row) => row.join())].join('\n')}\n`;
+export const csvOf = (columns, rows) =>
+  `${[columns.map(quoted).join(), ...rows.map((row) => row.join())].join('\n')}\n`;
 
 /** The place of each point and its value. `origin`: what points are relative to. */
 export function csvOfPart({ points, values }, origin, title) {
@@ -13,11 +14,16 @@ export function csvOfPart({ points, values }, origin, title) {
   return csvOf(['x', 'y', 'z', title], rows);
 }
 
-const types = new Map([[Float32Array, 'Float32'], [Float64Array, 'Float64'], [Int32Array, 'Int32']]);
+const types = new Map([
+  [Float32Array, 'Float32'],
+  [Float64Array, 'Float64'],
+  [Int32Array, 'Int32'],
+]);
 
 // The file's text, and behind it the arrays as they are, each after its length: no base64, no loss.
 class Appended {
-  #blocks = []; #size = 0;
+  #blocks = [];
+  #size = 0;
 
   array(name, values, components = 1) {
     const text = `<DataArray type="${types.get(values.constructor)}" Name="${escaped(name)}" NumberOfComponents="${components}" format="appended" offset="${this.#size}"/>`;
@@ -27,8 +33,14 @@ class Appended {
   }
 
   blob(text) {
-    return new Blob([`<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n${text}\n<AppendedData encoding="raw">_`,
-      ...this.#blocks, '</AppendedData>\n</VTKFile>\n'], { type: 'application/xml' });
+    return new Blob(
+      [
+        `<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n${text}\n<AppendedData encoding="raw">_`,
+        ...this.#blocks,
+        '</AppendedData>\n</VTKFile>\n',
+      ],
+      { type: 'application/xml' },
+    );
   }
 }
 
@@ -61,4 +73,68 @@ export function vtpOfPart({ points, values, vectors, triangles }, origin, title,
   const positions = Float64Array.from(points, (x, i) => origin[i % 3] + x);
   const arrays = vectors ? [[`${title} vectors`, vectors, vectors.length / values.length]] : [];
   return vtpOf({ positions, arrays: [[title, values], ...arrays], triangles, notes });
+}
+
+// Colours of screens as glTF wants them: in proportion to light.
+const linear = (c) => (c <= 10.31475 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4);
+
+function boundsOf(points) {
+  const [min, max] = [
+    [Infinity, Infinity, Infinity],
+    [-Infinity, -Infinity, -Infinity],
+  ];
+  points.forEach((x, i) => {
+    min[i % 3] = Math.min(min[i % 3], x);
+    max[i % 3] = Math.max(max[i % 3], x);
+  });
+  return { min, max };
+}
+
+/** glTF's binary form: a part with the colours that it has in the picture, and its values. `colorOf(value)`: [r, g, b] of 0..255. */
+export function glbOfPart({ points, values, triangles, normals }, origin, title, colorOf) {
+  const colors = Uint16Array.from({ length: 4 * values.length }, () => 65535);
+  values.forEach((value, v) =>
+    colors.set(
+      colorOf(value).map((c) => Math.round(65535 * linear(c))),
+      4 * v,
+    ),
+  );
+  const arrays = { POSITION: [points, 3, 5126], COLOR_0: [colors, 4, 5123], _VALUE: [values, 1, 5126] };
+  if (normals) arrays.NORMAL = [normals, 3, 5126];
+  const all = [...Object.entries(arrays), ['', [triangles, 1, 5125]]];
+  let end = 0;
+  const bufferViews = all.map(([, [array]]) => ({
+    buffer: 0,
+    byteLength: array.byteLength,
+    byteOffset: (end += array.byteLength) - array.byteLength,
+  }));
+  const accessors = all.map(([name, [array, components, componentType]], bufferView) => ({
+    bufferView,
+    componentType,
+    count: array.length / components,
+    type: ['SCALAR', '', 'VEC3', 'VEC4'][components - 1],
+    ...(name === 'COLOR_0' && { normalized: true }),
+    ...(name === 'POSITION' && boundsOf(points)),
+  }));
+  const attributes = Object.fromEntries(Object.keys(arrays).map((name, i) => [name, i]));
+  const text = JSON.stringify({
+    asset: { version: '2.0', generator: 'tetlod' },
+    scene: 0,
+    scenes: [{ nodes: [0] }],
+    nodes: [{ mesh: 0, translation: origin }],
+    meshes: [
+      { primitives: [{ attributes, indices: all.length - 1, material: 0 }], extras: { fields: { _VALUE: title } } },
+    ],
+    materials: [{ doubleSided: true, pbrMetallicRoughness: { metallicFactor: 0, roughnessFactor: 1 } }],
+    buffers: [{ byteLength: end }],
+    bufferViews,
+    accessors,
+  });
+  const json = new TextEncoder().encode(text);
+  const padded = new Uint8Array(4 * Math.ceil(json.length / 4)).fill(0x20);
+  padded.set(json);
+  const head = Uint32Array.of(0x46546c67, 2, 28 + padded.length + end, padded.length, 0x4e4f534a);
+  return new Blob([head, padded, Uint32Array.of(end, 0x004e4942), ...all.map(([, [array]]) => array)], {
+    type: 'model/gltf-binary',
+  });
 }

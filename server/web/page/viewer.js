@@ -8,7 +8,7 @@ import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
 import {
-  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, useFormulas, wantedLevel,
+  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, unitsOf, useFormulas, wantedLevel,
 } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
@@ -104,6 +104,7 @@ export class Viewer extends EventTarget {
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
                 (state) => scene.restyle(state));
+    store.watch(['units'], () => this.#takeUnits());
     store.watch(['background'], () => this.repaint());
   }
 
@@ -196,6 +197,7 @@ export class Viewer extends EventTarget {
     if (!this.info.fields.length) throw new Error('this stream has no fields to colour it by');
     this.base = { ...defaults, ...firstView(this.info) };
     this.store.state = valid(fromFragment(this.#fragment, this.base), this.info);
+    this.#takeUnits();
     this.#hear();
     if (!this.#missing.length) return this.#showNow();
     this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off', warp: '' }); // what there is, until the others are here
@@ -233,6 +235,7 @@ export class Viewer extends EventTarget {
     });
     this.stream.addEventListener('topology', ({ detail }) => {
       this.info = this.#index = detail.info;
+      this.#takeUnits();
       this.series = this.stream.series;
       this.at = null;
     });
@@ -253,6 +256,13 @@ export class Viewer extends EventTarget {
     if (before?.band !== at.band) this.#takeInfo(infoOfSteps(this.#index, this.series, at.band));
     this.level = at.level;
     this.#tell('step', at);
+  }
+
+  // What somebody typed goes before what the file says.
+  #takeUnits() {
+    for (const info of [this.#index, this.info, this.#told]) if (info) info.typedUnits = unitsOf(this.store.state);
+    if (this.scene?.box) this.drawBar();
+    this.#tell('info');
   }
 
   #leaveSteps() {
