@@ -137,7 +137,8 @@ enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, c
         }
         out->count++;
     }
-    qsort(out->ends, out->count, 2 * sizeof *out->ends, by_begin);
+    if (out->count)
+        qsort(out->ends, out->count, 2 * sizeof *out->ends, by_begin);
     drop_overlaps(out);
     return TETLOD_OK;
 }

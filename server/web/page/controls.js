@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The panel: every control follows the state and changes it.
 
-import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
 import {
@@ -13,7 +12,6 @@ import { notice } from './notices.js';
 import { bytes, clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
-import { bindRegions } from './regions.js';
 import { thresholdRange } from './spec.js';
 import { axisOf, mostVectors } from './state.js';
 import { TransferEditor } from './transfer.js';
@@ -84,7 +82,7 @@ export class Controls {
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => bindRegions(this.viewer), () => this.bindVolume(),
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => this.bindVolume(),
       () => this.bindView(), () => this.describe()];
   }
 
@@ -186,6 +184,7 @@ export class Controls {
     const input = byId('map-file');
     input.addEventListener('change', async () => {
       try {
+        const { mapOfFile } = await import('./color_file.js');
         store.set({ map: mapOfFile(await input.files[0].text()) });
       } catch (error) {
         notice('map', `${input.files[0].name}: ${error.message}`, { failed: true });

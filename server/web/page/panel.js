@@ -15,9 +15,7 @@ import {
 import { button, clear, notice } from './notices.js';
 import { bytes, count, percent, roundedUp, significant } from './numbers.js';
 import { id, name, source, viewer } from './opened.js';
-import { Player } from './player.js';
 import { Probe } from './probe.js';
-import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
 
 const { store } = viewer;
@@ -203,8 +201,10 @@ const drawOver = () => {
   viewer.drawBarNow();
   compass.draw(viewer.scene.axes());
 };
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: tools?.pictureSize() ?? null, texts: textsOfPicture(), redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
-const saveAs = (ending, blob) => saveFile(`${name}-${viewer.level}-${ending}`, blob);
+const sharing = () => import('./share.js');
+const copyLink = async () => (await sharing()).copyLink();
+const save = async () => (await sharing()).savePicture(viewer.scene, `${name}-${viewer.level}`, { size: tools?.pictureSize() ?? null, texts: textsOfPicture(), redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
+const saveAs = async (ending, blob) => (await sharing()).saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
 function bindActions() {
@@ -289,7 +289,10 @@ export async function openPanel() {
   watch();
   await pause();
   bindActions();
-  const offerSteps = () => { player ??= new Player(viewer, byId('stage')); };
+  const offerSteps = async () => {
+    const { Player } = await import('./player.js');
+    player ??= new Player(viewer, byId('stage'));
+  };
   viewer.addEventListener('series', offerSteps);
   if (viewer.series) offerSteps();
   countFrames();

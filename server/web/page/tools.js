@@ -6,6 +6,7 @@ import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
+import { bindRegions } from './regions.js';
 import { bindUnits } from './units.js';
 import { bindWarp } from './warp.js';
 import { bindSecondView } from './second_view.js';
@@ -22,6 +23,7 @@ export class Tools {
     this.pins = new Pins(viewer, layer, pointer);
     bindCalculator(viewer);
     bindUnits(viewer);
+    bindRegions(viewer);
     bindWarp(viewer);
     this.drafts = new Drafts(viewer);
     bindExports(viewer, save);
