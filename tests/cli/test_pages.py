@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """build --paged: contraction by cells, and levels in pages (format/SPEC.md, 7.6)."""
+import itertools
 import os
 import random
 import sys
@@ -87,6 +88,53 @@ def original_comes_back():
     return None if read('back.vtu') == read('plain.vtu') else 'another mesh'
 
 
+def parts_of_cells():
+    """Regions, values of cells and exact sums; each value comes back with its tetrahedron, at any level."""
+    size, lines = 7, []
+    points = list(itertools.product(range(size + 1), repeat=3))
+    number = {point: i for i, point in enumerate(points)}
+    tets, material, load = [], [], []
+    for x, y, z in itertools.product(range(size), repeat=3):
+        for axes in itertools.permutations(range(3)):
+            corner, corners = [x, y, z], [number[x, y, z]]
+            for axis in axes:
+                corner[axis] += 1
+                corners.append(number[tuple(corner)])
+            tets.append(corners)
+            material.append(2 if x < 3 else 5)
+            load.append(len(load) * 0.5)
+    lines += ['# vtk DataFile Version 3.0', 'parts', 'ASCII', 'DATASET UNSTRUCTURED_GRID', 'POINTS %d float' % len(points)]
+    lines += ['%d %d %d' % point for point in points] + ['CELLS %d %d' % (len(tets), 5 * len(tets))]
+    lines += ['4 %d %d %d %d' % tuple(corners) for corners in tets] + ['CELL_TYPES %d' % len(tets)] + ['10'] * len(tets)
+    lines += ['CELL_DATA %d' % len(tets), 'SCALARS material int 1', 'LOOKUP_TABLE default', *map(str, material)]
+    lines += ['SCALARS load float 1', 'LOOKUP_TABLE default', *map(str, load), 'POINT_DATA %d' % len(points)]
+    lines += ['SCALARS heat float 1', 'LOOKUP_TABLE default', *(str(x * y + z) for x, y, z in points)]
+    with open(path('parts.vtk'), 'w') as file:
+        file.write('\n'.join(lines) + '\n')
+    stream = build('parts.vtk', 'parts.tetlod', '--paged=300', '--region', 'material', '--summary', '--keep-order')
+    said = must('verify', 'parts.tetlod', '--against', 'parts.vtk').stdout.decode()
+    must('ask', 'parts.tetlod', 'mean(heat)')
+    if not numpy:
+        return None if stream['pages'] > 4 and 'ok' in said else said
+    whole = reference.open(path('parts.tetlod'))
+    cursor = whole.cursor().seek(len(whole.levels) - 1)
+    middles = cursor.positions[cursor.tets].mean(axis=1)
+    agree = numpy.array_equal(numpy.asarray(whole.cells('material')), numpy.where(middles[:, 0] < 3, 2, 5))
+    return None if stream['pages'] > 4 and agree and len(set(whole.cells('load'))) == len(tets) else (stream['pages'], agree)
+
+
+def boxes_and_cut_files():
+    """The finest level in a box of a paged stream; a file that ends in the middle of its pages."""
+    stream = build('cube.vtu', 'cube.tetlod', '--paged=100')
+    must('extract', 'cube.tetlod', '--error', '20%', '--box', '0,0,0,3,3,3', '--box-error', '0', '-o', 'box.vtu')
+    whole = read('cube.tetlod')
+    with open(path('cut.tetlod'), 'wb') as file:
+        file.write(whole[:-len(whole) // 3])
+    must('extract', 'cut.tetlod', '--level', str(stream['first_paged_level'] + 1), '-o', 'cut.vtu')
+    must('extract', 'cube.tetlod', '--level', str(stream['first_paged_level'] + 1), '-o', 'uncut.vtu')
+    return None if read('cut.vtu') == read('uncut.vtu') else 'another level'
+
+
 def volume(points, tets):
     a, b, c, d = (points[tets[:, i]] for i in range(4))
     return numpy.einsum('ij,ij->i', b - a, numpy.cross(c - a, d - a)) / 6
@@ -152,11 +200,15 @@ case('few tetrahedra more, and hardly any bytes', costs_little)
 case('parts of it are streams', parts_are_streams)
 case('a small mesh is stored as ever', small_meshes_stay)
 case('the original comes back, in its order', original_comes_back)
+case('regions, values of cells, exact sums', parts_of_cells)
+must('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
+case('boxes, and files that are cut off', boxes_and_cut_files)
 if numpy:
     case('any closed set of pages is a mesh', closed_sets)
 RING = 'build', 'ring.vtu', '-o', 'no.tetlod'
 fails('exact errors are refused', 2, ['--paged', '--certify exact'], *RING, '--paged', '--certify', 'exact')
 fails('so is another metric', 2, ['--paged', '--metric'], *RING, '--paged', '--metric', 'quadric')
+fails('and levels that keep features', 2, ['--paged', '--keep-features'], *RING, '--paged', '--keep-features', '0.1')
 must('sample', 'wake', '--steps', '2', '--size', '6', '-o', 'wake.pvd')
 fails('and a series', 2, ['--paged', 'series'], 'build', 'wake.pvd', '-o', 'no.tetlod', '--paged')
 fails('cells of too few tetrahedra', 2, ['paged'], *RING, '--paged=5')
