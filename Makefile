@@ -118,8 +118,8 @@ WEB_STAMP := $(if $(PREBUILT),$(PREBUILT),build/web.stamp)
 WEB ?= 1
 # The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
-# as fast as -O3, measured, and a fifth smaller
-WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
+# as fast as -O3 within a twentieth, measured, and a fifth smaller
+WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -mllvm -inline-threshold=40 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
     -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
