@@ -103,7 +103,8 @@ def parts_of_cells():
             tets.append(corners)
             material.append(2 if x < 3 else 5)
             load.append(len(load) * 0.5)
-    lines += ['# vtk DataFile Version 3.0', 'parts', 'ASCII', 'DATASET UNSTRUCTURED_GRID', 'POINTS %d float' % len(points)]
+    lines += ['# vtk DataFile Version 3.0', 'parts', 'ASCII', 'DATASET UNSTRUCTURED_GRID']
+    lines += ['POINTS %d float' % len(points)]
     lines += ['%d %d %d' % point for point in points] + ['CELLS %d %d' % (len(tets), 5 * len(tets))]
     lines += ['4 %d %d %d %d' % tuple(corners) for corners in tets] + ['CELL_TYPES %d' % len(tets)] + ['10'] * len(tets)
     lines += ['CELL_DATA %d' % len(tets), 'SCALARS material int 1', 'LOOKUP_TABLE default', *map(str, material)]
@@ -120,7 +121,8 @@ def parts_of_cells():
     cursor = whole.cursor().seek(len(whole.levels) - 1)
     middles = cursor.positions[cursor.tets].mean(axis=1)
     agree = numpy.array_equal(numpy.asarray(whole.cells('material')), numpy.where(middles[:, 0] < 3, 2, 5))
-    return None if stream['pages'] > 4 and agree and len(set(whole.cells('load'))) == len(tets) else (stream['pages'], agree)
+    agree = agree and len(set(whole.cells('load'))) == len(tets)
+    return None if stream['pages'] > 4 and agree else (stream['pages'], agree)
 
 
 def boxes_and_cut_files():
