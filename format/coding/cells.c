@@ -129,6 +129,8 @@ enum tetlod_status tetlodi_parents_decode(struct tetlodi_index *index, const uin
     index->parents = (uint32_t)rows;
     TETLOD_TRY(decode_table(index, in, error));
     index->info.cell_rows = index->parents;
+    for (uint32_t f = 0; f < index->info.cell_field_count; f++)
+        index->info.lossless &= index->cells[f].quantum == 0;
     return TETLOD_OK;
 }
 

@@ -16,7 +16,7 @@ static const struct known {
                 {TAG_PARENTS, true, true},    {TAG_PARENT_MAP, false, true}, {TAG_PARENT_VALUES, false, false},
                 {TAG_PARENT_TIME, false, true}, {TAG_PARENT_STEPS, false, false},
                 {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true},
-                {TAG_PAGES, true, true}};
+                {TAG_PAGES, true, true},       {"ORIG", false, true}};
 
 static const struct known *find_known(const char *tag)
 {

@@ -22,6 +22,17 @@ static bool fits(double value, enum tetlod_cell_type type)
     return fabs(value) <= MAX_WHOLE_CELL && value == floor(value) && value >= -most && value < most && !(value == 0 && signbit(value));
 }
 
+static double code_of(const struct tetlodi_write_cells *cells, double value)
+{
+    return floor(value / cells->quantum + 0.5);
+}
+
+/* Of rounded values: is it that of its code? */
+static bool is_rounded(const struct tetlodi_write_cells *cells, double value)
+{
+    return !(cells->quantum > 0) || tetlodi_cell_value(cells->type, cells->quantum, code_of(cells, value)) == value;
+}
+
 const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_t count, uint32_t tets)
 {
     if (count > MAX_FIELDS)
@@ -34,7 +45,7 @@ const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_
             if (strcmp(cells[g].name, cells[f].name) == 0)
                 return "two fields of cells have one name";
         for (size_t i = 0; i < (size_t)tets * cells[f].components; i++)
-            if (!fits(cells[f].values[i], cells[f].type))
+            if (!fits(cells[f].values[i], cells[f].type) || !is_rounded(&cells[f], cells[f].values[i]))
                 return "a field of cells has a value that its type does not hold";
     }
     return NULL;
@@ -108,7 +119,7 @@ static bool encode_rounded(const struct tetlodi_write_cells *cells, const uint32
     struct tetlodi_steps steps = {0};
     bool good = codes && tetlodi_cell_steps_start(&steps, TETLOD_CELL_INT64, cells->components, rows, codes);
     for (size_t i = 0; i < count && good; i++)
-        codes[i] = floor(cells->values[tet_of[i / n] * n + i % n] / cells->quantum + 0.5);
+        codes[i] = code_of(cells, cells->values[tet_of[i / n] * n + i % n]);
     if (good && tetlodi_cell_steps_encode(&steps, TETLOD_CELL_INT64, codes, out))
         while (!out->failed && !tetlodi_steps_hold(count, out->size))
             tetlodi_put(out, 0, 1);

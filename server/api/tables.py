@@ -232,7 +232,9 @@ SCHEMAS = {
     'CellField': record({'name': TEXT, 'components': POSITIVE,
                          'type': {'enum': ['float32', 'float64', 'int8', 'int16', 'int32', 'int64']},
                          'range': several(NUMBER, 2),
-                         'region': about('Its numbers tell regions, whose interfaces every level keeps.', FLAG)}),
+                         'region': about('Its numbers tell regions, whose interfaces every level keeps.', FLAG),
+                         'error?': about("The values are rounded: the greatest difference from the original's, in "
+                                         'its units.', NUMBER)}),
     'Series': about('Of a series in time: its steps, the fields that have steps, and the bands that they are '
                     'stored in',
                     record({'steps': POSITIVE,

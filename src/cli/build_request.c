@@ -60,7 +60,8 @@ const char build_help[] =
     "                          surface; edges that turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
-    "      --field-bits N      round values to N bits across the range\n"
+    "      --field-bits N      round values to N bits across the range, those of cells too, but for ids,\n"
+    "                          integers and regions\n"
     "      --position-error E, --field-error E   as many bits as this error needs: a fraction of the\n"
     "                                            diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
@@ -76,7 +77,8 @@ const char build_help[] =
     "      --paged[=TETS]      contract cells of about that many tetrahedra (default 100000, at least 100) one by one,\n"
     "                          threads taking cells, and store their records in pages; a mesh of less than five cells\n"
     "                          is built as ever. The viewer in the browser does not read such streams\n"
-    "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
+    "      --keep-order        store the input's numbering too, for tetlod extract --original-order, and\n"
+    "                          cells that are split as they were, for tetlod extract --cells original\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
     "                          are all tried\n"
     "      --threads N         up to 64; 0 (default): all cores; the bytes do not depend on it\n"
@@ -315,7 +317,7 @@ static bool stream_option(struct build_request *request, int option, const char 
         build->paged = BUILD_CELL_TETS;
         return !value || parse_unsigned("paged", value, BUILD_MIN_CELL_TETS, BUILD_MAX_CELL_TETS, &build->paged);
     case KEEP_ORDER:
-        return build->keep_order = true;
+        return build->keep_order = request->reading.options.keep_cells = true;
     case COMPRESS:
         good = parse_unsigned("compress", value, 1, 22, &effort);
         build->compression = (int)effort;

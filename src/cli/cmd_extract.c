@@ -50,6 +50,9 @@ static const char help[] =
     "      --step N       the same for the step with this number, from 0\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order\n"
     "                        kept it\n"
+    "      --cells C      original: the finest level with the cells of the input, hexahedra as hexahedra,\n"
+    "                     with their points, order and values, if tetlod build --keep-order kept them; for\n"
+    "                     .vtu, .vtk and .vtkhdf. tetrahedra (default): those of the level\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
     "If a file is cut off, such as a download that stopped, the levels that are whole can still be\n"
@@ -61,7 +64,8 @@ static const char help[] =
 struct request {
     const char *input, *output, *field;
     struct selection selection;
-    bool original_order, quiet;
+    enum level_form form;
+    bool quiet;
     struct step_option step;
 };
 
@@ -183,7 +187,7 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
     if (request->step.given)
-        return extract_step(file, &request->step.selection, request->original_order, mesh, about, about_size, error);
+        return extract_step(file, &request->step.selection, request->form, mesh, about, about_size, error);
     if (request->selection.box_count) {
         enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
@@ -195,8 +199,8 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
         status = level_mesh_take(info, &cursor, mesh, error);
     if (status == TETLOD_OK)
         status = level_mesh_cells_here(file, NULL, NULL, mesh, error);
-    if (status == TETLOD_OK && request->original_order)
-        status = level_mesh_reorder(file, mesh, error);
+    if (status == TETLOD_OK)
+        status = level_mesh_form(file, request->form, false, mesh, error);
     tetlod_cursor_free(cursor);
     return status;
 }
@@ -217,6 +221,8 @@ static int extract(struct request *request)
     int fd;
     if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
+    if (request->form == FORM_CELLS && io_check_cells_output(request->output, &error) != TETLOD_OK)
+        return cli_fail(&error);
     if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
@@ -232,10 +238,14 @@ static int extract(struct request *request)
     else
         status = is_stream(request->output) ? extract_stream(file, request, level, &error) : io_write(&mesh, request->output, &error);
     if (status == TETLOD_OK && !request->quiet && about[0]) {
-        fprintf(stderr, "tetlod extract: %u vertices, %u tetrahedra: %s\n", mesh.vertex_count, mesh.tet_count, about);
+        fprintf(stderr, "tetlod extract: %u vertices, %u %s: %s\n", mesh.vertex_count, mesh.tet_count,
+                mesh.cells ? "cells" : "tetrahedra", about);
     } else if (status == TETLOD_OK && !request->quiet) {
         fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
                 info->levels[level].vertices, info->levels[level].tets);
+        if (mesh.cells)
+            fprintf(stderr, "tetlod extract: the %u cells and %u points of the input%s\n", mesh.tet_count,
+                    mesh.vertex_count, info->lossless ? "" : "; the stream's points and values are rounded");
         cli_print_promises(stderr, info, level);
         cli_warn_uncontrolled("extract", info, level);
         if (info->topology_count)
@@ -274,6 +284,15 @@ static const char *against_step(const struct request *request)
     return is_stream(request->output) ? "a stream as output: it holds all steps" : NULL;
 }
 
+static bool parse_cells(struct request *request, const char *value)
+{
+    if (strcmp(value, "original") == 0)
+        request->form = FORM_CELLS;
+    else if (strcmp(value, "tetrahedra") != 0)
+        cli_usage("extract", "--cells takes original or tetrahedra, not '%s'", value);
+    return strcmp(value, "original") == 0 || strcmp(value, "tetrahedra") == 0;
+}
+
 static bool parse_choice(struct selection *selection, int option, const char *name, const char *value)
 {
     static const struct {
@@ -305,7 +324,7 @@ static int run(int argc, char **argv)
         {"box", required_argument, NULL, 'B'},       {"box-error", required_argument, NULL, 'E'},
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
         {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
-        {0}};
+        {"cells", required_argument, NULL, 'C'},     {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets",
                                         ['b'] = "bytes"};
     struct request request = {.selection.measure = TETLOD_MAX};
@@ -326,7 +345,9 @@ static int run(int argc, char **argv)
         else if (option == 'E')
             box_error = optarg;
         else if (option == 'O')
-            request.original_order = true;
+            request.form = request.form == FORM_CELLS ? FORM_CELLS : FORM_ORDER;
+        else if (option == 'C')
+            good = parse_cells(&request, optarg);
         else if (option == 'm')
             good = cli_parse_measure(&command_extract, optarg, &selection->measure);
         else if (good)
@@ -346,7 +367,9 @@ static int run(int argc, char **argv)
         return cli_usage("extract", "--box-error needs a --box");
     if (selection->box_count && selection->kind == TAKE_FINEST)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
-    if (request.original_order && selection->kind != TAKE_FINEST)
+    if (request.form == FORM_CELLS && selection->box_count)
+        return cli_usage("extract", "--cells original is for a level, without --box: only the finest has these cells");
+    if (request.form == FORM_ORDER && selection->kind != TAKE_FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
     if (request.step.given && against_step(&request))
         return cli_usage("extract", "--time and --step do not go with %s", against_step(&request));
@@ -357,8 +380,9 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (selection->box_count && is_stream(request.output))
         return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
-    if (request.original_order && is_stream(request.output))
-        return cli_usage("extract", "--original-order is for a mesh file; a stream keeps the order that it has");
+    if (request.form != FORM_STREAM && is_stream(request.output))
+        return cli_usage("extract", "%s is for a mesh file; a stream keeps the order that it has",
+                         request.form == FORM_CELLS ? "--cells original" : "--original-order");
     return extract(&request);
 }
 

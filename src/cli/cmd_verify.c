@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "format/common/round.h"
 #include "format/fail.h"
 #include "format/write/page_check.h"
 #include "src/pipeline/build.h"
@@ -20,6 +21,7 @@
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
+#include "src/mesh/originals.h"
 #include "src/stream/level_mesh.h"
 #include "src/stream/metadata.h"
 #include "src/util/json_text.h"
@@ -274,6 +276,30 @@ static enum tetlod_status check_carried(const struct tetlod_info *info, const st
     return TETLOD_OK;
 }
 
+/* Values of cells as the stream rounds them: each within the error that it states. */
+static enum tetlod_status round_cells(const struct tetlod_info *info, struct tetmesh *input, struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        const struct tetlod_cell_field *field = &info->cell_fields[f];
+        uint32_t found = tetmesh_find_cell_field(input, field->name);
+        if (!(field->quantum > 0) || found == TETLOD_NONE)
+            continue;
+        double *values = input->cell_fields[found].values;
+        enum tetlod_type type = field->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+        for (size_t i = 0; i < (size_t)input->tet_count * input->cell_fields[found].components; i++) {
+            double code = floor(values[i] / field->quantum + 0.5);
+            double value = tetlodi_round(type, field->quantum * code);
+            if (!(fabs(value - values[i]) <= field->error))
+                return tetlodi_fail(error, TETLOD_ERR_MISMATCH,
+                                    "a value of cells of '%.60s' is %g away from the input's, and the stream says %g "
+                                    "at most",
+                                    field->name, fabs(value - values[i]), field->error);
+            values[i] = value;
+        }
+    }
+    return TETLOD_OK;
+}
+
 static void compare_progress(void *opaque, double done)
 {
     progress(opaque, "compare", done);
@@ -283,17 +309,43 @@ static void compare_progress(void *opaque, double done)
 static enum tetlod_status read_input(const struct verification *v, struct tetmesh *out)
 {
     const struct series_input *series = &v->request->series;
+    struct reading reading = v->request->reading;
     struct io_report report;
+    reading.options.keep_cells = tetlod_section_index(tetlod_info(v->file), TAG_ORIGINALS) != TETLOD_NONE;
     if (v->series.steps) {
         uint64_t rounded = 0;
-        TETLOD_TRY(series_input_read(series, series_input_number(series, 0), &v->request->reading, out, &report,
-                                     v->error));
+        TETLOD_TRY(series_input_read(series, series_input_number(series, 0), &reading, out, &report, v->error));
         enum tetlod_status status = v->series.move ? displacement_take(out, out, &rounded, v->error) : TETLOD_OK;
         if (status != TETLOD_OK)
             tetmesh_fini(out);
         return status;
     }
-    return io_read(out, series->paths[0], &v->request->reading.options, NULL, v->error);
+    return io_read(out, series->paths[0], &reading.options, NULL, v->error);
+}
+
+/* The cells that the stream keeps are the input's. */
+static enum tetlod_status originals_against(const struct verification *v, const struct tetmesh *input)
+{
+    const struct tetlod_info *info = tetlod_info(v->file);
+    uint32_t section = tetlod_section_index(info, TAG_ORIGINALS);
+    bool derived = metadata_is_selection(info) || metadata_is_part(info);
+    for (uint32_t f = 0; f < info->field_count; f++)
+        derived |= info->fields[f].bounds != TETLOD_NONE;
+    if (section == TETLOD_NONE || derived) // the section's list of fields is another then
+        return TETLOD_OK;
+    unsigned char *wanted = NULL, *found = array_new((size_t)info->sections[section].size, 1);
+    size_t size = 0;
+    enum tetlod_status status = found ? tetlod_section_read(v->file, section, found, v->error)
+                                      : tetlodi_fail_nomem(v->error, "the original cells",
+                                                           info->sections[section].size);
+    if (status == TETLOD_OK && input->cells)
+        status = originals_encode(input, &wanted, &size, v->error);
+    if (status == TETLOD_OK && (size != info->sections[section].size || memcmp(wanted, found, size) != 0))
+        status = tetlodi_fail(v->error, TETLOD_ERR_MISMATCH,
+                              "the original cells that the stream keeps are not the input's");
+    free(wanted);
+    free(found);
+    return status;
 }
 
 static enum tetlod_status verify_steps(struct verification *v)
@@ -310,6 +362,10 @@ static enum tetlod_status verify_against(struct verification *v)
     enum tetlod_status status = check_carried(tetlod_info(v->file), &input, v->error);
     if (status == TETLOD_OK)
         status = derive_fields(tetlod_info(v->file), &input, v->error);
+    if (status == TETLOD_OK)
+        status = round_cells(tetlod_info(v->file), &input, v->error);
+    if (status == TETLOD_OK)
+        status = originals_against(v, &input);
     const struct against_options comparing = {v->request->threads, v->request->all_levels, compare_progress, v};
     if (status == TETLOD_OK)
         status = against_check(v->file, v->cursor, &input, &comparing, &v->against, v->error);
@@ -356,6 +412,17 @@ static enum tetlod_status check_order(const struct verification *v)
     return status;
 }
 
+/* The cells that were split can be made of the finest level, where the cursor is. */
+static enum tetlod_status check_originals(const struct verification *v)
+{
+    struct tetmesh mesh = {0};
+    enum tetlod_status status = level_mesh_copy(tetlod_info(v->file), v->cursor, &mesh, v->error);
+    if (status == TETLOD_OK)
+        status = level_mesh_form(v->file, FORM_CELLS, false, &mesh, v->error);
+    tetmesh_fini(&mesh);
+    return status;
+}
+
 static enum tetlod_status check_metadata(const struct verification *v)
 {
     const struct tetlod_info *info = tetlod_info(v->file);
@@ -377,6 +444,8 @@ static enum tetlod_status verify_alone(struct verification *v)
     TETLOD_TRY_DONE(check_metadata(v));
     if (tetlod_info(v->file)->keeps_order)
         TETLOD_TRY_DONE(check_order(v));
+    if (tetlod_info(v->file)->keeps_order && tetlod_section_index(tetlod_info(v->file), TAG_ORIGINALS) != TETLOD_NONE)
+        TETLOD_TRY_DONE(check_originals(v));
     if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE) {
         TETLOD_TRY_DONE(steps_decode(v->file, &v->series, v->error));
         TETLOD_TRY_DONE(verify_cell_steps(v->file, v->error));

@@ -96,7 +96,7 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
 }
 
-static enum tetlod_status extract_from(struct tetlod_file *file, const struct step_choice *choice, bool original_order,
+static enum tetlod_status extract_from(struct tetlod_file *file, const struct step_choice *choice, enum level_form form,
                                        struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
     static const uint32_t none[1] = {0};
@@ -107,8 +107,8 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
         status = tetlod_cursor_new(&cursor, file, none, 0, error); // positions alone: the fields' values are the step's
     if (status == TETLOD_OK)
         status = take(file, series, cursor, choice, out, about, about_size, error);
-    if (status == TETLOD_OK && original_order)
-        status = level_mesh_reorder(file, out, error);
+    if (status == TETLOD_OK)
+        status = level_mesh_form(file, form, true, out, error);
     tetlod_cursor_free(cursor);
     tetlod_series_free(series);
     if (status != TETLOD_OK)
@@ -116,7 +116,7 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
     return status;
 }
 
-enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection, bool original_order,
+enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection, enum level_form form,
                                 struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
@@ -126,13 +126,13 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_sele
     if (selection->by_time)
         TETLOD_TRY(series_check_time(file, selection->time, error));
     if (!info->topology_count)
-        return extract_from(file, &choice, original_order, out, about, about_size, error);
+        return extract_from(file, &choice, form, out, about, about_size, error);
     choice.total = series_steps_before(info, info->topology_count);
     if (topology == TETLOD_NONE)
         return fail_step(choice.total, selection->step, error);
     choice.before = series_steps_before(info, topology);
     TETLOD_TRY(tetlod_open_topology(&part, file, topology, error));
-    enum tetlod_status status = extract_from(part, &choice, original_order, out, about, about_size, error);
+    enum tetlod_status status = extract_from(part, &choice, form, out, about, about_size, error);
     tetlod_close(part);
     return status;
 }

@@ -8,7 +8,6 @@
 
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
-#include "src/pipeline/cell_types.h"
 #include "src/pipeline/series_spool.h"
 #include "src/util/array.h"
 
@@ -127,33 +126,13 @@ static enum tetlod_status settle(struct series_input *input, struct tetmesh *mes
     return input->series.points_move ? TETLOD_MORE : TETLOD_OK;
 }
 
-/* One step's values of cells. A field that a step lacks, or has in another form, has no steps: the first step's stand
- * in its place. */
-static enum tetlod_status put_cells(struct series_input *input, const struct tetmesh *mesh, const struct tetmesh *first,
-                                    struct tetlod_error *error)
-{
-    for (uint32_t c = 0; c < first->cell_field_count; c++) {
-        struct build_series_cells *cells = &input->cells[c];
-        const struct point_field *field = &first->cell_fields[c];
-        uint32_t found = tetmesh_find_cell_field(mesh, field->name);
-        if (found != TETLOD_NONE && mesh->cell_fields[found].components == field->components)
-            field = &mesh->cell_fields[found];
-        else
-            cells->missing = true;
-        cells->type = cell_type_of_both(cells->type, cell_type_of(field, mesh->tet_count));
-        TETLOD_TRY(spool_write(&input->cell_spool, field->values,
-                               (size_t)field->components * mesh->tet_count * sizeof *field->values, error));
-    }
-    return TETLOD_OK;
-}
-
 /* One step's values. TETLOD_MORE: a field needs float64, or another field is needed, after all. */
 static enum tetlod_status put_step(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first,
                                    const struct build_control *controls, uint32_t count, struct tetlod_error *error)
 {
     TETLOD_TRY(settle(input, mesh, first, error));
     TETLOD_TRY(series_spool_put(&input->spool, mesh, first, controls, count, input->types, error));
-    return put_cells(input, mesh, first, error);
+    return series_spool_put_cells(&input->cell_spool, mesh, first, input->cells, error);
 }
 
 enum tetlod_status series_input_blame(const struct series_input *input, uint64_t number, enum tetlod_status status,
@@ -172,9 +151,7 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
     forget(input);
     TETLOD_TRY(spool_open(&input->spool, error));
     TETLOD_TRY(spool_open(&input->cell_spool, error));
-    for (uint32_t c = 0; c < first->cell_field_count; c++)
-        input->cells[c] = (struct build_series_cells){.field = c, .components = first->cell_fields[c].components,
-                                                      .type = cell_type_of(&first->cell_fields[c], first->tet_count)};
+    series_spool_cells(first, input->cells);
     uint32_t most = input->wanted - input->from, s = 0;
     for (bool same = true; s < most && same; s += same) {
         struct tetmesh mesh = {0};

@@ -12,6 +12,7 @@
 #include "src/mesh/cell_average.h"
 #include "src/mesh/ids.h"
 #include "src/mesh/nan_fill.h"
+#include "src/mesh/originals.h"
 #include "src/mesh/tet_clean.h"
 #include "src/util/array.h"
 
@@ -111,6 +112,7 @@ static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_optio
     if (options->drop_degenerate)
         TETLOD_TRY(tet_clean(mesh, &report->dropped_tets, error));
     TETLOD_TRY(tetmesh_validate_tets(mesh, error));
+    TETLOD_TRY(originals_settle(mesh, error));
     TETLOD_TRY(tetmesh_drop_unused(mesh, error)); // often they are those that have no value
     mesh->unused_points -= mesh->unused_points < report->welded_points ? mesh->unused_points : report->welded_points;
     TETLOD_TRY(treat_cell_data(mesh, options, report, error));
@@ -138,7 +140,7 @@ enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const st
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no point in it");
         goto done;
     }
-    TETLOD_TRY_DONE(block_split(&block, options->subdivide, out, report, error));
+    TETLOD_TRY_DONE(block_split(&block, options, out, report, error));
     block_fini(&block);
     status = clean(out, options, report, error);
 done:
@@ -232,9 +234,23 @@ enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
                         "%.400s: the extension of an output decides its format: use one of %s", path, known);
 }
 
+enum tetlod_status io_check_cells_output(const char *path, struct tetlod_error *error)
+{
+    const struct format *format = format_by_extension(path);
+    return !format || strcmp(format->name, "vtu") == 0 || strcmp(format->name, "vtk") == 0 ||
+                   strcmp(format->name, "vtkhdf") == 0
+               ? TETLOD_OK
+               : tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                              "%.120s: %s files are written with tetrahedra alone; the original cells go into .vtu, "
+                              ".vtk or .vtkhdf",
+                              path, format->name);
+}
+
 enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error)
 {
     TETLOD_TRY(io_check_output(path, error));
+    if (mesh->cells)
+        TETLOD_TRY(io_check_cells_output(path, error));
     const struct format *format = format_by_extension(path);
     struct file_output *output;
     TETLOD_TRY(file_output_open(&output, path, error));

@@ -29,6 +29,9 @@ bool io_format(size_t number, struct io_format *out);
 /* Whether io_write knows the path's extension: to be asked before work is spent on what it is to write. */
 TETLOD_CHECKED enum tetlod_status io_check_output(const char *path, struct tetlod_error *error);
 
+/* Whether it is of a format that is written with cells of any kind (tetmesh.h). */
+TETLOD_CHECKED enum tetlod_status io_check_cells_output(const char *path, struct tetlod_error *error);
+
 /* Writes by the path's extension, atomically: on failure no file is left and an older one stays. */
 TETLOD_CHECKED enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error);
 

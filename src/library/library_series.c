@@ -23,7 +23,8 @@ struct tetlod_build_series {
     enum tetlod_type *types;        /* owned: [control], as in the first step */
     double *times;                  /* owned */
     size_t step_count, time_capacity;
-    struct spool spool;
+    struct build_series_cells *cells; /* owned: [first.cell_field_count] */
+    struct spool spool, cell_spool;
     bool is_spoilt; /* a step was refused after some of its values were written */
 };
 
@@ -53,6 +54,8 @@ enum tetlod_status tetlod_build_series_new(struct tetlod_build_series **out, con
         status = check_series(&series->given, error);
     if (status == TETLOD_OK)
         status = spool_open(&series->spool, error);
+    if (status == TETLOD_OK)
+        status = spool_open(&series->cell_spool, error);
     return status;
 }
 
@@ -61,9 +64,11 @@ void tetlod_build_series_free(struct tetlod_build_series *series)
     if (!series)
         return;
     spool_close(&series->spool);
+    spool_close(&series->cell_spool);
     tetmesh_fini(&series->first);
     free(series->controls);
     free(series->types);
+    free(series->cells);
     free(series->times);
     free(series);
 }
@@ -74,8 +79,11 @@ static enum tetlod_status put(struct tetlod_build_series *series, struct tetmesh
 {
     enum tetlod_status status = series_spool_put(&series->spool, mesh, &series->first, series->options.controls,
                                                  series->options.control_count, series->types, error);
-    return status == TETLOD_MORE ? tetlodi_fail(error, TETLOD_ERR_FIELD, "a field of float32 has become one of float64")
-                                 : status;
+    if (status == TETLOD_MORE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "a field of float32 has become one of float64");
+    return status == TETLOD_OK
+               ? series_spool_put_cells(&series->cell_spool, mesh, &series->first, series->cells, error)
+               : status;
 }
 
 /* The first step decides which fields are controlled, and their types. */
@@ -87,8 +95,10 @@ static enum tetlod_status take_first(struct tetlod_build_series *series, struct 
     TETLOD_TRY(library_choose(&series->first, &series->given, true, &series->options, &series->controls, error));
     uint32_t count = series->options.control_count;
     series->types = array_new(count, sizeof *series->types);
-    if (!series->types)
+    series->cells = array_zero(series->first.cell_field_count, sizeof *series->cells);
+    if (!series->types || !series->cells)
         return tetlodi_fail_nomem(error, "the fields' types", count * sizeof *series->types);
+    series_spool_cells(&series->first, series->cells);
     for (uint32_t c = 0; c < count; c++)
         series->types[c] = series->first.fields[series->controls[c].field].type;
     return put(series, &series->first, error);
@@ -146,13 +156,15 @@ enum tetlod_status tetlod_build_series_finish(struct tetlod_build_series *series
                                               void *opaque, struct tetlod_error *error)
 {
     struct build_series input = {
-        .times = series->times, .types = series->types, .step_count = (uint32_t)series->step_count};
+        .times = series->times, .types = series->types, .step_count = (uint32_t)series->step_count,
+        .cells = series->cells, .cell_count = series->first.cell_field_count};
     struct build_options options = series->options;
     if (!series->step_count || series->is_spoilt)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                             series->is_spoilt ? "a step of the series was refused" : "a series needs a step");
     input.bands = build_series_bands(&input.band_count);
     TETLOD_TRY(spool_source(&series->spool, &input.values, error));
+    TETLOD_TRY(spool_source(&series->cell_spool, &input.cell_values, error));
     options.series = &input;
     return library_build(&series->first, &series->given, options, &(const struct tetlodi_sink){write, opaque}, error);
 }

@@ -113,8 +113,9 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_bu
 
 /*
  * A series: steps of one mesh are added while a solver runs, and the stream is written at the end. The values of steps
- * wait in a temporary file (TMPDIR). The controlled fields have steps; the others, and those of the tetrahedra, have
- * the first step's values.
+ * wait in a temporary file (TMPDIR). The controlled fields have steps, and so have those of the tetrahedra, which
+ * are stored exactly; other fields have the first step's values. A field of the tetrahedra that a step lacks, or has
+ * with other components, is known at the first step alone.
  *
  *     status = tetlod_build_series_new(&series, NULL, &error);
  *     ... tetlod_build_series_add(series, &mesh, time, &error) after each step, with the same points and tetrahedra

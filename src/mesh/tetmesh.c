@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/mesh/mixed_cells.h"
 #include "src/mesh/tetmesh.h"
 
 #include <math.h>
@@ -26,6 +27,13 @@ void tetmesh_fini(struct tetmesh *mesh)
     free(mesh->positions);
     free(mesh->corners);
     free(mesh->parents);
+    free(mesh->further_places);
+    if (mesh->cells)
+        cells_fini(mesh->cells);
+    if (mesh->further)
+        tetmesh_fini(mesh->further);
+    free(mesh->cells);
+    free(mesh->further);
     *mesh = (struct tetmesh){0};
 }
 

@@ -12,6 +12,8 @@
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/measure/overlay_levels.h"
+#include "src/mesh/ids.h"
+#include "src/mesh/originals.h"
 #include "src/mesh/orient.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
@@ -37,7 +39,7 @@ struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
     const uint32_t *numbering;      /* the corners as the caller numbers them: what is stored */
-    const uint32_t *parents;        /* the mesh's, or NULL */
+    const struct tetmesh *input;    /* with the cells that were split, if these are kept */
     struct oriented oriented;       /* `mesh` and `original` are in one turn (orient.h) */
     struct tetmesh turned;          /* the caller's mesh with those corners, if they differ */
     struct tetmesh rounded;
@@ -353,19 +355,38 @@ static enum tetlod_cell_type stored_cell_type(const struct build_series *series,
     return cell_type_of(&mesh->cell_fields[field], mesh->tet_count);
 }
 
-static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const struct build_options *options)
+/* The fields of cells as they are stored; rounded ones are in `rounded`, to be freed after *out. */
+static enum tetlod_status list_cells(const struct build *build, struct tetlodi_write_cells **out,
+                                     struct rounded_cells **rounded)
 {
-    struct tetlodi_write_cells *cells = array_new(mesh->cell_field_count, sizeof *cells);
-    for (uint32_t f = 0; f < mesh->cell_field_count && cells; f++) {
+    const struct tetmesh *mesh = build->original;
+    const struct build_options *options = build->options;
+    bool *ids = array_zero(mesh->cell_field_count, sizeof *ids);
+    *out = array_zero(mesh->cell_field_count, sizeof **out);
+    *rounded = array_zero(mesh->cell_field_count, sizeof **rounded);
+    enum tetlod_status status = ids && *out && *rounded ? TETLOD_OK
+                                                        : tetlodi_fail_nomem(build->error, "the fields",
+                                                                             mesh->cell_field_count * sizeof **out);
+    if (status == TETLOD_OK)
+        ids_find(mesh->cell_fields, mesh->cell_field_count, mesh->tet_count, ids);
+    for (uint32_t f = 0; f < mesh->cell_field_count && status == TETLOD_OK; f++) {
         const struct point_field *field = &mesh->cell_fields[f];
-        cells[f] = (struct tetlodi_write_cells){.name = field->name,
-                                                .components = field->components,
-                                                .type = stored_cell_type(options->series, mesh, f),
-                                                .region = options->regions && strcmp(options->regions,
-                                                                                     field->name) == 0,
-                                                .values = field->values};
+        enum tetlod_cell_type type = stored_cell_type(options->series, mesh, f);
+        bool is_region = options->regions && strcmp(options->regions, field->name) == 0;
+        if (type <= TETLOD_CELL_FLOAT64 && !is_region && !ids[f])
+            status = quantise_cells(field, mesh->tet_count, type == TETLOD_CELL_FLOAT32, &options->quantise,
+                                    &(*rounded)[f], build->error);
+        const double *values = (*rounded)[f].values;
+        (*out)[f] = (struct tetlodi_write_cells){.name = field->name,
+                                                 .components = field->components,
+                                                 .type = type,
+                                                 .region = is_region,
+                                                 .values = values ? values : field->values,
+                                                 .quantum = values ? (*rounded)[f].quantum : 0,
+                                                 .error = values ? (*rounded)[f].error : 0};
     }
-    return cells;
+    free(ids);
+    return status;
 }
 
 static struct tetlodi_write_field list_field(const struct build *build, uint32_t f)
@@ -406,18 +427,25 @@ static void reverse_groups(struct cell_groups *groups)
     }
 }
 
-/* The sections of the options, and the sums if they are asked for; *bytes is to be freed after *out. */
-static enum tetlod_status list_sections(struct build *build, struct tetlodi_buffer *bytes,
+/* The sections of the options, the cells that were split if they are kept, and the sums if they are asked for; *bytes
+ * and *originals are to be freed after *out. */
+static enum tetlod_status list_sections(struct build *build, struct tetlodi_buffer *bytes, unsigned char **originals,
                                         struct tetlodi_write_section **out, uint32_t *count)
 {
     const struct build_options *options = build->options;
     struct tetlodi_summary summary;
     *count = options->section_count;
-    *out = array_new(*count + (size_t)1, sizeof **out);
+    *out = array_new(*count + (size_t)2, sizeof **out);
     if (!*out)
         return tetlodi_fail_nomem(build->error, "the sections", (*count + 1) * sizeof **out);
     if (*count)
         memcpy(*out, options->sections, *count * sizeof **out);
+    if (options->keep_order && build->input->cells) {
+        struct tetlodi_write_section section = {.tag = TAG_ORIGINALS, .row = ORIGINALS_ROW};
+        TETLOD_TRY(originals_encode(build->input, originals, &section.size, build->error));
+        section.bytes = *originals;
+        (*out)[(*count)++] = section;
+    }
     if (!options->summary)
         return TETLOD_OK;
     TETLOD_TRY(summary_make(&summary, build->original, build->mesh, &build->log,
@@ -434,17 +462,17 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     const struct tetmesh *mesh = build->mesh;
     const struct contraction_log *log = &build->log;
     struct tetlodi_write_field *fields = array_new(mesh->field_count, sizeof *fields);
-    struct tetlodi_write_cells *cells = list_cells(build->original, build->options);
-    if (!fields || !cells) {
-        free(fields);
-        free(cells);
-        return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
-    }
+    struct tetlodi_write_cells *cells = NULL;
+    struct rounded_cells *rounded = NULL;
     struct tetlodi_buffer sums = {0};
     struct tetlodi_write_section *sections = NULL;
+    unsigned char *originals = NULL;
     uint32_t section_count;
     enum tetlod_status status;
-    TETLOD_TRY_DONE(list_sections(build, &sums, &sections, &section_count));
+    if (!fields)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields));
+    TETLOD_TRY_DONE(list_cells(build, &cells, &rounded));
+    TETLOD_TRY_DONE(list_sections(build, &sums, &originals, &sections, &section_count));
     for (uint32_t f = 0; f < mesh->field_count; f++)
         fields[f] = list_field(build, f);
     reverse_groups(&build->groups);
@@ -473,7 +501,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .sections = sections,
                                         .cell_field_count = build->original->cell_field_count,
                                         .cells = cells,
-                                        .parents = build->parents,
+                                        .parents = build->input->parents,
                                         .late = build->series ? series_sections : NULL,
                                         .late_opaque = build->series,
                                         .progress = build->options->progress ? encode_progress : NULL,
@@ -486,8 +514,12 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     status = tetlodi_write(&input, sink, build->error);
 done:
     tetlodi_buffer_fini(&sums);
+    free(originals);
     free(sections);
     free(fields);
+    for (uint32_t f = 0; rounded && f < build->original->cell_field_count; f++)
+        free(rounded[f].values);
+    free(rounded);
     free(cells);
     return status;
 }
@@ -579,7 +611,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     struct build build = {.mesh = mesh,
                           .original = mesh,
                           .numbering = mesh->corners,
-                          .parents = mesh->parents,
+                          .input = mesh,
                           .options = options,
                           .cost = {.field = TETLOD_NONE},
                           .error = error};

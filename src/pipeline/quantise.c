@@ -112,6 +112,43 @@ enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh
     return TETLOD_OK;
 }
 
+/* The step from end to end of a range in so many bits; 0: there is none that makes the numbers of the type fewer. */
+static double cell_quantum(const double range[2], unsigned bits, bool single)
+{
+    double quantum = (range[1] - range[0]) / (double)((UINT32_C(1) << bits) - 1);
+    double most = fmax(fabs(range[0]), fabs(range[1]));
+    bool fits = quantum > 0 && quantum <= 0x1p900 && most / quantum < (single ? 0x1p22 : 0x1p50);
+    return fits ? quantum : 0;
+}
+
+enum tetlod_status quantise_cells(const struct point_field *field, size_t rows, bool single,
+                                  const struct quantise_options *options, struct rounded_cells *out,
+                                  struct tetlod_error *error)
+{
+    size_t count = rows * field->components;
+    unsigned bits = choose_bits(options->field_bits, options->field_error);
+    double range[2] = {INFINITY, -INFINITY};
+    *out = (struct rounded_cells){0};
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(field->values[i]))
+            return TETLOD_OK;
+        range[0] = smaller(range[0], field->values[i]);
+        range[1] = larger(range[1], field->values[i]);
+    }
+    out->quantum = bits && count ? cell_quantum(range, bits, single) : 0;
+    if (!(out->quantum > 0))
+        return TETLOD_OK;
+    out->values = array_new(count, sizeof *out->values);
+    if (!out->values)
+        return tetlodi_fail_nomem(error, field->name, count * sizeof *out->values);
+    for (size_t i = 0; i < count; i++) {
+        double value = out->quantum * floor(field->values[i] / out->quantum + 0.5);
+        out->values[i] = tetlodi_round(single ? TETLOD_FLOAT32 : TETLOD_FLOAT64, value);
+        out->error = larger(out->error, fabs(out->values[i] - field->values[i]));
+    }
+    return TETLOD_OK;
+}
+
 /* The most that a value moved by. */
 static double changed_by(const struct point_field *now, const struct point_field *before, uint32_t vertices)
 {

@@ -21,6 +21,17 @@ bool quantise_wanted(const struct quantise_options *options);
 TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
                                                 const struct quantise_options *options, struct tetlod_error *error);
 
+/* Values of cells on multiples of a quantum: as many bits as `options` ask for across the field's range. */
+struct rounded_cells {
+    double *values; /* owned; NULL: they stay exact, because they are not all finite, or because floats are no finer */
+    double quantum, error; /* error: the most that a value changed by */
+};
+
+/* Rounds a field of floats, of `rows` rows, where fields are rounded at all. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status quantise_cells(const struct point_field *field, size_t rows, bool single,
+                                                 const struct quantise_options *options, struct rounded_cells *out,
+                                                 struct tetlod_error *error);
+
 /* The largest distance that rounding has moved a vertex: no point of the boundary has moved further. */
 double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh);
 

@@ -2,6 +2,7 @@
 #include "src/pipeline/series_spool.h"
 
 #include "format/fail.h"
+#include "src/pipeline/cell_types.h"
 #include "src/pipeline/precision.h"
 
 static enum tetlod_status put_values(struct spool *spool, const struct point_field *field, uint32_t vertices,
@@ -40,6 +41,30 @@ enum tetlod_status series_spool_put(struct spool *spool, struct tetmesh *mesh, c
             return TETLOD_MORE;
         }
         TETLOD_TRY(put_values(spool, field, mesh->vertex_count, types[c], error));
+    }
+    return TETLOD_OK;
+}
+
+void series_spool_cells(const struct tetmesh *first, struct build_series_cells *cells)
+{
+    for (uint32_t c = 0; c < first->cell_field_count; c++)
+        cells[c] = (struct build_series_cells){.field = c, .components = first->cell_fields[c].components,
+                                               .type = cell_type_of(&first->cell_fields[c], first->tet_count)};
+}
+
+enum tetlod_status series_spool_put_cells(struct spool *spool, const struct tetmesh *mesh, const struct tetmesh *first,
+                                          struct build_series_cells *cells, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < first->cell_field_count; c++) {
+        const struct point_field *field = &first->cell_fields[c];
+        uint32_t found = tetmesh_find_cell_field(mesh, field->name);
+        if (found != TETLOD_NONE && mesh->cell_fields[found].components == field->components)
+            field = &mesh->cell_fields[found];
+        else
+            cells[c].missing = true;
+        cells[c].type = cell_type_of_both(cells[c].type, cell_type_of(field, mesh->tet_count));
+        TETLOD_TRY(spool_write(spool, field->values,
+                               (size_t)field->components * mesh->tet_count * sizeof *field->values, error));
     }
     return TETLOD_OK;
 }

@@ -31,8 +31,12 @@ static json_t *field_json(const struct tetlod_info *info, uint32_t f)
 static json_t *cell_field_json(const struct tetlod_cell_field *field)
 {
     static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
-    return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
-                     types[field->type], "range", field->range[0], field->range[1], "region", field->region);
+    json_t *json = json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components,
+                             "type", types[field->type], "range", field->range[0], field->range[1], "region",
+                             field->region);
+    if (json && field->quantum > 0)
+        json_object_set_new(json, "error", json_real(field->error));
+    return json;
 }
 
 /* One field's errors at a level. JSON has finite numbers only: what is left out is not known, or has no bound. */

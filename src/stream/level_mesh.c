@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/originals.h"
 #include "src/stream/metadata.h"
 #include "src/util/array.h"
 #include "src/util/pages.h"
@@ -263,6 +264,37 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
     free(tets);
     free(places);
     return status;
+}
+
+static enum tetlod_status take_originals(const struct tetlod_file *file, uint32_t section, bool of_step,
+                                         struct tetmesh *mesh, struct tetlod_error *error)
+{
+    size_t size = (size_t)tetlod_info(file)->sections[section].size;
+    unsigned char *bytes = array_new(size, 1);
+    enum tetlod_status status = bytes ? tetlod_section_read(file, section, bytes, error)
+                                      : tetlodi_fail_nomem(error, "the original cells", size);
+    if (status == TETLOD_OK)
+        status = originals_decode(mesh, bytes, size, of_step, error);
+    free(bytes);
+    return status;
+}
+
+enum tetlod_status level_mesh_form(const struct tetlod_file *file, enum level_form form, bool of_step,
+                                   struct tetmesh *mesh, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    uint32_t section = tetlod_section_index(info, TAG_ORIGINALS);
+    if (form == FORM_STREAM)
+        return TETLOD_OK;
+    if (form == FORM_CELLS && (mesh->vertex_count != info->vertices || mesh->tet_count != info->tets))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "the original cells are there at the finest level alone; coarser ones have tetrahedra");
+    if (form == FORM_CELLS && !info->keeps_order)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "the stream does not keep the original cells (build --keep-order does)");
+    TETLOD_TRY(level_mesh_reorder(file, mesh, error));
+    bool has_cells = form == FORM_CELLS && section != TETLOD_NONE;
+    return has_cells ? take_originals(file, section, of_step, mesh, error) : TETLOD_OK;
 }
 
 enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original,

@@ -50,6 +50,15 @@ TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *inf
 TETLOD_CHECKED enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh,
                                                      struct tetlod_error *error);
 
+/* What is made of a level's mesh: nothing, the original's order, the original's cells. */
+enum level_form { FORM_STREAM, FORM_ORDER, FORM_CELLS };
+
+/* FORM_CELLS puts the cells that were split, and the points that no tetrahedron has, in place of the tetrahedra
+ * (tetmesh.h: cells); a stream of tetrahedra alone has these. `of_step`: the values are those of a step in time.
+ * ERR_ARGUMENT where the stream does not keep what is asked for, or the mesh is that of another level. */
+TETLOD_CHECKED enum tetlod_status level_mesh_form(const struct tetlod_file *file, enum level_form form, bool of_step,
+                                                  struct tetmesh *mesh, struct tetlod_error *error);
+
 /* The original's positions and values by `vertices`, their numbers there, on the tetrahedra of the finest level. To be
  * released, also after a failure. */
 TETLOD_CHECKED enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original,

@@ -10,10 +10,11 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX, PAGED = (
+ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX, PAGED, ORIGINAL, BENT = (
     plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read())
     for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise',
-                 'topologies', 'series_cells', 'parents_float32', 'series_parents', 'paged_float32'))
+                 'topologies', 'series_cells', 'parents_float32', 'series_parents', 'paged_float32',
+                 'original_cells', 'original_quadratic'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -160,16 +161,22 @@ def cases():
     yield 'parents_many', 'open', 'more values of cells than fields', section(PARENTS, b'PVAL', 0)
     yield 'parents_none', 'open', 'no cells', parents_changed(0, 'Q', 0)
     yield 'parents_rows', 'open', 'more cells than tetrahedra', parents_changed(0, 'Q', tetlod.open(PARENTS).tets + 1)
-    yield 'parents_more', 'open', 'cells whose values have another number of rows', parents_changed(0, 'Q', tetlod.open(PARENTS).cell_rows + 1)
+    yield ('parents_more', 'open', 'cells whose values have another number of rows',
+           parents_changed(0, 'Q', tetlod.open(PARENTS).cell_rows + 1))
     quantum = 8 + 2 + 38 + 6 + 4 + 16  # of the second field
     yield 'parents_quantum', 'open', 'a quantum that is negative', parents_changed(quantum, 'd', -1.0)
-    yield 'parents_error', 'open', 'an error of rounding that is not finite', parents_changed(quantum + 8, 'd', INFINITY)
+    yield ('parents_error', 'open', 'an error of rounding that is not finite',
+           parents_changed(quantum + 8, 'd', INFINITY))
     yield 'parents_exact', 'open', 'an error of values that are not rounded', parents_changed(8 + 2 + 4 + 24, 'd', 1.0)
     yield 'parents_integer', 'open', 'integers that are rounded', parents_changed(quantum + 38 + 6, 'd', 1.0)
-    yield 'parents_map_random', 'decode', 'a map of other bytes', with_section(PARENTS, 'PMAP', bytes(255 - b for b in tetlod.open(PARENTS).section('PMAP')))
-    yield 'parents_map_zero', 'decode', 'a map to one cell only', with_section(PARENTS, 'PMAP', bytes(len(tetlod.open(PARENTS).section('PMAP'))))
-    yield 'parents_map_long', 'decode', 'a map with bytes behind it', with_section(PARENTS, 'PMAP', tetlod.open(PARENTS).section('PMAP') + b'\1' * 8)
-    yield 'parents_rounded', 'decode', 'rounded values of the fourth mode', with_section(PARENTS, 'PVAL', b'\xff\xff\xff\x00' * 100, 1)
+    yield ('parents_map_random', 'decode', 'a map of other bytes',
+           with_section(PARENTS, 'PMAP', bytes(255 - b for b in tetlod.open(PARENTS).section('PMAP'))))
+    yield ('parents_map_zero', 'decode', 'a map to one cell only',
+           with_section(PARENTS, 'PMAP', bytes(len(tetlod.open(PARENTS).section('PMAP')))))
+    yield ('parents_map_long', 'decode', 'a map with bytes behind it',
+           with_section(PARENTS, 'PMAP', tetlod.open(PARENTS).section('PMAP') + b'\1' * 8))
+    yield ('parents_rounded', 'decode', 'rounded values of the fourth mode',
+           with_section(PARENTS, 'PVAL', b'\xff\xff\xff\x00' * 100, 1))
     yield 'parents_steps', 'decode', 'a table of cells\' steps of another number of them', parents_retimed(4, 'I', 10)
     yield 'paged_alone', 'open', 'levels in pages without a table of pages', put(ONE, 12, 'I', 1)
     yield 'paged_quiet', 'open', 'a table of pages without the required feature', put(PAGED, 12, 'I', 0)
@@ -193,6 +200,31 @@ def cases():
     level = len(tetlod.open(PAGED).levels) - 2
     yield 'paged_random', 'decode', 'pages of other bytes, with the digest of their level', \
         reframed(PAGED, level, 0, lambda frame: bytes(255 - b for b in frame))
+    yield 'original_early', 'open', 'original cells before level 0', section(KEPT, b'ORIG', 2)
+    yield 'original_twice', 'open', 'ORIG twice', section(ORIGINAL, b'ORIG', 0)
+    fields, (cells, corners, further) = len(tetlod.open(BENT).fields), original_words(BENT)[:3]
+    yield 'original_none', 'decode', 'no cells', original_changed(BENT, 0, 0)
+    yield 'original_fields', 'decode', 'more fields than the index has', original_changed(BENT, 3, fields + 1)
+    yield 'original_kind', 'decode', 'coordinates of an unknown kind', original_changed(BENT, 4, 3)
+    yield 'original_kinds', 'decode', 'values of an unknown kind', original_changed(BENT, 5, 3)
+    first = 5 + fields
+    yield 'original_type', 'decode', 'a cell of type 256', original_changed(BENT, first, 256)
+    yield 'original_size', 'decode', 'a cell of 3 corners', original_changed(BENT, first + cells, 3)
+    yield 'original_sizes', 'decode', 'corners that do not add up', original_changed(BENT, 1, corners - 1)
+    yield 'original_corner', 'decode', 'a corner that is not there', original_changed(BENT, first + 2 * cells, 1 << 30)
+    yield ('original_parent', 'decode', 'a tetrahedron of a cell that is not there',
+           original_changed(BENT, first + 2 * cells + corners, cells))
+    yield ('original_empty', 'decode', 'a cell without a tetrahedron',
+           original_changed(BENT, last_new_cell(first + 2 * cells + corners), 0))
+    places = first + 2 * cells + corners + tetlod.open(BENT).tets
+    yield 'original_places', 'decode', 'further points whose numbers do not rise', original_changed(BENT, places + 1, 0)
+    yield ('original_beyond', 'decode', 'a further point beyond the points',
+           original_changed(BENT, places + further - 1, 1 << 20))
+    yield ('original_short', 'decode', 'original cells that end too early',
+           with_section(BENT, 'ORIG', tetlod.open(BENT).section('ORIG')[:-4]))
+    yield ('original_long', 'decode', 'original cells with a word behind them',
+           with_section(BENT, 'ORIG', tetlod.open(BENT).section('ORIG') + bytes(4)))
+    yield 'original_faces', 'decode', 'faces that do not fill their polyhedron', polyhedron_of_more_faces()
     yield 'cells_whole', 'decode', 'a value of cells that is 2^53 + 1', whole_number(CELLS)
     yield 'packed_rest', 'open', 'bytes behind a packed index that are not zero', longer_index(b'\0\0\0\0\1')
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
@@ -301,6 +333,30 @@ def cells_shuffled(change, row=0):
         struct.pack_into('<16s', table, len(table) - 16 * groups * (rows - row) + 16 * group, tetlod.digest(part))
         values += part
     return with_section(with_section(HEAT, 'CTIM', bytes(table)), 'CSTP', values, row)
+
+
+def original_words(data):
+    content = tetlod.open(data).section('ORIG')
+    return list(struct.unpack('<%dI' % (len(content) // 4), content))
+
+
+def original_changed(data, at, word):
+    words = original_words(data)
+    words[at] = word
+    return with_section(data, 'ORIG', struct.pack('<%dI' % len(words), *words))
+
+
+def last_new_cell(begin):
+    """Where the last cell's first tetrahedron is in the words."""
+    words = original_words(BENT)
+    return max(at for at in range(begin, begin + tetlod.open(BENT).tets) if words[at])
+
+
+def polyhedron_of_more_faces():
+    cells, stream = tetlod.open(ORIGINAL).original_cells(), tetlod.open(ORIGINAL)
+    number = cells.types.tolist().index(42)
+    at = 5 + len(stream.fields) + 2 * len(cells.types) + int(cells.offsets[number])
+    return original_changed(ORIGINAL, at, (original_words(ORIGINAL)[at] + 1) % 2**32)
 
 
 def parents_changed(at, form, value):

@@ -46,6 +46,17 @@ def check_cells(path):
     return found == wanted and len(found) > 3
 
 
+def check_original(path):
+    """The cells that were split: points, types, offsets, corners, values of fields at points."""
+    stream = tetlod.open(path)
+    cells = stream.original_cells()
+    sha = hashlib.sha256(np.ascontiguousarray(cells.points, '<f8').tobytes() + cells.types.astype('u1').tobytes() +
+                         cells.offsets.astype('<i8').tobytes() + np.array(cells.connectivity, '<i8').tobytes())
+    for field in stream.fields:
+        sha.update(np.ascontiguousarray(cells.field(field['name']), '<f8').tobytes())
+    return sha.hexdigest() == open(path + '.original').read().strip()
+
+
 def check_steps(path):
     wanted, found = open(path + '.steps').read().split(), []
     series = tetlod.open(path).series()
@@ -151,6 +162,12 @@ for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod'))
                       (check_steps(os.path.join(golden, 'series_moving.tetlod')), 'Python agrees on points that move'),
                       (check_cell_steps(os.path.join(golden, 'series_cells.tetlod')),
                        'Python agrees on steps of cells'),
+                      (check_cells(os.path.join(golden, 'parents_float32.tetlod')),
+                       'Python agrees on values of cells that were split'),
+                      (check_original(os.path.join(golden, 'original_cells.tetlod')),
+                       'Python agrees on original cells'),
+                      (check_original(os.path.join(golden, 'original_quadratic.tetlod')),
+                       'Python agrees on points that no tetrahedron has'),
                       (check_topologies(os.path.join(golden, 'topologies.tetlod')),
                        'Python agrees on steps over several meshes'),
                       (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),

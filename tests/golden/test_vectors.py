@@ -34,6 +34,7 @@ def decode(data, levels=None):
         for section in stream.sections:
             stream.section(section['tag'])
         series = stream.series() if levels is not None else None
+        stream.original_cells()
         for field in stream.cell_fields:
             stream.cells(field['name'])
         for level in range(len(stream.levels)):

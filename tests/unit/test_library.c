@@ -242,11 +242,17 @@ static void add_steps(struct tetlod_build_series *series, unsigned count)
     struct tetlod_error error = {0};
     float moving[6];
     const struct tetlod_build_array p = {"p", 1, TETLOD_CELL_FLOAT32, moving};
+    int32_t load[2]; // of the tetrahedra
+    const struct tetlod_build_array loads = {"load", 1, TETLOD_CELL_INT32, load};
     struct tetlod_build_mesh mesh = mesh_of();
     mesh.fields = &p;
+    mesh.cell_fields = &loads;
+    mesh.cell_field_count = 1;
     for (unsigned s = 0; s < count; s++) {
         for (int i = 0; i < 6; i++)
             moving[i] = values[i] * (float)(s + 1);
+        load[0] = (int32_t)s;
+        load[1] = 1000 * (int32_t)s;
         CHECK(tetlod_build_series_add(series, &mesh, 0.5 * s, &error) == TETLOD_OK);
     }
 }
@@ -263,10 +269,11 @@ static void check_series(const struct memory_sink *out, uint32_t steps)
     CHECK(info->step_count == steps && info->field_count == 1 && info->times[steps - 1] == 0.5 * (steps - 1));
     CHECK(tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK);
     for (uint32_t s = 0; s < steps; s++) {
-        double sum = 0;
+        double sum = 0, load[2];
         CHECK(tetlod_seek_step(series, cursor, info->band_count - 1, s, &error) == TETLOD_OK);
         for (int v = 0; v < 5; v++)
             sum += tetlod_step_values(series, 0)[v];
+        CHECK(tetlod_step_cells(series, 0, s, load, &error) == TETLOD_OK && load[0] + load[1] == 1001.0 * s);
         CHECK(sum == 10 * (s + 1)); // 0 + 1 + 2 + 3 + 4; the sixth point is used by no tetrahedron
     }
     tetlod_cursor_free(cursor);

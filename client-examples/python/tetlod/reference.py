@@ -9,6 +9,7 @@
     stream.cells('material')[:len(cursor.tets)]   # of the level's tetrahedra
     stream.series()                               # the steps in time, of a stream that has some (reference_steps)
     stream.order()                                # the original's own numbering, of a stream built with --keep-order
+    stream.original_cells()                       # the cells that were split, of such a stream (reference_cells)
 
 From a shell: python3 -m tetlod.reference FILE_OR_URL [--error E | --level K] [-o OUT.npz]
 """
@@ -264,7 +265,7 @@ class Stream:
             require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
             known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'CTIM': 0, 'CSTP': 0,
                      'PCEL': 2, 'PMAP': 0, 'PVAL': 0, 'PTIM': 0, 'PSTP': 0, 'TOPO': 2, 'NEXT': 0,
-                     'PAGE': 2}
+                     'PAGE': 2, 'ORIG': 0}
             twice = tag not in ('CVAL', 'TVAL', 'CSTP', 'PVAL', 'PSTP') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
@@ -507,6 +508,12 @@ class Stream:
             corners[t] = (i, j, m, k) if odd else (i, j, k, m)
         coder.finish('the order')
         return numbers[0], numbers[1], corners
+
+    def original_cells(self):
+        """The cells that were split (reference_cells.OriginalCells); None if the stream does not keep them."""
+        from .reference_cells import OriginalCells
+        data = self.section('ORIG')
+        return None if data is None or self.section('ORDR') is None else OriginalCells(self, data)
 
     def field_index(self, name):
         for i, field in enumerate(self.fields):

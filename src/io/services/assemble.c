@@ -296,14 +296,6 @@ void cells_renew_lagrange(struct cells *cells)
     }
 }
 
-void cells_fini(struct cells *cells)
-{
-    free(cells->types);
-    free(cells->offsets);
-    free(cells->connectivity);
-    *cells = (struct cells){0};
-}
-
 enum tetlod_status blocks_add(struct blocks *blocks, struct block **out, struct tetlod_error *error)
 {
     if (!ARRAY_RESERVE(blocks->at, blocks->capacity, blocks->count + 1))

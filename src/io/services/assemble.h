@@ -7,35 +7,8 @@
 #define TETLOD_ASSEMBLE_H
 
 #include "src/io/services/input.h"
+#include "src/mesh/mixed_cells.h"
 #include "src/mesh/tetmesh.h"
-
-/* Cells in VTK's terms: cell c is of VTK type types[c] and has the corners connectivity[offsets[c] .. offsets[c+1]). A
- * polyhedron (42) has instead: its number of faces, and for each the number of its points and these. */
-struct cells {
-    uint64_t count, connectivity_count;
-    unsigned char *types;   /* owned; NULL: tetrahedra throughout, and no offsets */
-    uint64_t *offsets;      /* owned, count + 1 */
-    uint32_t *connectivity; /* owned; TETLOD_NONE: the file's number is not one of a point */
-    size_t type_capacity, offset_capacity, connectivity_capacity;
-};
-
-/* VTK's types of cells that formats have, and one that stands for all that have no volume. */
-enum {
-    VTK_TYPE_FLAT = 5,
-    VTK_TYPE_TET = 10,
-    VTK_TYPE_VOXEL = 11,
-    VTK_TYPE_HEXAHEDRON = 12,
-    VTK_TYPE_WEDGE = 13,
-    VTK_TYPE_PYRAMID = 14,
-    VTK_TYPE_TET10 = 24,
-    VTK_TYPE_HEXAHEDRON20 = 25,
-    VTK_TYPE_WEDGE15 = 26,
-    VTK_TYPE_PYRAMID13 = 27,
-    VTK_TYPE_HEXAHEDRON27 = 29,
-    VTK_TYPE_WEDGE18 = 32,
-    VTK_TYPE_POLYHEDRON = 42,
-    VTK_TYPE_LAGRANGE_HEXAHEDRON = 72
-};
 
 /* Appends a cell. The corners are the file's numbers less those of its first point. */
 TETLOD_CHECKED enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int64_t *corners,
@@ -46,7 +19,6 @@ TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigne
 TETLOD_CHECKED enum tetlod_status cells_give_types(struct cells *cells, struct tetlod_error *error);
 /* Takes types and offsets away again where they say nothing else. */
 void cells_drop_types(struct cells *cells);
-void cells_fini(struct cells *cells);
 
 /* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before
  * those of the top. */
@@ -169,9 +141,14 @@ TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double wel
 TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
                                              struct tetlod_error *error);
 
+/* The hexahedra of a structured grid, in the order of its cells. */
+TETLOD_CHECKED enum tetlod_status cells_of_grid(const uint32_t dims[3], struct cells *out, struct tetlod_error *error);
+
 /* The block's tetrahedra, first the cells that are tetrahedra, as they are, then those of cells that are split, turned
- * as most of the first are. The block is emptied. */
-TETLOD_CHECKED enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out,
-                                              struct io_report *report, struct tetlod_error *error);
+ * as most of the first are. The block is emptied. With options->keep_cells the mesh has the cells, too, unless all are
+ * tetrahedra of four points. */
+TETLOD_CHECKED enum tetlod_status block_split(struct block *block, const struct io_read_options *options,
+                                              struct tetmesh *out, struct io_report *report,
+                                              struct tetlod_error *error);
 
 #endif

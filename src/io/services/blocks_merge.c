@@ -144,6 +144,23 @@ static void put_hexahedra(const uint32_t dims[3], uint32_t first_point, uint32_t
             }
 }
 
+enum tetlod_status cells_of_grid(const uint32_t dims[3], struct cells *out, struct tetlod_error *error)
+{
+    struct block grid = {.dims = {dims[0], dims[1], dims[2]}};
+    uint64_t count = block_cell_count(&grid);
+    *out = (struct cells){.count = count, .connectivity_count = 8 * count};
+    out->types = array_new((size_t)count, 1);
+    out->offsets = array_new((size_t)count + 1, sizeof *out->offsets);
+    out->connectivity = array_new((size_t)count, 8 * sizeof *out->connectivity);
+    if (!out->types || !out->offsets || !out->connectivity)
+        return tetlodi_fail_nomem(error, "the cells", count * 41);
+    memset(out->types, VTK_TYPE_HEXAHEDRON, (size_t)count);
+    for (uint64_t c = 0; c <= count; c++)
+        out->offsets[c] = 8 * c;
+    put_hexahedra(dims, 0, out->connectivity);
+    return TETLOD_OK;
+}
+
 static uint64_t connectivity_of(const struct block *block)
 {
     return block->dims[0] ? 8 * block_cell_count(block) : block->cells.connectivity_count;

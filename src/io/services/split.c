@@ -491,18 +491,27 @@ static enum tetlod_status new_corners(struct tetmesh *out, uint64_t tets, struct
     return out->corners && out->parents ? TETLOD_OK : tetlodi_fail_nomem(error, "the tetrahedra", tets * 20);
 }
 
-static enum tetlod_status split_cells(struct block *block, bool subdivide, struct tetmesh *out,
+/* Whether cells have more points than those of tetrahedra, so that they are worth keeping. */
+static bool has_others(const struct cells *cells)
+{
+    for (uint64_t c = 0; c < cells->count; c++)
+        if (cells->types[c] != VTK_TYPE_TET && find_type(cells->types[c]).shape != NO_VOLUME)
+            return true;
+    return false;
+}
+
+static enum tetlod_status split_cells(struct block *block, const struct io_read_options *options, struct tetmesh *out,
                                       struct io_report *report, struct tetlod_error *error)
 {
     struct splitter s = {.cells = &block->cells,
                          .hidden = block->hidden,
                          .out = out,
-                         .subdivide = subdivide,
+                         .subdivide = options->subdivide,
                          .point_count = out->vertex_count,
                          .next_centre = out->vertex_count,
                          .orders = find_orders(out)};
     TETLOD_TRY(count_tets(&s, report, error));
-    if (only_tets(&s)) {
+    if (only_tets(&s) && !(options->keep_cells && has_others(&block->cells))) {
         TETLOD_TRY(check_tet_count(s.most_tets, error));
         move_tets(&s, &block->cells);
         return TETLOD_OK;
@@ -549,8 +558,21 @@ static enum tetlod_status take_tets(struct block *block, struct tetmesh *out, st
     return TETLOD_OK;
 }
 
-enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out, struct io_report *report,
-                               struct tetlod_error *error)
+/* The cells go with the tetrahedra that were made of them. */
+static enum tetlod_status keep_cells(struct block *block, struct tetmesh *out, struct tetlod_error *error)
+{
+    out->cells = array_zero(1, sizeof *out->cells);
+    if (!out->cells)
+        return tetlodi_fail_nomem(error, "the cells", sizeof *out->cells);
+    if (block->dims[0])
+        return cells_of_grid(block->dims, out->cells, error);
+    *out->cells = block->cells;
+    block->cells = (struct cells){0};
+    return TETLOD_OK;
+}
+
+enum tetlod_status block_split(struct block *block, const struct io_read_options *options, struct tetmesh *out,
+                               struct io_report *report, struct tetlod_error *error)
 {
     enum tetlod_status status = TETLOD_OK;
     *out = block->mesh;
@@ -560,7 +582,9 @@ enum tetlod_status block_split(struct block *block, bool subdivide, struct tetme
     if (!block->dims[0] && !block->cells.types)
         TETLOD_TRY_DONE(cells_give_types(&block->cells, error));
     TETLOD_TRY_DONE(block->dims[0] ? split_grid(block, out, report, error)
-                                   : split_cells(block, subdivide, out, report, error));
+                                   : split_cells(block, options, out, report, error));
+    if (options->keep_cells && out->parents)
+        TETLOD_TRY_DONE(keep_cells(block, out, error));
     cells_fini(&block->cells); // gives room for the values
     if (out->parents)
         status = spread_values(out, error);

@@ -2,10 +2,13 @@
 /* Writing legacy VTK 3.0, binary, which is big-endian. All fields go into one FIELD, which takes any number of
  * components. */
 #include <inttypes.h>
+#include <stdlib.h>
 
 #include "format/fail.h"
 #include "src/io/writers/layout.h"
 #include "src/io/writers/writers.h"
+#include "src/mesh/mixed_cells.h"
+#include "src/util/array.h"
 #include "src/util/put.h"
 
 static const char *const types[] = {[TETLOD_FLOAT32] = "float", [TETLOD_FLOAT64] = "double"};
@@ -30,7 +33,8 @@ static void put_points_line(struct put *put, const struct tetmesh *mesh)
 
 static void put_cells_line(struct put *put, const struct tetmesh *mesh)
 {
-    put_format(put, "CELLS %" PRIu32 " %" PRIu64 "\n", mesh->tet_count, 5 * (uint64_t)mesh->tet_count);
+    uint64_t words = mesh->cells ? mesh->cells->count + mesh->cells->connectivity_count : 5 * (uint64_t)mesh->tet_count;
+    put_format(put, "CELLS %" PRIu32 " %" PRIu64 "\n", mesh->tet_count, words);
 }
 
 static void put_types_line(struct put *put, const struct tetmesh *mesh)
@@ -158,7 +162,75 @@ enum tetlod_status io_layout_vtk(struct io_layout **out, const struct tetmesh *s
     return layout_end(out, status);
 }
 
+/* ---- cells of any kind */
+
+/* Of each cell how many words follow, and these. */
+static uint32_t *make_lists(const struct cells *cells)
+{
+    uint32_t *out = array_new((size_t)(cells->count + cells->connectivity_count), sizeof *out), *at = out;
+    for (uint64_t c = 0; c < cells->count && out; c++) {
+        *at++ = (uint32_t)(cells->offsets[c + 1] - cells->offsets[c]);
+        for (uint64_t i = cells->offsets[c]; i < cells->offsets[c + 1]; i++)
+            *at++ = cells->connectivity[i];
+    }
+    return out;
+}
+
+static void put_words(struct put *put, const uint32_t *words, uint64_t count)
+{
+    for (uint64_t i = 0; i < count; i++)
+        put_word(put, words[i], 4);
+}
+
+static void put_array(struct put *put, const struct layout_array *array)
+{
+    enum { BLOCK = 512 };
+    unsigned char bytes[8 * BLOCK];
+    for (uint64_t word = 0, all = array->rows * array->words; word < all; word += BLOCK) {
+        size_t some = all - word < BLOCK ? (size_t)(all - word) : BLOCK;
+        layout_store(array, word, some, bytes);
+        put_bytes(put, bytes, some * array->width);
+    }
+}
+
+static enum tetlod_status check_cells(const struct cells *cells, struct tetlod_error *error)
+{
+    if (cells->connectivity_count > INT32_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "legacy VTK counts corners with 31 bits; write .vtu");
+    for (uint64_t c = 0; c < cells->count; c++)
+        if (cells->types[c] == VTK_TYPE_LAGRANGE_HEXAHEDRON)
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                "legacy VTK orders the points of Lagrange hexahedra in another way; write .vtu");
+    return TETLOD_OK;
+}
+
+static enum tetlod_status write_cells(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                      struct tetlod_error *error)
+{
+    struct put put;
+    TETLOD_TRY(check_count(mesh, error));
+    TETLOD_TRY(check_cells(mesh->cells, error));
+    uint32_t *lists = make_lists(mesh->cells);
+    if (!lists)
+        return tetlodi_fail_nomem(error, "the cells", mesh->cells->connectivity_count * sizeof *lists);
+    enum tetlod_status status = put_init(&put, sink, true, error);
+    for (uint32_t number = 0; number <= array_count(mesh) && status == TETLOD_OK; number++) {
+        put_text_before(&put, mesh, number);
+        if (number == 1)
+            put_words(&put, lists, mesh->cells->count + mesh->cells->connectivity_count);
+        for (uint64_t c = 0; c < mesh->cells->count && number == 2; c++)
+            put_word(&put, mesh->cells->types[c], 4);
+        if ((number == 0 || number > 2) && number < array_count(mesh)) {
+            const struct layout_array array = array_at(mesh, number);
+            put_array(&put, &array);
+        }
+    }
+    enum tetlod_status written = put_finish(&put);
+    free(lists);
+    return status == TETLOD_OK ? written : status;
+}
+
 enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    return layout_write_whole(io_layout_vtk, mesh, sink, error);
+    return mesh->cells ? write_cells(mesh, sink, error) : layout_write_whole(io_layout_vtk, mesh, sink, error);
 }

@@ -9,6 +9,8 @@
 #include "src/io/writers/facts.h"
 #include "src/io/writers/writers.h"
 #include "src/io/services/h5.h"
+#include "src/io/writers/cell_lists.h"
+#include "src/mesh/mixed_cells.h"
 #include "src/util/array.h"
 
 struct writer {
@@ -123,6 +125,24 @@ static enum tetlod_status put_cells(struct writer *w, const struct tetmesh *mesh
     return nomem ? tetlodi_fail_nomem(error, "the cells", tets * 9) : TETLOD_OK;
 }
 
+/* Cells of any kind but polyhedra, which the format has from a later version on. */
+static enum tetlod_status put_lists(struct writer *w, const struct cell_lists *lists, struct tetlod_error *error)
+{
+    const hsize_t cells = lists->cell_count, ends = cells + 1, corners = lists->connectivity_count;
+    if (lists->face_count)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "polyhedra cannot be written as VTKHDF of version 1; write .vtu or .vtk");
+    uint32_t *offsets = array_zero((size_t)ends, sizeof *offsets);
+    if (!offsets)
+        return tetlodi_fail_nomem(error, "the cells", ends * sizeof *offsets);
+    memcpy(offsets + 1, lists->ends, lists->cell_count * sizeof *offsets);
+    put_set(w, "Connectivity", 1, &corners, H5T_NATIVE_UINT32, H5T_STD_I64LE, lists->connectivity);
+    put_set(w, "Offsets", 1, &ends, H5T_NATIVE_UINT32, H5T_STD_I64LE, offsets);
+    put_set(w, "Types", 1, &cells, H5T_NATIVE_UINT32, H5T_STD_U8LE, lists->types);
+    free(offsets);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status put_fact(struct writer *w, const struct fact *fact, struct tetlod_error *error)
 {
     char group[64];
@@ -140,13 +160,20 @@ static enum tetlod_status put_fact(struct writer *w, const struct fact *fact, st
 static enum tetlod_status put_mesh(struct writer *w, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     const hsize_t one = 1, points[2] = {mesh->vertex_count, 3};
-    const int64_t counts[3] = {mesh->vertex_count, mesh->tet_count, 4 * (int64_t)mesh->tet_count};
+    int64_t counts[3] = {mesh->vertex_count, mesh->tet_count, 4 * (int64_t)mesh->tet_count};
+    struct cell_lists lists = {0};
+    enum tetlod_status status = mesh->cells ? cell_lists_make(&lists, mesh->cells, error) : TETLOD_OK;
+    counts[2] = mesh->cells ? (int64_t)lists.connectivity_count : counts[2];
     put_attributes(w);
     put_set(w, "NumberOfPoints", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[0]);
     put_set(w, "NumberOfCells", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[1]);
     put_set(w, "NumberOfConnectivityIds", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[2]);
     put_set(w, "Points", 2, points, H5T_NATIVE_DOUBLE, float_type(mesh->position_type), mesh->positions);
-    TETLOD_TRY(put_cells(w, mesh, error));
+    if (status == TETLOD_OK)
+        status = mesh->cells ? put_lists(w, &lists, error) : put_cells(w, mesh, error);
+    cell_lists_fini(&lists);
+    if (status != TETLOD_OK)
+        return status;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         TETLOD_TRY(put_field(w, "PointData/", &mesh->fields[f], mesh->vertex_count, error));
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)

@@ -7,6 +7,7 @@
 #include <zlib.h>
 
 #include "format/fail.h"
+#include "src/io/writers/cell_lists.h"
 #include "src/io/writers/facts.h"
 #include "src/io/writers/layout.h"
 #include "src/io/writers/writers.h"
@@ -108,13 +109,14 @@ struct writer {
     struct put put;
     struct layout_array *arrays; /* owned: the fields, those of cells, then points, connectivity, offsets, types */
     struct packed *packed;       /* owned, by array */
+    struct cell_lists lists;     /* of a mesh of cells */
     uint64_t offset;             /* of the next array in the appended data */
     uint32_t count, next;
 };
 
 static const char *type_of(const struct layout_array *array)
 {
-    if (array->kind == ROW_TYPE)
+    if (array->width == 1)
         return "UInt8";
     bool integer = array->integer || array->kind != ROW_VALUES;
     return array->width == 4 ? (integer ? "Int32" : "Float32") : (integer ? "Int64" : "Float64");
@@ -185,8 +187,9 @@ static void put_head(struct writer *w, bool plain)
 {
     const struct tetmesh *mesh = w->mesh;
     struct put *put = &w->put;
-    put_text(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" "
-                  "byte_order=\"LittleEndian\" "
+    put_format(put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"%s\" ",
+               mesh->cells ? "2.2" : "1.0"); // before 2.1 the points of Lagrange hexahedra were in another order
+    put_text(put, "byte_order=\"LittleEndian\" "
                   "header_type=\"UInt64\"");
     put_text(put, plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
     put_text(put, ">\n  <UnstructuredGrid>\n");
@@ -208,12 +211,32 @@ static void put_head(struct writer *w, bool plain)
     put_array(w, "connectivity", "");
     put_array(w, "offsets", "");
     put_array(w, "types", "");
+    if (w->lists.face_count) {
+        put_array(w, "faces", "");
+        put_array(w, "faceoffsets", "");
+    }
     put_text(put, "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
 }
 
 static const char tail[] = "\n  </AppendedData>\n</VTKFile>\n";
 
-static void list_arrays(const struct tetmesh *mesh, struct layout_array *out)
+static struct layout_array list_of(const uint32_t *list, size_t count, size_t width)
+{
+    return (struct layout_array){.kind = ROW_CORNERS, .words = 1, .width = width, .rows = count, .corners = list};
+}
+
+static void list_cells(const struct cell_lists *lists, struct layout_array *out)
+{
+    *out++ = list_of(lists->connectivity, lists->connectivity_count, 4);
+    *out++ = list_of(lists->ends, lists->cell_count, 4);
+    *out++ = list_of(lists->types, lists->cell_count, 1);
+    if (!lists->face_count)
+        return;
+    *out++ = list_of(lists->faces, lists->face_count, 4);
+    *out = list_of(lists->face_ends, lists->cell_count, 4);
+}
+
+static void list_arrays(const struct tetmesh *mesh, const struct cell_lists *lists, struct layout_array *out)
 {
     const struct point_field positions = {.components = 3, .type = mesh->position_type, .values = mesh->positions};
     size_t wide = mesh->tet_count > INT32_MAX / 4 ? 8 : 4; // the last offset may not fit Int32
@@ -222,6 +245,10 @@ static void list_arrays(const struct tetmesh *mesh, struct layout_array *out)
     for (uint32_t f = 0; f < mesh->cell_field_count; f++)
         *out++ = layout_of_field(&mesh->cell_fields[f], 0, mesh->tet_count);
     *out++ = layout_of_field(&positions, 0, mesh->vertex_count);
+    if (mesh->cells) {
+        list_cells(lists, out);
+        return;
+    }
     *out++ = (struct layout_array){.kind = ROW_CORNERS, .words = 4, .width = wide, .rows = mesh->tet_count,
                                    .corners = mesh->corners};
     *out++ = (struct layout_array){.kind = ROW_END, .words = 1, .width = wide, .rows = mesh->tet_count};
@@ -233,11 +260,15 @@ static enum tetlod_status writer_open(struct writer *w, const struct tetmesh *me
                                       struct tetlod_error *error)
 {
     *w = (struct writer){.mesh = mesh, .count = mesh->field_count + mesh->cell_field_count + 4};
+    if (mesh->cells) {
+        TETLOD_TRY(cell_lists_make(&w->lists, mesh->cells, error));
+        w->count += w->lists.face_count ? 2 : 0;
+    }
     w->arrays = array_new(w->count, sizeof *w->arrays);
     w->packed = array_zero(w->count, sizeof *w->packed);
     if (!w->arrays || !w->packed)
         return tetlodi_fail_nomem(error, "the list of arrays", w->count * sizeof *w->arrays);
-    list_arrays(mesh, w->arrays);
+    list_arrays(mesh, &w->lists, w->arrays);
     return put_init(&w->put, sink, false, error);
 }
 
@@ -247,6 +278,7 @@ static void writer_close(struct writer *w)
         free(w->packed[a].bytes);
     free(w->arrays);
     free(w->packed);
+    cell_lists_fini(&w->lists);
 }
 
 enum tetlod_status io_write_vtu(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
