@@ -3,6 +3,7 @@
 
 #include "format/fail.h"
 #include "src/pipeline/cell_types.h"
+#include "src/pipeline/build.h"
 #include "src/pipeline/precision.h"
 
 static enum tetlod_status put_values(struct spool *spool, const struct point_field *field, uint32_t vertices,
