@@ -49,7 +49,7 @@ class CLevel(Structure):
 class CCellField(Structure):
     _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('region', c_int),
                 ('range', c_double * 2),
-                ('reserved', c_uint64 * 2)]
+                ('quantum', c_double), ('error', c_double)]
 
 
 class CSection(Structure):

@@ -83,5 +83,5 @@ def information(stream: Any) -> Info:
     low, high = stream.bounds
     return Info(stream.cid, stream.vertices, stream.tets, stream.bytes,
                 ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
-                not stream.scales[0].bits and all(exact), fields, levels, stream.metadata,
+                not stream.scales[0].bits and all(exact) and not any(f['quantum'] for f in stream.cell_fields), fields, levels, stream.metadata,
                 tuple(f['name'] for f in stream.cell_fields), tuple(Topology(**topology) for topology in stream.topologies))
