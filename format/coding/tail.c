@@ -324,7 +324,7 @@ static void encode_component(struct tetlodi_coder *coder, struct tail *tail, con
     code_component(coder, tail, column, vertices, component, near, source, exact);
 }
 
-static void start_models(struct models *models)
+static void start_tail_models(struct models *models)
 {
     tetlodi_bits_init(models->kind, 4);
     tetlodi_bits_init(models->digits, 32);
@@ -344,7 +344,7 @@ enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct t
     struct tetlodi_coder own = *coder; // other threads use the coders beside this one
     if (!tail)
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
-    start_models(&tail->models);
+    start_tail_models(&tail->models);
     for (unsigned c = 0; c < column->components; c++)
         if (own.encoder)
             encode_component(&own, tail, column, vertices, c, exact);
