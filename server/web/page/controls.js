@@ -356,10 +356,10 @@ export class Controls {
       if (flips) third.addEventListener('click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
       else third.addEventListener('change', () => put(i, { at: clamp((parseNumber(third.value) || 0) / 100, 0, 1) }));
       remove.addEventListener('click', () => change(box.planes.filter((_, k) => k !== i)));
-      return element('div', { className: 'item' }, axis, slider, third, remove, place);
+      return element('div', { className: 'item' }, axis, slider, third, place, remove);
     });
     rows.forEach((row, i) => {
-      const [axis, slider, third, , place] = row.children;
+      const [axis, slider, third, place] = row.children;
       const [from, to] = reachOf(this.info.bounds, planes[i]);
       if (document.activeElement !== place) place.value = plain(from + planes[i].at * (to - from));
       const at = axisOf(planes[i].normal);

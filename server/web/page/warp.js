@@ -62,7 +62,7 @@ export function bindWarp(viewer) {
   const row = (text, control) =>
     element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
   const more = element('div', {}, row('Scale', scale), row('Outline of the undeformed', outline));
-  byId('vectors-body').after(row('Warp by', field), more, element('hr'));
+  byId('vectors-body').lastElementChild.before(row('Warp by', field), more);
   field.addEventListener('change', () =>
     store.set({ warp: field.value, ...(field.value && { warpScale: scaleFor(viewer.info, field.value) }) }),
   );
