@@ -30,8 +30,10 @@ NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setupto
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
+# For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
+DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
 # SERVER=0 builds the program without `serve` and `explode`: neither libmicrohttpd nor the page is asked for
@@ -275,8 +277,8 @@ needs:
 needs-check:
 	@$(look_for_needs) $(look_for_tests) $(call install_needs,deps-build deps-check)
 
-## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks'
-.PHONY: deps deps-build deps-check deps-bench
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for
+.PHONY: deps deps-build deps-check deps-bench deps-vtk
 deps: deps-build deps-check deps-bench
 define install_missing
 	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
@@ -290,6 +292,8 @@ deps-check:
 	$(call install_missing,$(DEPS_CHECK))
 deps-bench:
 	$(call install_missing,$(DEPS_BENCH))
+deps-vtk:
+	$(call install_missing,$(DEPS_VTK))
 
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
@@ -532,6 +536,15 @@ uninstall:
 	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc \
 	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket \
 	    $(DESTDIR)$(docdir)/notices.txt $(addprefix $(DESTDIR)$(cmakedir)/,tetlod-config.cmake tetlod-config-version.cmake)
+
+## vtk: vtkTetlodReader as a module of VTK with its wrapping for Python, in build/vtk; paraview: the plugin of ParaView, in build/paraview (make deps-vtk)
+.PHONY: vtk paraview
+VTK_STAGE := $(CURDIR)/build/vtk-stage
+vtk paraview: all
+	@command -v cmake >/dev/null || { echo "make: cmake is missing (run: make deps-vtk)" >&2; exit 1; }
+	$(Q)$(MAKE) -s install DESTDIR=$(VTK_STAGE) PREFIX=/usr libdir=/usr/lib INSTALL='install -C' >/dev/null
+	$(Q)cmake -S client-examples/vtk -B build/$@ -DTETLOD_PARAVIEW=$(if $(filter paraview,$@),ON,OFF) \
+	    -DCMAKE_PREFIX_PATH=$(VTK_STAGE)/usr $(CMAKE_OPTIONS) >build/$@.log && cmake --build build/$@ >>build/$@.log
 
 ## install-python: the Python package, with the plugin for ParaView, into $(DESTDIR)$(pythondir)
 .PHONY: install-python install-doc
