@@ -216,7 +216,8 @@ struct tetlod_info {
     const struct tetlod_topology *topologies;
     uint32_t cell_rows; /* rows that the values of cells are stored in: one a cell that was split; 0: one a tetrahedron */
     uint32_t page_count;        /* of all levels in pages (SPEC 7.6); 0: there are none */
-    uint32_t first_paged_level; /* from there on, but for the tail, levels are in pages */
+    uint32_t first_paged_level; /* from there on levels are in pages, but for the exact values of a last one */
+    int exact_last;             /* the last level has the tetrahedra of the one before, and makes values exact */
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -370,6 +371,85 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_refine(struct tetlod_
                                                                   struct tetlod_error *error);
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor,
                                                                    struct tetlod_error *error);
+
+/* ---- some of the pages (SPEC 7.6): finer in parts of space than elsewhere, of streams with levels in pages */
+
+/* A part of space, and the level that is wanted there. */
+struct tetlod_place {
+    double low[3], high[3]; /* of a box; a ball has its middle in `low`, and `high` is not used */
+    double radius;          /* of a ball; 0: it is a box */
+    uint32_t level;
+};
+
+/* A closed set of pages: with each page it has those that this page needs, so that they are a mesh together, without
+ * gaps. At each point that mesh has the error of the level below the coarsest one of which a page is missing there. */
+struct tetlod_page_set;
+
+/* The pages of all levels up to `level`, of each place those up to its level whose boxes meet it, and all that these
+ * need. Levels that are not in pages need none; the finest, which makes values exact, is for no places: take the one
+ * before. ERR_ARGUMENT for a level that is not there, or for that one; ERR_NOMEM. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_new(struct tetlod_page_set **out,
+                                                                 const struct tetlod_file *file, uint32_t level,
+                                                                 const struct tetlod_place *places, size_t place_count,
+                                                                 struct tetlod_error *error);
+TETLOD_API void tetlod_page_set_free(struct tetlod_page_set *set);
+
+/* One page more, by its level and its number there, and all that it needs. ERR_ARGUMENT if there is no such page. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_add(struct tetlod_page_set *set, uint32_t level,
+                                                                 uint32_t page, struct tetlod_error *error);
+
+/* Takes a page out, if no page of the set needs it: ERR_ARGUMENT if one does, or if the page is not in the set. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_remove(struct tetlod_page_set *set, uint32_t level,
+                                                                    uint32_t page, struct tetlod_error *error);
+
+/* Is a page in the set? */
+TETLOD_API int tetlod_page_set_has(const struct tetlod_page_set *set, uint32_t level, uint32_t page);
+
+/* What a set is. */
+struct tetlod_page_set_info {
+    uint32_t level; /* the finest of which it has a page, or the last one before those in pages */
+    uint32_t pages;
+    uint32_t vertices, tets; /* of the mesh with these pages */
+    uint64_t reserved[2];
+};
+TETLOD_API void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_set_info *out);
+
+/* The bytes of the set's pages, as tetlod_spans says those of levels: these and tetlod_spans up to the level before
+ * info->first_paged_level are what the set's mesh is decoded from. Spans with at most `gap` bytes between them are
+ * joined. */
+TETLOD_API size_t tetlod_page_set_spans(const struct tetlod_page_set *set, const uint32_t *fields, uint32_t field_count,
+                                        uint64_t gap, struct tetlod_span *out, size_t capacity);
+
+/* A page's row. */
+struct tetlod_page {
+    uint32_t vertices, tets; /* that it adds */
+    double low[3], high[3];  /* a box around its tetrahedra */
+    uint32_t needed_count;
+    const uint32_t *needed; /* pages of the level before, by their numbers there; the file's */
+    uint64_t reserved[2];
+};
+
+/* How many pages a level has: 0 if it is not in pages. */
+TETLOD_API uint32_t tetlod_page_count(const struct tetlod_file *file, uint32_t level);
+
+/* ERR_ARGUMENT if there is no such page. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page(const struct tetlod_file *file, uint32_t level, uint32_t page,
+                                                         struct tetlod_page *out, struct tetlod_error *error);
+
+/* From now on levels have the pages of this set only (NULL: all), up to the set's level. The cursor stays where it is,
+ * or goes back to the last level whose pages are the same; what is finer is decoded again when it is asked for. Pages
+ * that are no longer in the set are gone. The set is copied. ERR_ARGUMENT if it is another file's; else as the cursor,
+ * and the cursor has the pages that it had. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor,
+                                                                  const struct tetlod_page_set *set,
+                                                                  struct tetlod_error *error);
+
+/* Which numbers the vertices and tetrahedra of the current mesh have with all pages: those by which tetlod_cells has
+ * its values. Both are ascending, have room for all, and may be NULL. */
+TETLOD_API void tetlod_cursor_numbers(const struct tetlod_cursor *cursor, uint32_t *vertices, uint32_t *tets);
+
+/* The level that each tetrahedron of the current mesh is of, and whose errors hold in it. */
+TETLOD_API void tetlod_cursor_tet_levels(const struct tetlod_cursor *cursor, uint32_t *out);
 
 /* The current mesh; between two levels `level` is the coarser one. */
 TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out);

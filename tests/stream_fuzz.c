@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/coding/index.h"
+#include "format/coding/page_decode.h"
 #include "format/coding/time_table.h"
 #include "tests/level_fuzz.h"
 
@@ -110,6 +111,33 @@ static void check_steps(struct tetlod_file *file, const struct tetlod_info *info
     tetlod_series_free(series);
 }
 
+/* Some pages, and others, chosen by the bytes' number. */
+static void check_pages(struct tetlod_file *file, const struct tetlod_info *info, size_t seed)
+{
+    struct tetlod_page_set *set;
+    struct tetlod_page_set_info what;
+    struct tetlod_cursor *cursor;
+    if (!info->page_count || tetlod_page_set_new(&set, file, 0, NULL, 0, NULL) != TETLOD_OK)
+        return;
+    demand(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) != TETLOD_ERR_ARGUMENT);
+    for (uint32_t level = info->first_paged_level; level < info->level_count && cursor; level++) {
+        uint32_t pages = tetlod_page_count(file, level);
+        if (!pages)
+            continue;
+        demand(tetlod_page_set_add(set, level, (uint32_t)(seed % pages), NULL) == TETLOD_OK);
+        demand(tetlod_page_set_spans(set, NULL, 0, 100, NULL, 0) <= info->page_count * (1 + (size_t)info->field_count));
+        tetlod_page_set_info(set, &what);
+        demand(tetlod_cursor_select(cursor, set, NULL) == TETLOD_OK);
+        if (tetlod_cursor_seek(cursor, level, NULL) == TETLOD_OK)
+            check_mesh(cursor, info);
+        seed = seed * 31 + 7;
+    }
+    if (cursor)
+        demand(tetlod_cursor_seek(cursor, 0, NULL) == TETLOD_OK);
+    tetlod_cursor_free(cursor);
+    tetlod_page_set_free(set);
+}
+
 /* In pieces, as from the network: all of them, or as if they were what belongs to one field. */
 static void feed_fuzz(const uint8_t *bytes, size_t size, const struct tetlod_options *options, const char *field)
 {
@@ -162,6 +190,7 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
             abort();
         demand(tetlod_cursor_seek(cursor, reached, &error) == TETLOD_OK && check_mesh(cursor, info) == top);
         tetlod_cursor_free(cursor);
+        check_pages(file, info, size);
         level_fuzz(file);
     }
     tetlod_close(file);
@@ -196,6 +225,36 @@ static void seal_steps(const struct tetlodi_index *index, uint8_t *bytes, size_t
     tetlodi_time_fini(&time);
 }
 
+/* The digests of pages, in a table that is not packed. */
+static void seal_pages(const struct tetlodi_index *index, uint8_t *bytes, size_t size)
+{
+    const struct tetlodi_section *section = section_of(index, TAG_PAGES, 0);
+    uint32_t levels = index->info.level_count - (index->tail ? 1 : 0), fields = index->info.field_count;
+    struct tetlodi_page_table table = {0};
+    struct tetlodi_buffer out = {0};
+    if (!section || section->flags & SECTION_PACKED || section->frame.offset > size ||
+        section->frame.size > size - section->frame.offset)
+        return;
+    uint8_t *at = bytes + section->frame.offset;
+    if (tetlodi_page_table_decode(&table, levels, fields, at, (size_t)section->frame.size, NULL) == TETLOD_OK) {
+        for (uint32_t g = 0; g < table.group_count; g++)
+            for (uint32_t part = 0; part <= fields; part++) {
+                uint64_t offset = index->frames[(table.first_level + g) * (fields + (size_t)1) + part].offset;
+                for (uint32_t p = 0; p < table.groups[g].page_count; p++) {
+                    struct tetlodi_page_frame *frame = tetlodi_page_frame(&table, fields, &table.groups[g], p, part);
+                    if (offset <= size && frame->size <= size - offset)
+                        tetlodi_digest(bytes + offset, frame->size, frame->digest);
+                    offset += frame->size;
+                }
+            }
+        tetlodi_page_table_encode(&table, table.group_count, fields, &out);
+        if (!out.failed && out.size == section->frame.size)
+            memcpy(at, out.bytes, out.size);
+    }
+    tetlodi_buffer_fini(&out);
+    tetlodi_page_table_fini(&table);
+}
+
 /* Where the index's digests are: behind the levels' sizes, and at the end of every section's entry. */
 static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
 {
@@ -213,6 +272,7 @@ static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
                                levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
         }
     seal_steps(&index, bytes, size);
+    seal_pages(&index, bytes, size);
     for (size_t i = 0; i < sections; i++) {
         const struct tetlodi_frame *frame = &index.sections[i].frame;
         if (frame->offset <= size && frame->size <= size - frame->offset)

@@ -118,14 +118,27 @@ static void find_pages(const struct tetlodi_replay *replay, const struct tetlodi
     }
 }
 
+/* Leaves out the tetrahedra that are in no chosen page. */
+static void leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of)
+{
+    for (uint32_t t = 0; t < tets; t++) {
+        if (choice->left_out[t] >= choice->level) // of what was there before this level was begun again, or not known
+            choice->left_out[t] = choice->chosen[page_of[t]] ? TETLOD_NONE : choice->level;
+        if (choice->left_out[t] != TETLOD_NONE)
+            page_of[t] = TETLOD_NONE;
+    }
+}
+
 /* Lists a vertex for the pages of its tetrahedra: counts it, or puts it behind what is listed there. */
 static void list_vertex(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay, uint32_t v, bool counts)
 {
     const struct tetlodi_star *star = &replay->stars[v];
-    uint32_t pages = 0;
+    uint32_t pages = 0, outside = 0;
     for (uint32_t i = 0; i < star->size; i++) {
         uint32_t page = lists->page_of[replay->pool[star->at + i] / 4];
-        if (lists->stamps[page] == v + 1)
+        if (page == TETLOD_NONE)
+            outside = 1;
+        if (page == TETLOD_NONE || lists->stamps[page] == v + 1)
             continue;
         lists->stamps[page] = v + 1;
         pages++;
@@ -134,11 +147,17 @@ static void list_vertex(struct tetlodi_page_lists *lists, const struct tetlodi_r
         else
             lists->vertices[lists->begins[page + 1]++] = v;
     }
-    lists->seams[v] = pages > 1;
+    lists->seams[v] = pages + outside > 1;
 }
 
 int tetlodi_page_lists_make(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
                             const struct tetlodi_group *group)
+{
+    return tetlodi_page_lists_make_some(lists, replay, group, NULL);
+}
+
+int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
+                                 const struct tetlodi_group *group, const struct tetlodi_page_choice *choice)
 {
     struct tetlodi_memory *memory = replay->memory;
     size_t pages = group->page_count;
@@ -150,6 +169,8 @@ int tetlodi_page_lists_make(struct tetlodi_page_lists *lists, const struct tetlo
     memset(lists->begins, 0, (pages + 2) * sizeof *lists->begins);
     memset(lists->stamps, 0, pages * sizeof *lists->stamps);
     find_pages(replay, group, lists->page_of);
+    if (choice)
+        leave_out(choice, replay->tets, lists->page_of);
     for (uint32_t v = 0; v < replay->vertices; v++)
         list_vertex(lists, replay, v, true);
     size_t count = 0;

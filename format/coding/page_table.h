@@ -13,6 +13,7 @@
 #include "format/tetlod.h"
 
 struct tetlodi_page_frame {
+    uint64_t offset; /* in the stream, where it is read */
     uint32_t size;
     uint8_t digest[DIGEST_SIZE];
 };
@@ -84,6 +85,17 @@ struct tetlodi_page_lists {
 /* Makes the lists for the mesh as it is. 0 if out of memory. */
 int tetlodi_page_lists_make(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
                             const struct tetlodi_group *group);
+
+/* Some pages of a level. Tetrahedra of those that are left out are in no page of this level and finer ones. */
+struct tetlodi_page_choice {
+    const uint8_t *chosen; /* [page of the group] */
+    uint32_t level;        /* the group's */
+    uint32_t *left_out;    /* [tet] the level whose page was left out; those of coarser levels are known */
+};
+
+/* The same of some pages. */
+int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
+                                 const struct tetlodi_group *group, const struct tetlodi_page_choice *choice);
 void tetlodi_page_lists_fini(struct tetlodi_page_lists *lists, struct tetlodi_memory *memory);
 
 #endif

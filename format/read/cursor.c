@@ -24,7 +24,14 @@ static void free_frames(struct tetlod_cursor *cursor)
     cursor->frames = NULL;
     cursor->memory.used -= cursor->frame_bytes;
     cursor->frame_bytes = 0;
+}
+
+/* What decoding a level needs. */
+static void end_level(struct tetlod_cursor *cursor)
+{
+    free_frames(cursor);
     tetlodi_page_lists_fini(&cursor->lists, &cursor->memory);
+    cursor->decoding_level = 0;
 }
 
 /* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong.
@@ -51,35 +58,49 @@ static int load_frame(void *opaque, uint32_t column)
     struct tetlod_cursor *cursor = opaque;
     struct tetlod_error *error = &cursor->errors[column];
     size_t size;
-    error->status =
-        tetlodi_read_frame(cursor->file, cursor->loading, cursor->parts[column], &cursor->frames[column], &size, error);
+    uint32_t level = cursor->loading, page = cursor->loading_page, part = cursor->parts[column];
+    uint8_t **out = &cursor->frames[column];
+    error->status = page == TETLOD_NONE ? tetlodi_read_frame(cursor->file, level, part, out, &size, error)
+                                        : tetlodi_read_page_frame(cursor->file, level, page, part, out, &size, error);
     if (error->status == TETLOD_OK)
         tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column],
                              size);
     return error->status == TETLOD_OK;
 }
 
-/* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is
- * decoded. */
-static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+/* Bytes of a column's frame of a level, or of one of its pages. */
+static uint64_t frame_size(const struct tetlod_cursor *cursor, uint32_t level, uint32_t page, uint32_t column)
 {
     const struct tetlodi_index *index = &cursor->file->index;
-    const struct tetlodi_frame *frames = index->frames + level * (1 + (size_t)index->info.field_count);
+    uint32_t fields = index->info.field_count, part = cursor->parts[column];
+    if (page == TETLOD_NONE)
+        return index->frames[level * (1 + (size_t)fields) + part].size;
+    return tetlodi_page_frame(&index->pages, fields, tetlodi_group_of(&index->pages, level), page, part)->size;
+}
+
+/* Reads the frames of the selected parts, of a level or of one of its pages, and starts the coders on them. They are
+ * kept until it is decoded. */
+static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, uint32_t page,
+                                      struct tetlod_error *error)
+{
     uint32_t count = cursor->replay.column_count;
     enum tetlod_status status = TETLOD_OK;
+    free_frames(cursor);
     cursor->frames = calloc(count, sizeof *cursor->frames);
     if (!cursor->frames)
         return tetlodi_fail_nomem(error, "a level", count * sizeof *cursor->frames);
     for (uint32_t c = 0; c < count && status == TETLOD_OK; c++) {
-        uint64_t stored = frames[cursor->parts[c]].size;
+        uint64_t stored = frame_size(cursor, level, page, c);
         if (tetlodi_count(&cursor->memory, stored))
             cursor->frame_bytes += stored;
         else
             status = tetlodi_no_room(&cursor->memory, error);
     }
     cursor->loading = level;
+    cursor->loading_page = page;
     if (status == TETLOD_OK)
         status = for_columns(cursor, load_frame, error);
+    cursor->unread = status != TETLOD_OK;
     if (status != TETLOD_OK)
         free_frames(cursor);
     return status;
@@ -100,22 +121,36 @@ static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct 
 }
 
 /* Room for a level's mesh and columns. */
-static enum tetlod_status make_room(struct tetlod_cursor *cursor, const struct tetlod_level *level,
-                                    struct tetlod_error *error)
+static enum tetlod_status make_room(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    int done = tetlodi_replay_room(&cursor->replay, level->vertices, level->tets);
+    int done = tetlodi_replay_room(&cursor->replay, cursor->vertices[level], cursor->tets[level]);
     for (uint32_t c = 0; c < cursor->replay.column_count && done; c++)
-        done = tetlodi_column_room(&cursor->columns[c], &cursor->memory, level->vertices, 0);
+        done = tetlodi_column_room(&cursor->columns[c], &cursor->memory, cursor->vertices[level], 0);
     return done ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
 
-/* Once for each level. */
-static void add_frame_bytes(struct tetlod_cursor *cursor, uint32_t level)
+static bool is_chosen(const struct tetlod_cursor *cursor, const struct tetlodi_group *group, uint32_t page)
+{
+    return !cursor->chosen || cursor->chosen[group->first_page + page];
+}
+
+/* What a level will have, and the bytes of the frames that it is decoded from: once for each. */
+static void count_level(struct tetlod_cursor *cursor, uint32_t level)
 {
     const struct tetlodi_index *index = &cursor->file->index;
-    const struct tetlodi_frame *frames = index->frames + level * (1 + (size_t)index->info.field_count);
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
-        cursor->columns[c].frame_bytes += frames[cursor->parts[c]].size;
+    const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
+    cursor->vertices[level] = group ? cursor->vertices[level - 1] : index->info.levels[level].vertices;
+    cursor->tets[level] = group ? cursor->tets[level - 1] : index->info.levels[level].tets;
+    for (uint32_t c = 0; c < cursor->replay.column_count && !group; c++)
+        cursor->columns[c].frame_bytes += frame_size(cursor, level, TETLOD_NONE, c);
+    for (uint32_t p = 0; group && p < group->page_count; p++) {
+        if (!is_chosen(cursor, group, p))
+            continue;
+        cursor->vertices[level] += index->pages.pages[group->first_page + p].vertices;
+        cursor->tets[level] += index->pages.pages[group->first_page + p].tets;
+        for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+            cursor->columns[c].frame_bytes += frame_size(cursor, level, p, c);
+    }
 }
 
 static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlod_error *error)
@@ -123,8 +158,8 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     const struct tetlod_level *base = &cursor->file->index.info.levels[0];
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_recorder *recorder = &cursor->recorder;
-    TETLOD_TRY(make_room(cursor, base, error));
-    add_frame_bytes(cursor, 0);
+    count_level(cursor, 0);
+    TETLOD_TRY(make_room(cursor, 0, error));
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
     TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
     for (uint32_t c = 1; c < replay->column_count; c++) {
@@ -136,18 +171,34 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     return tetlodi_replay_base(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
 
+/* Which page each tetrahedron is in, and what vertices pages have. */
+static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    const struct tetlodi_group *group = cursor->group;
+    size_t known = cursor->left_out_capacity, tets = cursor->tets[level];
+    if (!cursor->chosen)
+        return tetlodi_page_lists_make(&cursor->lists, &cursor->replay, group) ? TETLOD_OK
+                                                                                : tetlodi_no_room(&cursor->memory, error);
+    if (!TETLODI_ROOM(&cursor->memory, cursor->left_out, cursor->left_out_capacity, tets))
+        return tetlodi_no_room(&cursor->memory, error);
+    for (; known < cursor->left_out_capacity; known++)
+        cursor->left_out[known] = TETLOD_NONE;
+    struct tetlodi_page_choice choice = {cursor->chosen + group->first_page, level, cursor->left_out};
+    if (!tetlodi_page_lists_make_some(&cursor->lists, &cursor->replay, group, &choice))
+        return tetlodi_no_room(&cursor->memory, error);
+    for (size_t t = cursor->replay.tets; t < tets; t++) // of pages that are there
+        cursor->left_out[t] = TETLOD_NONE;
+    return TETLOD_OK;
+}
+
 /* Begins with a level's records. The log is at its end. */
 static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    const struct tetlod_level *to = &cursor->file->index.info.levels[level];
-    TETLOD_TRY(make_room(cursor, to, error));
-    add_frame_bytes(cursor, level);
-    tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
-    cursor->group = tetlodi_group_of(&cursor->file->index.pages, level);
+    count_level(cursor, level);
+    TETLOD_TRY(make_room(cursor, level, error));
+    tetlodi_level_begin(&cursor->recorder, cursor->vertices[level], cursor->tets[level]);
     cursor->next_page = 0;
-    if (cursor->group && !tetlodi_page_lists_make(&cursor->lists, &cursor->replay, cursor->group))
-        return tetlodi_no_room(&cursor->memory, error);
-    return TETLOD_OK;
+    return cursor->group ? list_pages(cursor, level, error) : TETLOD_OK;
 }
 
 static int decode_field(void *opaque, uint32_t number)
@@ -187,42 +238,43 @@ static enum tetlod_status begin_fields(struct tetlod_cursor *cursor, struct tetl
     return TETLOD_OK;
 }
 
-/* Begins with the next page that adds something, behind the frames of the one before. */
-static enum tetlod_status begin_page(struct tetlod_cursor *cursor, struct tetlod_error *error)
+/* A page is whole, if there was one. */
+static enum tetlod_status end_page(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &cursor->file->index;
+    if (!cursor->recorder.paged)
+        return TETLOD_OK;
+    TETLOD_TRY(begin_fields(cursor, error));
+    TETLOD_TRY(end_fields(cursor, error));
+    TETLOD_TRY(check_ends(cursor, error));
+    if (cursor->replay.tets != cursor->recorder.most_tets)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u has fewer tetrahedra than its row says",
+                            cursor->next_page - 1);
+    return TETLOD_OK;
+}
+
+/* Begins with the next page that adds something. */
+static enum tetlod_status begin_page(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
     const struct tetlodi_group *group = cursor->group;
-    const struct tetlodi_page *pages = index->pages.pages + group->first_page;
-    struct tetlodi_recorder *recorder = &cursor->recorder;
-    if (recorder->paged) { // there was a page
-        TETLOD_TRY(begin_fields(cursor, error));
-        TETLOD_TRY(end_fields(cursor, error));
-        TETLOD_TRY(check_ends(cursor, error));
-        if (cursor->replay.tets != recorder->most_tets)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u has fewer tetrahedra than its row says",
-                                cursor->next_page - 1);
-    }
-    while (!pages[cursor->next_page].vertices) // all of them together are the level's
-        cursor->next_page++;
+    const struct tetlodi_page *pages = cursor->file->index.pages.pages + group->first_page;
+    TETLOD_TRY(end_page(cursor, error));
+    while (!pages[cursor->next_page].vertices || !is_chosen(cursor, group, cursor->next_page))
+        cursor->next_page++; // all of them together are the level's
     uint32_t page = cursor->next_page++;
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
-        const uint8_t *at = recorder->paged ? recorder->coders[c].end : cursor->frames[c];
-        uint32_t size = tetlodi_page_frame(&index->pages, index->info.field_count, group, page, cursor->parts[c])->size;
-        tetlodi_decode_start(&recorder->coders[c], index->slowest, at, size);
-    }
-    tetlodi_page_begin(recorder, &cursor->lists, page, pages[page].vertices, pages[page].tets);
+    TETLOD_TRY(load_frames(cursor, level, page, error));
+    tetlodi_page_begin(&cursor->recorder, &cursor->lists, page, pages[page].vertices, pages[page].tets);
     return TETLOD_OK;
 }
 
 /* Goes on with a level's records, as far as *most allows. The log is at its end. */
-static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, const struct tetlod_level *to, uint32_t *most,
+static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most,
                                           struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
-    for (; replay->vertices < to->vertices && *most; --*most) {
+    for (; replay->vertices < cursor->vertices[level] && *most; --*most) {
         if (cursor->group &&
             (!cursor->recorder.paged || replay->vertices == cursor->recorder.most_vertices))
-            TETLOD_TRY(begin_page(cursor, error));
+            TETLOD_TRY(begin_page(cursor, level, error));
         struct tetlodi_field_log *log = cursor->recorder.log;
         if (log && log->count == FIELD_RECORDS)
             TETLOD_TRY(begin_fields(cursor, error));
@@ -237,19 +289,18 @@ static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, const st
 static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most,
                                          struct tetlod_error *error)
 {
-    const struct tetlod_level *to = &cursor->file->index.info.levels[level];
     struct tetlod_error later = {0};
-    enum tetlod_status status = decode_geometry(cursor, to, most, &later);
+    enum tetlod_status status = decode_geometry(cursor, level, most, &later);
     TETLOD_TRY(end_fields(cursor, error)); // of records before: that failure is the first
     if (status != TETLOD_OK) {
         *error = later;
         return status;
     }
-    if (cursor->replay.vertices < to->vertices)
+    if (cursor->replay.vertices < cursor->vertices[level])
         return TETLOD_MORE;
-    if (cursor->replay.tets != to->tets)
+    if (cursor->replay.tets != cursor->tets[level])
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", cursor->replay.tets,
-                            to->tets);
+                            cursor->tets[level]);
     return TETLOD_OK;
 }
 
@@ -299,7 +350,20 @@ static void exchange_exact(struct tetlod_cursor *cursor)
     cursor->exact = !cursor->exact;
 }
 
-/* Takes back what of a damaged level was brought in, and remembers that it is damaged. */
+void tetlodi_cursor_forget(struct tetlod_cursor *cursor)
+{
+    struct tetlodi_replay *replay = &cursor->replay;
+    for (uint32_t s = replay->splits; s < replay->all_splits; s++) // those that split there may split again
+        if (replay->log[s].vertex < replay->vertices)
+            replay->stars[replay->log[s].vertex].leaf = 0;
+    tetlodi_replay_forget(replay);
+    for (uint32_t c = 0; c < replay->column_count; c++)
+        if (cursor->columns[c].records > replay->records)
+            cursor->columns[c].records = replay->records;
+    end_level(cursor);
+}
+
+/* Takes back what was brought in of a level that is damaged, and remembers that, or of one that could not be read. */
 static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, enum tetlod_status status,
                                   const struct tetlod_error *inner, struct tetlod_error *error)
 {
@@ -307,17 +371,32 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     uint32_t records = cursor->records[cursor->decoded];
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
-    tetlodi_replay_forget(replay);
-    for (uint32_t c = 0; c < replay->column_count; c++)
-        if (cursor->columns[c].records > replay->records)
-            cursor->columns[c].records = replay->records;
-    free_frames(cursor);
+    tetlodi_cursor_forget(cursor);
+    if (cursor->unread) {
+        if (error)
+            *error = *inner;
+        return status;
+    }
     cursor->broken = status;
     tetlodi_fail(&cursor->damage, status, "level %u: %.220s", level, inner->message);
     cursor->damage.offset = cursor->file->index.info.levels[level].offset;
     if (error)
         *error = cursor->damage;
     return status;
+}
+
+/* Begins with the next level: a level in pages reads these one by one. */
+static enum tetlod_status begin_level(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    cursor->decoding_level = level;
+    cursor->unread = 0;
+    cursor->group = tetlodi_group_of(&cursor->file->index.pages, level);
+    if (!cursor->group)
+        TETLOD_TRY(load_frames(cursor, level, TETLOD_NONE, error));
+    if (!is_tail(cursor, level))
+        return begin_records(cursor, level, error);
+    count_level(cursor, level);
+    return TETLOD_OK;
 }
 
 /* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at
@@ -327,25 +406,22 @@ static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *mo
     uint32_t level = cursor->decoded + 1;
     struct tetlod_error inner = {0};
     enum tetlod_status status = TETLOD_OK;
-    int tail = is_tail(cursor, level);
     if (cursor->broken != TETLOD_OK) {
         if (error)
             *error = cursor->damage;
         return cursor->broken;
     }
-    if (!cursor->frames) {
-        TETLOD_TRY(load_frames(cursor, level, error));
-        status = tail ? TETLOD_OK : begin_records(cursor, level, &inner);
-    }
+    if (!cursor->decoding_level)
+        status = begin_level(cursor, level, &inner);
     if (status == TETLOD_OK)
-        status = tail ? decode_tail(cursor, &inner) : decode_records(cursor, level, most, &inner);
+        status = is_tail(cursor, level) ? decode_tail(cursor, &inner) : decode_records(cursor, level, most, &inner);
     if (status == TETLOD_MORE)
         return TETLOD_MORE;
     if (status == TETLOD_OK)
-        status = check_ends(cursor, &inner);
+        status = cursor->group ? end_page(cursor, &inner) : check_ends(cursor, &inner);
     if (status != TETLOD_OK)
         return abandon(cursor, level, status, &inner, error);
-    free_frames(cursor);
+    end_level(cursor);
     cursor->records[level] = cursor->replay.records;
     cursor->decoded = level;
     return TETLOD_OK;
@@ -404,11 +480,11 @@ static enum tetlod_status open_base(struct tetlod_cursor *cursor, const uint32_t
     TETLOD_TRY(tetlodi_recorder_init(&cursor->recorder, &cursor->replay, error));
     if (!tetlodi_count(&cursor->memory, cursor->file->index_bytes + tetlodi_recorder_bytes(&cursor->recorder)))
         return tetlodi_no_room(&cursor->memory, error);
-    TETLOD_TRY(load_frames(cursor, 0, error));
+    TETLOD_TRY(load_frames(cursor, 0, TETLOD_NONE, error));
     enum tetlod_status status = decode_base(cursor, error);
     if (status == TETLOD_OK)
         status = check_ends(cursor, error);
-    free_frames(cursor);
+    end_level(cursor);
     return status;
 }
 
@@ -427,10 +503,13 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);
     cursor->records = calloc(info->level_count, sizeof *cursor->records);
+    cursor->vertices = calloc(info->level_count, sizeof *cursor->vertices);
+    cursor->tets = calloc(info->level_count, sizeof *cursor->tets);
     cursor->errors = calloc(1 + (size_t)info->field_count, sizeof *cursor->errors);
     tetlodi_replay_init(&cursor->replay, &cursor->memory, cursor->columns, 0);
     enum tetlod_status status;
-    if (!cursor->columns || !cursor->parts || !cursor->fields || !cursor->records || !cursor->errors)
+    if (!cursor->columns || !cursor->parts || !cursor->fields || !cursor->records || !cursor->vertices ||
+        !cursor->tets || !cursor->errors)
         status = tetlodi_fail_nomem(error, "a cursor", info->level_count * sizeof *cursor->records);
     else
         status = open_base(cursor, fields, field_count, error);
@@ -445,13 +524,17 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 {
     if (!cursor)
         return;
-    free_frames(cursor);
+    end_level(cursor);
+    TETLODI_FREE(&cursor->memory, cursor->left_out, cursor->left_out_capacity);
     tetlodi_recorder_fini(&cursor->recorder);
     tetlodi_replay_fini(&cursor->replay);
     free(cursor->columns);
     free(cursor->parts);
     free(cursor->fields);
     free(cursor->records);
+    free(cursor->vertices);
+    free(cursor->tets);
+    free(cursor->chosen);
     free(cursor->errors);
     free(cursor);
 }
@@ -504,7 +587,7 @@ static enum tetlod_status one_down(struct tetlod_cursor *cursor, struct tetlod_e
 
 enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    uint32_t finest = cursor->file->index.info.level_count - 1;
+    uint32_t finest = finest_level(cursor);
     if (at_level(cursor, finest))
         return TETLOD_END;
     enum tetlod_status status = one_up(cursor, finest, error);
@@ -523,7 +606,9 @@ enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct te
 
 static enum tetlod_status check_level(const struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    uint32_t finest = cursor->file->index.info.level_count - 1;
+    uint32_t finest = finest_level(cursor);
+    if (level > finest && finest < cursor->file->index.info.level_count - 1)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "its pages are of levels up to %u, not %u", finest, level);
     if (level > finest)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no level %u; the finest is %u", level, finest);
     return TETLOD_OK;
@@ -540,18 +625,23 @@ enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t lev
     return status == TETLOD_OK && !at_level(cursor, level) ? TETLOD_MORE : status;
 }
 
-static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
-    uint32_t known = level < cursor->decoded ? level : cursor->decoded;
     if (cursor->exact && !is_tail(cursor, level))
         exchange_exact(cursor);
-    while (replay->records < cursor->records[known])
+    while (replay->records < cursor->records[level])
         if (!tetlodi_replay_forward(replay))
             return tetlodi_no_room(&cursor->memory, error);
-    while (replay->records > cursor->records[known])
+    while (replay->records > cursor->records[level])
         if (!tetlodi_replay_back(replay))
             return tetlodi_no_room(&cursor->memory, error);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    TETLOD_TRY(tetlodi_cursor_go_to(cursor, level < cursor->decoded ? level : cursor->decoded, error));
     while (cursor->decoded < level)
         TETLOD_TRY(decode_level(cursor, error));
     if (!cursor->exact && is_tail(cursor, level))
@@ -569,4 +659,52 @@ enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t lev
     cursor->helpers = NULL;
     settle(cursor);
     return status;
+}
+
+/* ---- some of the pages */
+
+/* The first level, of those in pages, whose pages are to be others. */
+static uint32_t first_change(const struct tetlod_cursor *cursor, const uint8_t *chosen)
+{
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    uint32_t g = 0;
+    for (uint32_t page = 0; g < table->group_count; g++)
+        for (; page < table->groups[g].first_page + table->groups[g].page_count; page++)
+            if ((!chosen || chosen[page]) != (!cursor->chosen || cursor->chosen[page]))
+                return table->first_level + g;
+    return table->first_level + g;
+}
+
+enum tetlod_status tetlodi_cursor_choose(struct tetlod_cursor *cursor, const uint8_t *chosen, uint32_t level,
+                                         struct tetlod_error *error)
+{
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    uint32_t first = first_change(cursor, chosen), kept = first - 1 < cursor->decoded ? first - 1 : cursor->decoded;
+    uint8_t *copy = chosen ? malloc(table->page_count) : NULL;
+    enum tetlod_status status = TETLOD_OK;
+    if (chosen && !copy)
+        return tetlodi_fail_nomem(error, "a set of pages", table->page_count);
+    if (first <= cursor->decoded + 1) { // else nothing is there of what changes
+        uint32_t level_before = cursor->level < kept ? cursor->level : kept;
+        status = tetlodi_cursor_go_to(cursor, kept, error);
+        if (status == TETLOD_OK) {
+            tetlodi_cursor_forget(cursor);
+            cursor->decoded = kept;
+            cursor->broken = TETLOD_OK;
+            status = tetlodi_cursor_go_to(cursor, level_before, error);
+        }
+    }
+    settle(cursor);
+    if (status != TETLOD_OK) {
+        free(copy);
+        return status;
+    }
+    for (size_t t = 0; t < cursor->left_out_capacity && !cursor->chosen; t++)
+        cursor->left_out[t] = TETLOD_NONE;
+    if (chosen)
+        memcpy(copy, chosen, table->page_count);
+    free(cursor->chosen);
+    cursor->chosen = copy;
+    cursor->chosen_level = level;
+    return TETLOD_OK;
 }

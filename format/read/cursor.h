@@ -16,16 +16,23 @@ struct tetlod_cursor {
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
     uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
-    uint32_t loading;  /* the level whose frames are being read */
+    uint32_t *vertices, *tets; /* [level] that it has, as far as it is known: only with some pages others than the index's */
+    uint32_t loading, loading_page; /* the level whose frames are being read, and its page; TETLOD_NONE: all of it */
+    int unread; /* the frames that were asked for last could not be read */
     uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
+    uint32_t decoding_level; /* that was begun and is not whole; 0: none */
     struct tetlodi_helpers *helpers; /* while tetlod_cursor_seek decodes; NULL: none */
     struct tetlodi_field_log *decoding; /* what fields are being decoded from; NULL: nothing, and both logs are empty */
     struct tetlod_error *errors;     /* [column] of tasks */
-    uint8_t **frames;          /* [column] of the level that is being decoded, if any */
+    uint8_t **frames;          /* [column] of the level or page that is being decoded, if any */
     uint64_t frame_bytes;      /* theirs */
     const struct tetlodi_group *group; /* of pages, that is being decoded; NULL: the level has none */
     struct tetlodi_page_lists lists;   /* the group's */
     uint32_t next_page;      /* the page after the one that is being decoded */
+    uint8_t *chosen;         /* [page] those that levels have; NULL: all of them */
+    uint32_t chosen_level;   /* the finest with any, if not all are */
+    uint32_t *left_out;      /* [tet] the level in which its page was left out; NULL if none are */
+    size_t left_out_capacity;
     int exact;               /* fields have the tail's values: level is the last */
     enum tetlod_status broken; /* why no level above `decoded` can be had */
     struct tetlod_error damage;
@@ -35,5 +42,22 @@ static inline int is_tail(const struct tetlod_cursor *cursor, uint32_t level)
 {
     return cursor->file->index.tail && level + 1 == cursor->file->index.info.level_count;
 }
+
+/* The finest level that there is: without all pages there is no tail. */
+static inline uint32_t finest_level(const struct tetlod_cursor *cursor)
+{
+    return cursor->chosen ? cursor->chosen_level : cursor->file->index.info.level_count - 1;
+}
+
+/* Forgets what the log holds beyond the present, which is decoded anew. */
+void tetlodi_cursor_forget(struct tetlod_cursor *cursor);
+
+/* Goes to a level that is decoded. */
+TETLOD_CHECKED enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t level,
+                                                       struct tetlod_error *error);
+
+/* Which pages levels have from now on ([page] of all groups; NULL: all), up to a level. What is beyond is forgotten. */
+TETLOD_CHECKED enum tetlod_status tetlodi_cursor_choose(struct tetlod_cursor *cursor, const uint8_t *chosen,
+                                                        uint32_t level, struct tetlod_error *error);
 
 #endif

@@ -98,6 +98,22 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     return tetlodi_read_part(file, frame, what, out, error);
 }
 
+enum tetlod_status tetlodi_read_page_frame(const struct tetlod_file *file, uint32_t level, uint32_t page, uint32_t part,
+                                           uint8_t **out, size_t *out_size, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &file->index;
+    const struct tetlod_info *info = &index->info;
+    const struct tetlodi_page_frame *frame =
+        tetlodi_page_frame(&index->pages, info->field_count, tetlodi_group_of(&index->pages, level), page, part);
+    struct tetlodi_frame bytes = {.offset = frame->offset, .size = frame->size};
+    char what[96];
+    memcpy(bytes.digest, frame->digest, DIGEST_SIZE);
+    snprintf(what, sizeof what, "level %u, page %u, %.60s", level, page,
+             part ? info->fields[part - 1].name : "the records");
+    *out_size = frame->size;
+    return tetlodi_read_part(file, &bytes, what, out, error);
+}
+
 /* ---- sections */
 
 /* A section as it was before it was packed, with room for its bytes at `out`. */
@@ -210,7 +226,7 @@ static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
     return status;
 }
 
-/* Do the pages of a group give the level and its frames? */
+/* Do the pages of a group give the level and its frames? Sets where their frames are. */
 static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
 {
     const struct tetlodi_page_table *table = &index->pages;
@@ -223,10 +239,14 @@ static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
         tets += table->pages[group->first_page + p].tets;
     }
     for (uint32_t part = 0; part <= fields; part++) {
+        const struct tetlodi_frame *whole = &index->frames[(size_t)level * (1 + (size_t)fields) + part];
         uint64_t size = 0;
-        for (uint32_t p = 0; p < group->page_count; p++)
-            size += tetlodi_page_frame(table, fields, group, p, part)->size;
-        if (size != index->frames[(size_t)level * (1 + (size_t)fields) + part].size)
+        for (uint32_t p = 0; p < group->page_count; p++) {
+            struct tetlodi_page_frame *frame = tetlodi_page_frame(table, fields, group, p, part);
+            frame->offset = whole->offset + size;
+            size += frame->size;
+        }
+        if (size != whole->size)
             return false;
     }
     return vertices == to->vertices && tets == to->tets;
@@ -293,6 +313,7 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     file->index_bytes += tetlodi_page_table_bytes(&file->index.pages, file->index.info.field_count);
     file->index.info.page_count = file->index.pages.page_count;
     file->index.info.first_paged_level = file->index.pages.first_level;
+    file->index.info.exact_last = file->index.tail;
 done:
     free(index);
     free(stored);

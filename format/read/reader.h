@@ -32,6 +32,11 @@ struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
                                                      uint8_t **out, size_t *out_size, struct tetlod_error *error);
 
+/* The same of a page of the level, which is in pages. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_page_frame(const struct tetlod_file *file, uint32_t level, uint32_t page,
+                                                          uint32_t part, uint8_t **out, size_t *out_size,
+                                                          struct tetlod_error *error);
+
 /* Any part of the stream, checked: `what` is its name in messages. The caller frees *out. */
 TETLOD_CHECKED enum tetlod_status tetlodi_read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
                                                     const char *what, uint8_t **out, struct tetlod_error *error);

@@ -45,7 +45,7 @@ enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uin
     const struct tetlodi_replay *replay = &cursor->replay;
     if (level > cursor->level)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "level %u is finer than the cursor's %u", level, cursor->level);
-    uint32_t count = cursor->file->index.info.levels[level].vertices;
+    uint32_t count = cursor->vertices[level];
     for (uint32_t c = 0; c < replay->column_count; c++) {
         double *out = c ? fields ? fields[cursor->parts[c] - 1] : NULL : positions;
         size_t n = cursor->columns[c].components;
@@ -79,10 +79,9 @@ enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uin
                                          uint32_t *vertex_count,
                                          uint32_t *tets, uint32_t *tet_count, struct tetlod_error *error)
 {
-    const struct tetlod_level *levels = cursor->file->index.info.levels;
     if (level > cursor->level)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "level %u is finer than the cursor's %u", level, cursor->level);
-    uint32_t count = levels[level].vertices;
+    uint32_t count = cursor->vertices[level];
     uint8_t *marks = calloc(count, 1);
     if (!marks)
         return tetlodi_fail_nomem(error, "a list of changes", count);
@@ -95,7 +94,7 @@ enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uin
             vertices[(*vertex_count)++] = v;
     free(marks);
     /* A corner changes from a vertex to one of its children, which the level does not have. */
-    for (uint32_t t = 0; t < levels[level].tets; t++) {
+    for (uint32_t t = 0; t < cursor->tets[level]; t++) {
         const uint32_t *c = cursor->replay.corners + 4 * (size_t)t;
         if (c[0] >= count || c[1] >= count || c[2] >= count || c[3] >= count)
             tets[(*tet_count)++] = t;
@@ -147,6 +146,7 @@ enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_
         fields[c - 1] = cursor->parts[c] - 1;
     fields[count - 1] = field;
     TETLOD_TRY_DONE(tetlod_cursor_new(&other, cursor->file, fields, count, error));
+    TETLOD_TRY_DONE(tetlodi_cursor_choose(other, cursor->chosen, cursor->chosen_level, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(other, cursor->level, error));
     while (other->replay.records < cursor->replay.records)
         TETLOD_TRY_DONE(tetlod_cursor_refine(other, error));

@@ -14,13 +14,14 @@
 #include "src/cli/step_option.h"
 #include "src/io/io.h"
 #include "src/stream/level_mesh.h"
+#include "src/stream/page_region.h"
 #include "src/stream/selection.h"
 #include "src/util/file.h"
 #include "src/util/number_text.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod extract FILE.tetlod -o OUT [--box BOX]...\n"
+    "usage: tetlod extract FILE.tetlod|URL -o OUT [--box BOX]...\n"
     "                      [--error E | --abs-error E | --level K | --tets N | --bytes N]\n"
     "\n"
     "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a\n"
@@ -41,8 +42,13 @@ static const char help[] =
     "                     error is certified, it is measured. Up to 16 times. A cell field, Region, tells\n"
     "                     the parts: 0 the coarse level, 1 the fine one, 2 the transition; one of that\n"
     "                     name in the stream is left out. A local bound (build --local-bound) holds in\n"
-    "                     all three\n"
-    "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
+    "                     all three. Where the finer level is in pages (build --paged), only the pages of\n"
+    "                     the boxes are read, and the transition has an error that is certified, too:\n"
+    "                     that of its coarsest level. The level outside is then the last before pages, or\n"
+    "                     a finer one\n"
+    "      --box-error E  the error in the boxes, as of --error or --abs-error. The default is the finest\n"
+    "                     level; of a stream in pages the finest in pages, where values may be rounded\n"
+    "                     (0 makes them exact, which needs the whole stream)\n"
     "      --time T       in a series the step whose time is nearest to T, in its coarsest form within\n"
     "                     --error or --abs-error: a fraction of the range over all steps. Without an\n"
     "                     error it is exact. Fields without steps are left out, at\n"
@@ -57,7 +63,8 @@ static const char help[] =
     "\n"
     "If a file is cut off, such as a download that stopped, the levels that are whole can still be\n"
     "extracted. Values of cells lie behind the levels: those of which bytes are missing are left out. A\n"
-    "box needs the finest level.\n"
+    "box needs the finest level, or its pages. Of a URL, on any host that answers Range requests, only\n"
+    "the bytes that are needed are fetched.\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
@@ -113,13 +120,13 @@ static enum tetlod_status choose(const struct tetlod_info *info, const struct se
 }
 
 /* Of a file that is cut off: the finest level that is there, or a refusal that says what is there. */
-static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, const struct request *request,
+static enum tetlod_status choose_here(const struct tetlod_info *info, uint32_t here, const struct request *request,
                                       uint32_t *level,
                                       struct tetlod_error *error)
 {
-    uint32_t here = cli_finest_here(info, fd);
-    TETLOD_TRY(choose(info, &request->selection, level, error));
-    if (request->selection.box_count && here != TETLOD_NONE && here + 1 < info->level_count)
+    const struct selection *selection = &request->selection;
+    TETLOD_TRY(choose(info, selection, level, error));
+    if (selection->box_count && !page_region_is(info, selection_box_level(info, selection)) && here != TETLOD_NONE && here + 1 < info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
                             "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
                             "against which it measures", here, info->level_count - 1);
@@ -142,7 +149,7 @@ static void note_missing_cells(const struct tetlod_info *info, int fd, const cha
 {
     const char *before = "";
     for (uint32_t f = 0; f < info->cell_field_count; f++) {
-        if (cli_cells_here(info, fd, f))
+        if (fd < 0 || cli_cells_here(info, fd, f)) // a host has all
             continue;
         if (!*before)
             fprintf(stderr, "tetlod extract: %s is cut off before the values of cells ", path);
@@ -153,46 +160,60 @@ static void note_missing_cells(const struct tetlod_info *info, int fd, const cha
         fprintf(stderr, ": they are left out\n");
 }
 
+/* The bytes of the levels up to one, which may be on a host. */
+static enum tetlod_status fetch_levels(const struct stream_input *input, uint32_t level, struct tetlod_error *error)
+{
+    const struct tetlod_span prefix = {0, tetlod_info(input->file)->levels[level].end};
+    return stream_input_fetch(input, &prefix, 1, error);
+}
+
 /* The levels up to one, as a stream. */
-static enum tetlod_status extract_stream(const struct tetlod_file *file, const struct request *request, uint32_t level,
-                                         struct tetlod_error *error)
+static enum tetlod_status extract_stream(const struct stream_input *input, const struct request *request,
+                                         uint32_t level, struct tetlod_error *error)
 {
     struct file_output *output;
     struct tetlod_error inner = {0};
     TETLOD_TRY(file_output_open(&output, request->output, error));
     const struct tetlodi_sink sink = file_output_sink(output);
-    enum tetlod_status status = tetlodi_write_prefix(file, level, &sink, &inner);
+    enum tetlod_status status = fetch_levels(input, level, &inner);
+    if (status == TETLOD_OK)
+        status = tetlodi_write_prefix(input->file, level, &sink, &inner);
     if (status != TETLOD_OK)
-        tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
+        stream_input_fail(input, request->input, status, &inner, error);
     return file_output_finish(output, status, error);
 }
 
 /* A level, or what is finer in boxes where they ask for a finer one: then `about` says what is promised of it. */
-static enum tetlod_status extract_boxes(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
-                                        uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
+static enum tetlod_status extract_boxes(const struct stream_input *input, const struct request *request,
+                                        struct tetmesh *mesh, uint32_t level, char *about, size_t about_size,
+                                        struct tetlod_error *error)
 {
     const struct selection *selection = &request->selection;
+    const struct tetlod_info *info = tetlod_info(input->file);
     struct region region = {.coarse = level, .boxes = selection->boxes, .box_count = selection->box_count};
-    region.fine = selection_box_level(tetlod_info(file), selection);
+    region.fine = selection_box_level(info, selection);
     if (region.fine == TETLOD_NONE)
-        return fail_error(tetlod_info(file), selection, selection->box_error, error);
+        return fail_error(info, selection, selection->box_error, error);
     if (region.fine <= level)
         return TETLOD_MORE;
-    return extract_region(file, &region, mesh, about, about_size, error);
+    return extract_region(input, &region, mesh, about, about_size, error);
 }
 
-static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
-                                       uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
+static enum tetlod_status extract_mesh(const struct stream_input *input, const struct request *request,
+                                       struct tetmesh *mesh, uint32_t level, char *about, size_t about_size,
+                                       struct tetlod_error *error)
 {
+    struct tetlod_file *file = input->file;
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
     if (request->step.given)
         return extract_step(file, &request->step.selection, request->form, mesh, about, about_size, error);
     if (request->selection.box_count) {
-        enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
+        enum tetlod_status made = extract_boxes(input, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
             return made;
     }
+    TETLOD_TRY(fetch_levels(input, level, error));
     TETLOD_TRY(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     enum tetlod_status status = tetlod_cursor_seek(cursor, level, error);
     if (status == TETLOD_OK)
@@ -211,53 +232,67 @@ static bool is_stream(const char *path)
     return length > ending && strcasecmp(path + length - ending, ".tetlod") == 0;
 }
 
-static int extract(struct request *request)
+/* What the user is told of a level that was written. */
+static void print_level(const struct tetlod_info *info, uint32_t level, const struct tetmesh *mesh)
 {
-    struct tetlod_error error = {0}, inner = {0};
-    struct tetlod_file *file;
+    fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
+            info->levels[level].vertices, info->levels[level].tets);
+    if (mesh->cells)
+        fprintf(stderr, "tetlod extract: the %u cells and %u points of the input%s\n", mesh->tet_count,
+                mesh->vertex_count, info->lossless ? "" : "; the stream's points and values are rounded");
+    cli_print_promises(stderr, info, level);
+    cli_warn_uncontrolled("extract", info, level);
+    if (info->topology_count)
+        fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on "
+                        "their own\n",
+                info->topologies[0].step_count);
+}
+
+/* To the output, from an open stream. */
+static enum tetlod_status extract_from(const struct stream_input *input, struct request *request,
+                                       struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(input->file);
+    struct tetlod_error inner = {0};
     struct tetmesh mesh = {0};
     char about[1024] = "";
     uint32_t level = 0;
-    int fd;
+    enum tetlod_status status = find_field(info, request->field, &request->selection.field, &inner);
+    if (status == TETLOD_OK && !request->step.given)
+        status = choose_here(info, input->finest, request, &level, &inner);
+    if (status == TETLOD_OK && !is_stream(request->output))
+        status = extract_mesh(input, request, &mesh, level, about, sizeof about, &inner);
+    if (status == TETLOD_OK)
+        status = level_mesh_units(info, &mesh, &inner);
+    if (status != TETLOD_OK)
+        stream_input_fail(input, request->input, status, &inner, error);
+    else
+        status = is_stream(request->output) ? extract_stream(input, request, level, error)
+                                            : io_write(&mesh, request->output, error);
+    if (status == TETLOD_OK && !request->quiet) {
+        if (about[0])
+            fprintf(stderr, "tetlod extract: %u vertices, %u %s: %s\n", mesh.vertex_count, mesh.tet_count,
+                    mesh.cells ? "cells" : "tetrahedra", about);
+        else
+            print_level(info, level, &mesh);
+        note_missing_cells(info, input->fd, request->input);
+    }
+    tetmesh_fini(&mesh);
+    return status;
+}
+
+static int extract(struct request *request)
+{
+    struct tetlod_error error = {0};
+    struct stream_input input;
     if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
     if (request->form == FORM_CELLS && io_check_cells_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
-    if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
-        return cli_fail(&error);
-    const struct tetlod_info *info = tetlod_info(file);
-    enum tetlod_status status = find_field(info, request->field, &request->selection.field, &inner);
-    if (status == TETLOD_OK && !request->step.given)
-        status = choose_here(info, fd, request, &level, &inner);
-    if (status == TETLOD_OK && !is_stream(request->output))
-        status = extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
+    enum tetlod_status status = stream_input_open(&input, request->input, parallel_cores(), &error);
     if (status == TETLOD_OK)
-        status = level_mesh_units(info, &mesh, &inner);
-    if (status != TETLOD_OK)
-        tetlodi_fail(&error, status, "%s: %s", request->input, inner.message);
-    else
-        status = is_stream(request->output) ? extract_stream(file, request, level, &error) : io_write(&mesh, request->output, &error);
-    if (status == TETLOD_OK && !request->quiet && about[0]) {
-        fprintf(stderr, "tetlod extract: %u vertices, %u %s: %s\n", mesh.vertex_count, mesh.tet_count,
-                mesh.cells ? "cells" : "tetrahedra", about);
-    } else if (status == TETLOD_OK && !request->quiet) {
-        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
-                info->levels[level].vertices, info->levels[level].tets);
-        if (mesh.cells)
-            fprintf(stderr, "tetlod extract: the %u cells and %u points of the input%s\n", mesh.tet_count,
-                    mesh.vertex_count, info->lossless ? "" : "; the stream's points and values are rounded");
-        cli_print_promises(stderr, info, level);
-        cli_warn_uncontrolled("extract", info, level);
-        if (info->topology_count)
-            fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on "
-                            "their own\n",
-                    info->topologies[0].step_count);
-    }
-    if (status == TETLOD_OK && !request->quiet)
-        note_missing_cells(info, fd, request->input);
-    tetmesh_fini(&mesh);
-    tetlod_close(file);
-    close(fd);
+        status = extract_from(&input, request, &error);
+    stream_input_close(&input);
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
@@ -363,6 +398,7 @@ static int run(int argc, char **argv)
     if (box_error && !(absolute ? cli_parse_number(&command_extract, "box-error", box_error, 0, &selection->box_error)
                                 : cli_parse_fraction(&command_extract, "box-error", box_error, &selection->box_error)))
         return EXIT_USAGE;
+    selection->box_finest = !box_error;
     if (box_error && !selection->box_count)
         return cli_usage("extract", "--box-error needs a --box");
     if (selection->box_count && selection->kind == TAKE_FINEST)

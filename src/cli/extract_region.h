@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* tetlod extract --box: a mesh that is finer in boxes. */
+/* A level that is finer in boxes, out of a stream for `tetlod extract`. */
 #ifndef TETLOD_EXTRACT_REGION_H
 #define TETLOD_EXTRACT_REGION_H
 
+#include "src/cli/stream_input.h"
 #include "src/stream/region.h"
 
-/* The mesh, and in `about` what is promised of it. The region's fine level is finer than its coarse one. */
-TETLOD_CHECKED enum tetlod_status extract_region(struct tetlod_file *file, const struct region *region,
-                                                 struct tetmesh *out,
-                                                 char *about, size_t about_size, struct tetlod_error *error);
+/* `about` becomes how many tetrahedra each part has, and how far it is off at most: certified where the fine level is in
+ * pages, else measured in the transition. */
+TETLOD_CHECKED enum tetlod_status extract_region(const struct stream_input *input, const struct region *region,
+                                                 struct tetmesh *out, char *about, size_t about_size,
+                                                 struct tetlod_error *error);
 
 #endif

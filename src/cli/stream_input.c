@@ -37,6 +37,12 @@ enum tetlod_status stream_input_open(struct stream_input *out, const char *place
     return TETLOD_OK;
 }
 
+enum tetlod_status stream_input_fetch(const struct stream_input *input, const struct tetlod_span *spans, size_t count,
+                                      struct tetlod_error *error)
+{
+    return input->web ? web_source_fetch(input->web, spans, count, error) : TETLOD_OK;
+}
+
 void stream_input_close(struct stream_input *input)
 {
     tetlod_close(input->file);

@@ -18,6 +18,10 @@ TETLOD_CHECKED enum tetlod_status stream_input_open(struct stream_input *out, co
                                                     struct tetlod_error *error);
 void stream_input_close(struct stream_input *input);
 
+/* Fetches parts of a stream on a web host at once, so that reading them waits no more. Of a file: nothing to do. */
+TETLOD_CHECKED enum tetlod_status stream_input_fetch(const struct stream_input *input, const struct tetlod_span *spans,
+                                                     size_t count, struct tetlod_error *error);
+
 /* Puts the place before a message about it, and what the host said behind. */
 enum tetlod_status stream_input_fail(const struct stream_input *input, const char *place, enum tetlod_status status,
                                      const struct tetlod_error *inner, struct tetlod_error *error);

@@ -16,6 +16,9 @@ bool web_source_is(const char *text);
  * `out_source` borrows from *out, which is to be freed after the file; it is for one thread at a time. ERR_IO, ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status web_source_open(struct web_source **out, const char *url,
                                                   struct tetlod_source *out_source, struct tetlod_error *error);
+/* Fetches parts that will be read, in requests at the same time. ERR_IO, ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status web_source_fetch(struct web_source *source, const struct tetlod_span *spans,
+                                                   size_t count, struct tetlod_error *error);
 void web_source_free(struct web_source *source);
 
 /* What the last request failed with, "" if none did: a source can only say that it did. */

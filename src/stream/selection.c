@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "src/stream/page_region.h"
 #include "src/util/number_text.h"
 
 uint32_t selection_level(const struct tetlod_info *info, const struct selection *selection)
@@ -27,6 +28,8 @@ uint32_t selection_level(const struct tetlod_info *info, const struct selection 
 uint32_t selection_box_level(const struct tetlod_info *info, const struct selection *selection)
 {
     struct selection fine = *selection;
+    if (selection->box_finest)
+        return info->page_count ? page_region_finest(info) : info->level_count - 1;
     fine.kind = selection->kind == TAKE_ABS_ERROR ? TAKE_ABS_ERROR : TAKE_ERROR;
     fine.error = selection->box_error;
     return selection_level(info, &fine);

@@ -17,6 +17,7 @@ struct selection {
     uint32_t field; /* that the error is about; TETLOD_NONE: all controlled ones */
     enum tetlod_measure measure;
     double box_error; /* in the boxes, of the same kind, field and measure */
+    bool box_finest;  /* or no error was said: the finest level; of a stream in pages, the finest in pages */
     size_t box_count;
     struct region_box boxes[MAX_BOXES];
 };

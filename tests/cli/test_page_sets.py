@@ -1,0 +1,228 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""extract --box of streams in pages: what the reference decoder has, within what is certified, out of few bytes."""
+import http.server
+import itertools
+import json
+import os
+import random
+import re
+import sys
+import threading
+
+from common import ROOT, case, fails, finish, info, must, path, write
+
+sys.path[:0] = [os.path.join(ROOT, 'client-examples', 'python'), os.path.join(ROOT, 'tests', 'http')]
+import numpy  # noqa: E402
+from region_judge import COARSE, FINE, TRANSITION, read_vtk  # noqa: E402
+from tetlod import reference, reference_pages  # noqa: E402
+
+CASES = {  # a boundary that moves, several fields, parts, a local bound
+    'ring': (('torus', '--size', '5'), ('--paged=200',)),
+    'fin': (('fin', '--size', '12'), ('--paged=300', '--field', 'Pressure', '--field', 'Velocity:mag')),
+    'parts': (('parts', '--size', '10'), ('--paged=100', '--region', 'material')),
+    'cube': (('cube', '--size', '8'), ('--paged=200', '--local-bound')),
+    'coarse': (('fin', '--size', '12'), ('--paged=300', '--position-bits', '12', '--field-bits', '10')),
+}
+MOVES = 'ring'
+
+
+def errors_of(stream):
+    """Of each level the largest certified error of the controlled fields."""
+    names = [field['name'] for field in stream['fields'] if field['controlled']]
+    return [max(level['errors'][name]['max'] for name in names) for level in stream['levels']]
+
+
+def finest(stream):
+    """The last level in pages."""
+    return len(stream['levels']) - 1 - (stream['levels'][-1]['tets'] == stream['levels'][-2]['tets'])
+
+
+def random_box(stream, chance, share):
+    low, high = (numpy.array(corner) for corner in stream['bounds'])
+    size = (high - low) * share ** (1 / 3)
+    at = low + (high - low - size) * numpy.array([chance.random() for _ in range(3)])
+    return numpy.concatenate([at, at + size])
+
+
+def extract(stream, boxes, coarse, fine, out='box.vtk'):
+    """The mesh, and what was said of it."""
+    options = ['--box=' + ','.join('%.17g' % x for x in box) for box in boxes]
+    said = must('extract', stream, '--level', str(coarse), '--box-error', repr(fine), *options, '-o', out)
+    return read_vtk(path(out)), said.stderr.decode()
+
+
+def agrees(stream, name, field, chance):
+    """Python decodes the same set to the same mesh; each part is what it says; the error is what was certified."""
+    decoder = reference.open(path(name + '.tetlod'))
+    root = stream['first_paged_level'] - 1
+    coarse, fine = chance.randint(root - 2, root + 3), chance.randint(root + 4, finest(stream))
+    boxes = [random_box(stream, chance, chance.choice((1 / 512, 1 / 64))) for _ in range(chance.randint(1, 2))]
+    levels = errors_of(stream)
+    fine = next(k for k, error in enumerate(levels) if error <= levels[fine])
+    if fine <= max(coarse, root):
+        return 'no box'
+    mesh, said = extract(name + '.tetlod', boxes, coarse, levels[fine])
+    chosen = {level: set(range(group.count)) for level, group in decoder.groups.items() if level <= coarse}
+    for box in boxes:
+        for level, pages in reference_pages.meeting(decoder, (box[:3], box[3:]), fine).items():
+            chosen.setdefault(level, set()).update(pages)
+    cursor = decoder.cursor().seek_pages(reference_pages.closure(decoder, chosen))
+    same = numpy.array_equal(mesh['points'], cursor.positions) and numpy.array_equal(mesh['tets'], cursor.tets)
+    if not same:
+        return 'another mesh than the reference decoder has: %d, %d' % (len(mesh['tets']), len(cursor.tets))
+    return parts_are_levels(name, mesh, boxes, max(coarse, root), fine) or within(name, field, said, mesh)
+
+
+def rows(mesh, chosen):
+    """Tetrahedra by the places of their corners, which tell them where no two points are at one place."""
+    return {tuple(sorted(map(tuple, corners))) for corners in mesh['points'][mesh['tets'][chosen]].tolist()}
+
+
+def parts_are_levels(name, mesh, boxes, coarse, fine):
+    part = mesh['cell']['Region'][:, 0]
+    for number, level in ((COARSE, coarse), (FINE, fine)):
+        must('extract', name + '.tetlod', '--level', str(level), '-o', 'level.vtk', '--quiet')
+        whole = read_vtk(path('level.vtk'))
+        if not rows(mesh, part == number) <= rows(whole, slice(None)):
+            return 'tetrahedra of part %d are not those of level %d' % (number, level)
+    ends = mesh['points'][mesh['tets']]
+    for box in boxes:
+        meets = numpy.all((ends.min(axis=1) <= box[3:]) & (ends.max(axis=1) >= box[:3]), axis=1)
+        if numpy.any(meets & (part != FINE)):
+            return 'a tetrahedron that meets a box is not of the fine level'
+    return None
+
+
+def within(name, field, said, mesh):
+    """The exact overlay's largest difference from the original is at most that of the coarsest part."""
+    promised = [float(words.split(field + ' ≤ ')[1].split(' %')[0]) for words in
+                re.split('level|transition', said) if field + ' ≤ ' in words]
+    counts = [numpy.sum(mesh['cell']['Region'] == part) for part in (COARSE, FINE, TRANSITION)]
+    if len(promised) != (3 if counts[2] else 2):
+        return 'not certified: ' + said
+    most = max(error for error, count in zip(promised, counts) if count)
+    found = json.loads(must('compare', name + '.vtu', 'box.vtk', '--field', field, '--json').stdout)
+    if name != MOVES and not found['errors']['max'] * 100 <= most * (1 + 1e-6) + 1e-4:
+        return 'off by %g %%, certified is %g %%' % (found['errors']['max'] * 100, most)
+    return None
+
+
+def page_sets(name):
+    sample, options = CASES[name]
+    if name == 'parts':
+        write_parts()
+    else:
+        must('sample', *sample, '-o', name + '.vtu')
+    must('build', name + '.vtu', '-o', name + '.tetlod', *options)
+    stream, chance = info(name + '.tetlod'), random.Random(name)
+    field, held = next(f['name'] for f in stream['fields'] if f['controlled']), 0
+    for trial in range(3):
+        problem = agrees(stream, name, field, chance)
+        held += problem is None
+        if problem not in (None, 'no box'):
+            return trial, problem
+    return None if held else 'no box'
+
+
+def write_parts():
+    """Two materials, with values of cells."""
+
+    size = 6
+    points = list(itertools.product(range(size + 1), repeat=3))
+    number = {point: i for i, point in enumerate(points)}
+    tets, material = [], []
+    for at in itertools.product(range(size), repeat=3):
+        for axes in itertools.permutations(range(3)):
+            corner, corners = list(at), [number[at]]
+            for axis in axes:
+                corner[axis] += 1
+                corners.append(number[tuple(corner)])
+            tets.append(corners)
+            material.append(2 if at[0] < 3 else 5)
+    lines = ['# vtk DataFile Version 3.0', 'parts', 'ASCII', 'DATASET UNSTRUCTURED_GRID']
+    lines += ['POINTS %d float' % len(points), *('%d %d %d' % point for point in points)]
+    lines += ['CELLS %d %d' % (len(tets), 5 * len(tets)), *('4 %d %d %d %d' % tuple(corners) for corners in tets)]
+    lines += ['CELL_TYPES %d' % len(tets)] + ['10'] * len(tets) + ['CELL_DATA %d' % len(tets)]
+    lines += ['SCALARS material int 1', 'LOOKUP_TABLE default', *map(str, material), 'POINT_DATA %d' % len(points)]
+    lines += ['SCALARS heat float 1', 'LOOKUP_TABLE default', *(str(x * y + z * z) for x, y, z in points)]
+    write('parts.vtk', '\n'.join(lines) + '\n')
+    must('convert', 'parts.vtk', '-o', 'parts.vtu')
+
+
+def cells_follow():
+    """The values of cells are those of the tetrahedra that are left."""
+    box, _ = extract('parts.tetlod', [[0, 0, 0, 3, 3, 3]], 2, 0.001)
+    material = box['cell']['material'][:, 0]
+    middles = box['points'][box['tets']].mean(axis=1)
+    wrong = material != numpy.where(middles[:, 0] < 3, 2, 5)
+    return None if not wrong.any() and len(set(material)) == 2 else int(wrong.sum())
+
+
+class Ranges(http.server.SimpleHTTPRequestHandler):
+    """A host that answers Range requests. It counts them, and what it sends; each waits for all that were sent with it."""
+    protocol_version = 'HTTP/1.1'
+    asked, sent = [], 0
+
+    def do_GET(self):
+        with open(path(os.path.basename(self.path)), 'rb') as file:
+            data = file.read()
+        first, last = (int(n) for n in self.headers['Range'].split('=')[1].split('-'))
+        part = data[first:last + 1]
+        Ranges.asked.append((first, last))
+        Ranges.sent += len(part)
+        self.send_response(206)
+        self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
+        self.send_header('Content-Length', str(len(part)))
+        self.end_headers()
+        self.wfile.write(part)
+
+    def log_message(self, *_):
+        pass
+
+
+def over_http():
+    """Of a URL only what the box needs is fetched, and what it gives is the same."""
+    must('sample', 'fin', '--size', '28', '-o', 'big.vtu')
+    must('build', 'big.vtu', '-o', 'big.tetlod', '--paged=8000', '--quiet')
+    server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Ranges)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    place, options = 'http://127.0.0.1:%d/big.tetlod' % server.server_port, ('--error', '2%', '--box', '1,1,1,1,1,1')
+    must('extract', 'big.tetlod', *options, '-o', 'here.vtu')
+    must('extract', place, *options, '-o', 'there.vtu')
+    size, sent, asked = os.path.getsize(path('big.tetlod')), Ranges.sent, list(Ranges.asked)
+    must('extract', 'big.tetlod', '--level', '3', '-o', 'level.vtu')
+    must('extract', place, '--level', '3', '-o', 'there_level.vtu')
+    server.shutdown()
+    with open(path('here.vtu'), 'rb') as here, open(path('there.vtu'), 'rb') as there:
+        if here.read() != there.read():
+            return 'another mesh'
+    with open(path('level.vtu'), 'rb') as here, open(path('there_level.vtu'), 'rb') as there:
+        if here.read() != there.read():
+            return 'another level'
+    overlap = len({first for first, _ in asked}) != len(asked)
+    return None if sent < 0.75 * size and not overlap else (size, sent, asked)
+
+
+def cut_off():
+    """A file without what lies behind the pages of a box."""
+    with open(path('cube.tetlod'), 'rb') as file:
+        whole = file.read()
+    stream = info('cube.tetlod')
+    fine = stream['levels'][finest(stream)]
+    write('cut.tetlod', whole[:fine['bytes']])
+    options = '--error', '20%', '--box', '0,0,0,3,3,3', '--box-error', repr(errors_of(stream)[finest(stream)])
+    must('extract', 'cut.tetlod', *options, '-o', 'cut.vtu')
+    must('extract', 'cube.tetlod', *options, '-o', 'uncut.vtu')
+    with open(path('cut.vtu'), 'rb') as cut, open(path('uncut.vtu'), 'rb') as uncut:
+        return None if cut.read() == uncut.read() else 'another mesh'
+
+
+for each in CASES:
+    case('%s: as the reference decoder, within what is certified' % each, page_sets, each)
+case('values of cells', cells_follow)
+case('of a URL', over_http)
+case('of a file that is cut off', cut_off)
+fails('a host that is not there', 1, ['cannot be read'], 'extract', 'http://127.0.0.1:1/x.tetlod', '--error', '1%',
+      '-o', 'no.vtu')
+finish()

@@ -1,0 +1,333 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Closed sets of pages: what they hold, which bytes they need, and cursors that have some pages and then others. */
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/test.h"
+
+#include "format/tetlod.h"
+
+static struct tetlod_file *file;
+static const struct tetlod_info *info;
+static uint8_t *bytes;
+static size_t size;
+
+/* Nothing can be tested without. */
+static void must(bool good)
+{
+    if (good)
+        return;
+    printf("Bail out! a stream or a cursor could not be had\n");
+    exit(1);
+}
+
+static void open_stream(void)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%s/tests/golden/paged_float32.tetlod", getenv("ROOT") ? getenv("ROOT") : ".");
+    FILE *in = fopen(path, "rb");
+    must(in != NULL);
+    bytes = malloc(1 << 20);
+    must(bytes != NULL);
+    size = fread(bytes, 1, 1 << 20, in);
+    fclose(in);
+    must(tetlod_open_memory(&file, bytes, size, NULL, NULL) == TETLOD_OK);
+    info = tetlod_info(file);
+    must(info->page_count > 100 && info->first_paged_level > 1 && info->exact_last);
+}
+
+static uint32_t finest(void)
+{
+    return info->level_count - 2;
+}
+
+static uint32_t chance(uint32_t *state, uint32_t below)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return (uint32_t)(((uint64_t)*state * below) >> 32);
+}
+
+/* Some pages at random, and what they need. */
+static struct tetlod_page_set *random_set(uint32_t *state, uint32_t pages)
+{
+    struct tetlod_page_set *set;
+    must(tetlod_page_set_new(&set, file, 0, NULL, 0, NULL) == TETLOD_OK);
+    for (uint32_t i = 0; i < pages; i++) {
+        uint32_t level = info->first_paged_level + chance(state, finest() - info->first_paged_level + 1);
+        CHECK_INT(tetlod_page_set_add(set, level, chance(state, tetlod_page_count(file, level)), NULL), TETLOD_OK);
+    }
+    return set;
+}
+
+static struct tetlod_cursor *cursor_with(struct tetlod_file *from, const struct tetlod_page_set *set)
+{
+    struct tetlod_page_set_info what;
+    struct tetlod_cursor *cursor;
+    tetlod_page_set_info(set, &what);
+    must(tetlod_cursor_new(&cursor, from, NULL, 0, NULL) == TETLOD_OK);
+    must(tetlod_cursor_select(cursor, set, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_cursor_seek(cursor, what.level, NULL), TETLOD_OK);
+    return cursor;
+}
+
+static bool same(const struct tetlod_cursor *a, const struct tetlod_cursor *b)
+{
+    struct tetlod_mesh x, y;
+    tetlod_cursor_mesh(a, &x);
+    tetlod_cursor_mesh(b, &y);
+    return x.vertices == y.vertices && x.tets == y.tets && x.level == y.level &&
+           memcmp(x.positions, y.positions, x.vertices * 3 * sizeof(double)) == 0 &&
+           memcmp(x.corners, y.corners, x.tets * 4 * sizeof(uint32_t)) == 0 &&
+           memcmp(x.fields[0], y.fields[0], x.vertices * sizeof(double)) == 0;
+}
+
+/* The needed pages are there, what is needed cannot be taken out, and the counts are those of the mesh. */
+static void test_closed(void)
+{
+    uint32_t state = 1;
+    for (int trial = 0; trial < 40; trial++) {
+        struct tetlod_page_set *set = random_set(&state, 1 + chance(&state, 6));
+        struct tetlod_page_set_info what;
+        uint32_t pages = 0, removed = 0;
+        tetlod_page_set_info(set, &what);
+        for (uint32_t level = info->first_paged_level; level <= finest(); level++)
+            for (uint32_t p = 0; p < tetlod_page_count(file, level); p++) {
+                struct tetlod_page page;
+                if (!tetlod_page_set_has(set, level, p))
+                    continue;
+                pages++;
+                CHECK_INT(tetlod_page(file, level, p, &page, NULL), TETLOD_OK);
+                for (uint32_t i = 0; i < page.needed_count; i++) {
+                    CHECK(tetlod_page_set_has(set, level - 1, page.needed[i]));
+                    CHECK_INT(tetlod_page_set_remove(set, level - 1, page.needed[i], NULL), TETLOD_ERR_ARGUMENT);
+                }
+            }
+        CHECK_INT(pages, what.pages);
+        struct tetlod_cursor *cursor = cursor_with(file, set);
+        struct tetlod_mesh mesh;
+        tetlod_cursor_mesh(cursor, &mesh);
+        CHECK_INT(mesh.vertices, what.vertices);
+        CHECK_INT(mesh.tets, what.tets);
+        tetlod_cursor_free(cursor);
+        for (uint32_t level = finest(); level >= info->first_paged_level; level--) // the finest first: none is needed
+            for (uint32_t p = 0; p < tetlod_page_count(file, level); p++)
+                removed += tetlod_page_set_remove(set, level, p, NULL) == TETLOD_OK;
+        CHECK_INT(removed, pages);
+        tetlod_page_set_free(set);
+    }
+}
+
+/* A cursor that had other pages before is as a new one; steps and records lead where seeking leads. */
+static void test_moves(void)
+{
+    uint32_t state = 7;
+    struct tetlod_cursor *cursor;
+    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
+    for (int trial = 0; trial < 40; trial++) {
+        struct tetlod_page_set *set = random_set(&state, chance(&state, 8));
+        struct tetlod_page_set_info what;
+        struct tetlod_cursor *fresh = cursor_with(file, set);
+        tetlod_page_set_info(set, &what);
+        if (trial % 5 == 4) { // all pages and the exact values in between
+            CHECK_INT(tetlod_cursor_select(cursor, NULL, NULL), TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(cursor, trial % 2 ? info->level_count - 1 : finest() - 3, NULL), TETLOD_OK);
+        }
+        CHECK_INT(tetlod_cursor_select(cursor, set, NULL), TETLOD_OK);
+        enum tetlod_status status = TETLOD_MORE;
+        if (trial % 3 == 0)
+            status = tetlod_cursor_seek(cursor, what.level, NULL);
+        while (trial % 3 == 1 && status == TETLOD_MORE)
+            status = tetlod_cursor_step(cursor, what.level, 1 + chance(&state, 9), NULL);
+        while (trial % 3 == 2 && (status = tetlod_cursor_refine(cursor, NULL)) == TETLOD_OK)
+            continue;
+        CHECK_INT(status, trial % 3 == 2 ? TETLOD_END : TETLOD_OK);
+        CHECK(same(cursor, fresh));
+        if (trial % 7 == 0) { // leaves in the middle of a level
+            CHECK_INT(tetlod_cursor_seek(cursor, 0, NULL), TETLOD_OK);
+            CHECK_INT(tetlod_cursor_step(cursor, what.level, 1 + chance(&state, 700), NULL) < TETLOD_END, 1);
+        }
+        tetlod_cursor_free(fresh);
+        tetlod_page_set_free(set);
+    }
+    tetlod_cursor_free(cursor);
+}
+
+/* Numbers are those of the whole level, and levels those up to which the whole has the same tetrahedra. */
+static void test_numbers(void)
+{
+    uint32_t state = 3;
+    for (int trial = 0; trial < 20; trial++) {
+        struct tetlod_page_set *set = random_set(&state, 1 + chance(&state, 5));
+        struct tetlod_cursor *some = cursor_with(file, set), *all;
+        struct tetlod_mesh mesh, whole;
+        REQUIRE(tetlod_cursor_new(&all, file, NULL, 0, NULL) == TETLOD_OK);
+        tetlod_cursor_mesh(some, &mesh);
+        uint32_t *numbers = malloc(mesh.vertices * sizeof *numbers), *tets = malloc(mesh.tets * sizeof *tets),
+                 *levels = malloc(mesh.tets * sizeof *levels), found = 0;
+        REQUIRE(numbers && tets && levels);
+        tetlod_cursor_numbers(some, numbers, tets);
+        tetlod_cursor_tet_levels(some, levels);
+        for (uint32_t level = info->first_paged_level - 1; level <= finest(); level++) {
+            CHECK_INT(tetlod_cursor_seek(all, level, NULL), TETLOD_OK);
+            tetlod_cursor_mesh(all, &whole);
+            for (uint32_t t = 0; t < mesh.tets; t++) {
+                if (levels[t] != level)
+                    continue;
+                found++;
+                for (int c = 0; c < 4; c++) {
+                    uint32_t here = mesh.corners[4 * t + c], there = whole.corners[4 * (size_t)tets[t] + c];
+                    CHECK_INT(numbers[here], there);
+                    CHECK(memcmp(mesh.positions + 3 * here, whole.positions + 3 * there, 24) == 0);
+                }
+            }
+        }
+        CHECK_INT(found, mesh.tets);
+        free(numbers);
+        free(tets);
+        free(levels);
+        tetlod_cursor_free(some);
+        tetlod_cursor_free(all);
+        tetlod_page_set_free(set);
+    }
+}
+
+struct allowed {
+    const struct tetlod_span *spans;
+    size_t count;
+};
+
+static enum tetlod_status read_allowed(void *opaque, uint64_t offset, void *buffer, size_t length)
+{
+    const struct allowed *allowed = opaque;
+    for (size_t i = 0; i < allowed->count; i++)
+        if (offset >= allowed->spans[i].offset &&
+            offset + length <= allowed->spans[i].offset + allowed->spans[i].size) {
+            memcpy(buffer, bytes + offset, length);
+            return TETLOD_OK;
+        }
+    return TETLOD_ERR_IO;
+}
+
+/* What the spans say is enough. */
+static void test_spans(void)
+{
+    uint32_t state = 11, root = info->first_paged_level - 1;
+    for (int trial = 0; trial < 20; trial++) {
+        struct tetlod_page_set *set = random_set(&state, 1 + chance(&state, 3));
+        struct tetlod_span spans[400];
+        uint64_t gap = trial % 3 * 100, end = 0;
+        size_t before = tetlod_spans(file, TETLOD_NONE, root, NULL, 0, spans, 400);
+        size_t count = before + tetlod_page_set_spans(set, NULL, 0, gap, spans + before, 400 - before);
+        CHECK(count <= 400 && tetlod_page_set_spans(set, NULL, 0, gap, NULL, 0) == count - before);
+        for (size_t i = before; i < count; i++) {
+            CHECK(i == before || spans[i].offset > end + gap);
+            end = spans[i].offset + spans[i].size;
+        }
+        struct allowed allowed = {spans, count};
+        struct tetlod_source source = {read_allowed, &allowed, size};
+        struct tetlod_file *thin;
+        REQUIRE(tetlod_open(&thin, &source, NULL, NULL) == TETLOD_OK);
+        struct tetlod_cursor *cursor, *fresh = cursor_with(file, set);
+        struct tetlod_page_set_info what;
+        tetlod_page_set_info(set, &what);
+        REQUIRE(tetlod_cursor_new(&cursor, thin, NULL, 0, NULL) == TETLOD_OK);
+        CHECK_INT(tetlod_cursor_select(cursor, set, NULL), TETLOD_ERR_ARGUMENT); // another file's
+        tetlod_cursor_free(cursor);
+        struct tetlod_page_set *own;
+        REQUIRE(tetlod_page_set_new(&own, thin, 0, NULL, 0, NULL) == TETLOD_OK);
+        for (uint32_t level = info->first_paged_level; level <= finest(); level++)
+            for (uint32_t p = 0; p < tetlod_page_count(file, level); p++)
+                if (tetlod_page_set_has(set, level, p))
+                    CHECK_INT(tetlod_page_set_add(own, level, p, NULL), TETLOD_OK);
+        cursor = cursor_with(thin, own);
+        CHECK(same(cursor, fresh));
+        CHECK_INT(tetlod_cursor_select(cursor, NULL, NULL), TETLOD_OK); // what cannot be read can be asked for again
+        CHECK_INT(tetlod_cursor_seek(cursor, finest(), NULL), TETLOD_ERR_IO);
+        CHECK_INT(tetlod_cursor_seek(cursor, finest(), NULL), TETLOD_ERR_IO);
+        CHECK_INT(tetlod_cursor_select(cursor, own, NULL), TETLOD_OK);
+        CHECK_INT(tetlod_cursor_seek(cursor, what.level, NULL), TETLOD_OK);
+        CHECK(same(cursor, fresh));
+        tetlod_cursor_free(cursor);
+        tetlod_cursor_free(fresh);
+        tetlod_page_set_free(own);
+        tetlod_page_set_free(set);
+        tetlod_close(thin);
+    }
+}
+
+/* Everything within a box, or a ball, is that of the level that is wanted there. */
+static void test_places(void)
+{
+    uint32_t state = 5, inside = 0;
+    for (int trial = 0; trial < 30; trial++) {
+        uint32_t first = info->first_paged_level;
+        struct tetlod_place place = {.level = first + chance(&state, finest() - first + 1)};
+        double middle[3], half = 0.3 + 0.1 * chance(&state, 8);
+        for (int axis = 0; axis < 3; axis++) {
+            middle[axis] = place.low[axis] = chance(&state, 600) / 100.0;
+            place.low[axis] -= trial % 2 ? half : 0;
+            place.high[axis] = middle[axis] + half;
+        }
+        place.radius = trial % 2 ? 0 : half;
+        struct tetlod_page_set *set;
+        REQUIRE(tetlod_page_set_new(&set, file, 0, &place, 1, NULL) == TETLOD_OK);
+        struct tetlod_cursor *cursor = cursor_with(file, set);
+        struct tetlod_mesh mesh;
+        tetlod_cursor_mesh(cursor, &mesh);
+        uint32_t *levels = malloc(mesh.tets * sizeof *levels);
+        REQUIRE(levels != NULL);
+        tetlod_cursor_tet_levels(cursor, levels);
+        for (uint32_t t = 0; t < mesh.tets; t++) {
+            bool meets = false; // surely: a corner is in it
+            for (int c = 0; c < 4; c++) {
+                const double *p = mesh.positions + 3 * (size_t)mesh.corners[4 * t + c];
+                double far = 0, squares = 0;
+                for (int axis = 0; axis < 3; axis++) {
+                    double gap = p[axis] > middle[axis] ? p[axis] - middle[axis] : middle[axis] - p[axis];
+                    far = gap > far ? gap : far;
+                    squares += gap * gap;
+                }
+                meets |= place.radius > 0 ? squares <= half * half : far <= half;
+            }
+            inside += meets;
+            CHECK(!meets || levels[t] >= place.level);
+        }
+        free(levels);
+        tetlod_cursor_free(cursor);
+        tetlod_page_set_free(set);
+    }
+    CHECK(inside > 300);
+}
+
+static void test_refusals(void)
+{
+    struct tetlod_page_set *set;
+    struct tetlod_place exact = {.level = info->level_count - 1};
+    struct tetlod_cursor *cursor;
+    CHECK_INT(tetlod_page_set_new(&set, file, 0, &exact, 1, NULL), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(tetlod_page_set_new(&set, file, info->level_count, NULL, 0, NULL), TETLOD_ERR_ARGUMENT);
+    REQUIRE(tetlod_page_set_new(&set, file, 0, NULL, 0, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_page_set_add(set, 1, 0, NULL), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(tetlod_page_set_add(set, finest(), 100000, NULL), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(tetlod_page_set_remove(set, finest(), 0, NULL), TETLOD_ERR_ARGUMENT);
+    cursor = cursor_with(file, set);
+    CHECK_INT(tetlod_cursor_seek(cursor, finest(), NULL), TETLOD_ERR_ARGUMENT);
+    CHECK_INT(tetlod_cursor_add_field(cursor, 5, NULL), TETLOD_ERR_ARGUMENT);
+    tetlod_cursor_free(cursor);
+    tetlod_page_set_free(set);
+}
+
+int main(void)
+{
+    open_stream();
+    RUN(test_closed);
+    RUN(test_moves);
+    RUN(test_numbers);
+    RUN(test_spans);
+    RUN(test_places);
+    RUN(test_refusals);
+    tetlod_close(file);
+    free(bytes);
+    return test_end();
+}
