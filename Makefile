@@ -225,8 +225,10 @@ $(SHARED_BUILD): $(call objects,$(BUILD_SRC) $(FORMAT_SRC)) src/library/exports.
 	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod-build.so.$(SOVERSION) -Wl,--version-script=src/library/exports.map \
 	    $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
+# The program's large arrays may be in files (src/cli/scratch_memory.h)
+WRAPPED := $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc aligned_alloc free)
 $(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
-	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
 
 # The manual says what the commands say.
 MANUAL := $(B)/tetlod$(ALONE).1

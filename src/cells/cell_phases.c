@@ -5,7 +5,8 @@
  *   while more tetrahedra are left than the root is to have:
  *     cut what is left into cells (partition.h); vertices at seams are frozen in their cells
  *     choose the next limit: the next named one; the first by a trial in a few cells
- *     in each cell: catch up to the last limit, where the last seams have waited; then go on to the next one
+ *     in each cell: catch up to the last limit, where the last seams have waited; then go on to the next one. A cell
+ *     that is contracted waits in memory or in a file (cell_store.h)
  *     append what all cells did to the log: first what caught up, which is a level at the last limit, then the rest
  *   the root: what is left as one piece, from the last limit on
  */
@@ -17,6 +18,8 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/cells/cell.h"
+#include "src/cells/cell_store.h"
 #include "src/cells/partition.h"
 #include "src/simplify/ladder.h"
 #include "src/simplify/rounds/rounds.h"
@@ -37,19 +40,6 @@ static const double LEFT_AT_LEAST = 0.25;
 /* A limit that leaves more than this of the tetrahedra makes the next one rise by two names. */
 static const double NO_PROGRESS = 0.9;
 
-enum stage { CATCH_UP, GO_ON, STAGES };
-
-struct cell {
-    uint32_t *vertices; /* [vertex of the piece] in what is cut; NULL: the same numbers */
-    struct piece piece;
-    struct contraction_log logs[STAGES];
-    uint32_t firsts[STAGES]; /* of the whole log: its first contraction of each stage */
-    uint32_t *nodes;         /* [vertex after catching up] in logs[CATCH_UP]; NULL: it did not */
-    uint32_t tets;           /* before */
-    enum tetlod_status status;
-    struct tetlod_error error;
-};
-
 struct run {
     const struct tetmesh *mesh;
     const struct simplify_options *options;
@@ -64,6 +54,8 @@ struct run {
     struct cell *cells;
     uint32_t cell_count;
     const uint32_t *order; /* cells as they are given out: the largest first */
+    struct cell_store store; /* zeros: cells wait in memory */
+    bool spools;           /* they wait in a temporary file */
     bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
     double from, to;       /* the last limit, 0 before the first; the next one */
     double left;           /* of the tetrahedra, by the last limit */
@@ -97,16 +89,6 @@ static enum tetlod_status no_memory(const struct run *run)
 }
 
 /* ---- one cell */
-
-static void cell_fini(struct cell *cell)
-{
-    piece_fini(&cell->piece);
-    for (int stage = 0; stage < STAGES; stage++)
-        log_fini(&cell->logs[stage]);
-    free(cell->vertices);
-    free(cell->nodes);
-    *cell = (struct cell){0};
-}
 
 static void free_cells(struct run *run)
 {
@@ -150,18 +132,47 @@ static enum tetlod_status contract_cell(const struct run *run, struct cell *cell
     struct simplify_options options = options_of(run, cell, &partition->boxes[number]);
     double from = run->from > 0 ? run->from : FIRST_LIMIT;
     if (run->tries)
-        return rounds_contract(&cell->logs[GO_ON], &cell->piece, from, &options, &cell->error);
+        return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
     if (run->from > 0) {
         options.max_error = run->from;
-        TETLOD_TRY(rounds_contract(&cell->logs[CATCH_UP], &cell->piece, from, &options, &cell->error));
+        TETLOD_TRY(rounds_contract(&cell->logs[CELL_CATCH_UP], &cell->piece, from, &options, &cell->error));
         TETLOD_TRY(keep_nodes(cell));
         from = next_limit(run->from, run->to, STEPS_FROM, &named);
     }
     options.max_error = run->to;
-    return rounds_contract(&cell->logs[GO_ON], &cell->piece, from, &options, &cell->error);
+    return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
 }
 
 /* ---- many */
+
+/* A cell that is contracted becomes bytes elsewhere, but for what its logs have come to. */
+static enum tetlod_status put_away(const struct run *run, struct cell *cell, uint32_t number)
+{
+    struct buffer bytes = {0};
+    enum tetlod_status status = cell_pack(cell, &bytes, &cell->error);
+    cell_drop(cell);
+    if (status == TETLOD_OK)
+        status = run->store.put(run->store.opaque, number, bytes.bytes, bytes.size, &cell->error);
+    buffer_fini(&bytes);
+    return status;
+}
+
+/* A cell that waited elsewhere is here again. */
+static enum tetlod_status bring_back(const struct run *run, struct cell *cell, uint32_t number)
+{
+    unsigned char *bytes;
+    size_t size;
+    if (!run->store.get)
+        return TETLOD_OK;
+    TETLOD_TRY(run->store.get(run->store.opaque, number, &bytes, &size, run->error));
+    struct cell back;
+    enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
+    memcpy(back.firsts, cell->firsts, sizeof back.firsts);
+    cell_fini(cell);
+    *cell = back;
+    free(bytes);
+    return status;
+}
 
 static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
 {
@@ -170,6 +181,8 @@ static void contract_range(void *context, unsigned worker, size_t begin, size_t 
         uint32_t number = run->order[i];
         struct cell *cell = &run->cells[run->tries ? i : number];
         cell->status = contract_cell(run, cell, number, run->numbers[worker]);
+        if (run->store.put && !run->tries && cell->status == TETLOD_OK)
+            cell->status = put_away(run, cell, number);
         double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
         done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
         if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
@@ -231,7 +244,7 @@ static double left_at(const struct run *run, double limit)
 {
     double before = 0, left = 0;
     for (uint32_t i = 0; i < run->cell_count; i++) {
-        const struct contraction_log *log = &run->cells[i].logs[GO_ON];
+        const struct contraction_log *log = &run->cells[i].logs[CELL_GO_ON];
         uint32_t mark = 0;
         while (mark + 1 < log->mark_count && limit_of_mark(run, log, mark + 1) <= limit * (1 + 1e-6))
             mark++;
@@ -275,23 +288,25 @@ static enum tetlod_status choose_limit(struct run *run)
 /* ---- the log */
 
 /* A cell's node of a stage as a node of the whole log. */
-static uint32_t node_of(const struct run *run, const struct cell *cell, enum stage stage, uint32_t node)
+static uint32_t node_of(const struct run *run, const struct cell *cell, enum cell_stage stage, uint32_t node)
 {
     uint32_t vertices = cell->logs[stage].vertex_count;
     if (node >= vertices)
         return run->mesh->vertex_count + cell->firsts[stage] + (node - vertices);
-    if (stage == GO_ON && cell->nodes)
-        return node_of(run, cell, CATCH_UP, cell->nodes[node]);
+    if (stage == CELL_GO_ON && cell->nodes)
+        return node_of(run, cell, CELL_CATCH_UP, cell->nodes[node]);
     return run->nodes[cell->vertices ? cell->vertices[node] : node];
 }
 
-/* Appends records of a cell's stage to the whole log. */
-static void append_records(const struct run *run, const struct cell *cell, enum stage stage, uint32_t begin,
-                           uint32_t end)
+/* Copies records of a cell's stage into the whole log, from its record `first` on. */
+static void copy_records(const struct run *run, const struct cell *cell, enum cell_stage stage, uint32_t begin,
+                         uint32_t end, size_t first)
 {
     const struct contraction_log *from = &cell->logs[stage];
     struct contraction_log *log = run->log;
-    size_t first = log_extend(log, end - begin), count = end - begin;
+    size_t count = end - begin;
+    if (!count) // then the log may have no arrays
+        return;
     for (size_t i = 0; i < 4 * count; i++) {
         uint32_t child = from->children[4 * (size_t)begin + i];
         log->children[4 * first + i] = child == TETLOD_NONE ? child : node_of(run, cell, stage, child);
@@ -339,8 +354,8 @@ static bool add_group(const struct run *run, uint32_t *ends)
     return true;
 }
 
-/* Appends what all cells did in a stage: a group of pages. */
-static enum tetlod_status append_stage(struct run *run, enum stage stage)
+/* Room in the log for what all cells did in a stage: a group of pages. */
+static enum tetlod_status append_stage(struct run *run, enum cell_stage stage)
 {
     struct contraction_log *log = run->log;
     uint32_t before = log->count, tets = 0;
@@ -350,8 +365,7 @@ static enum tetlod_status append_stage(struct run *run, enum stage stage)
     for (uint32_t i = 0; i < run->cell_count; i++) {
         struct cell *cell = &run->cells[i];
         const struct contraction_log *from = &cell->logs[stage];
-        cell->firsts[stage] = log->count;
-        append_records(run, cell, stage, 0, from->count);
+        cell->firsts[stage] = log_extend(log, from->count);
         add_refusals(run, from);
         raise_state(&run->state.state, from);
         tets += from->marks[from->mark_count - 1].tets;
@@ -391,7 +405,7 @@ static void join_vertices(struct run *run, const struct cell *cell, struct piece
             *known = numbers[v];
         piece_copy_vertex(out, numbers[v], &cell->piece, v);
         out->frozen[numbers[v]] = 0;
-        nodes[numbers[v]] = node_of(run, cell, GO_ON, cell->piece.nodes[v]);
+        nodes[numbers[v]] = node_of(run, cell, CELL_GO_ON, cell->piece.nodes[v]);
         was_seam[numbers[v]] = frozen != 0;
     }
 }
@@ -405,41 +419,64 @@ static void join_tets(const struct cell *cell, struct piece *out, const uint32_t
     }
 }
 
+/* What is left of all cells, as it is joined. */
+struct joining {
+    struct piece piece;
+    uint32_t vertices, tets;     /* so far */
+    uint32_t *joined, *numbers;  /* (join_vertices) */
+    uint32_t *nodes;             /* [vertex] in the whole log */
+    uint8_t *was_seam;
+};
+
+/* One cell after the other: its records go into the log, what is left of it to the rest. */
+static enum tetlod_status join_cells(struct run *run, struct joining *to)
+{
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        struct cell *cell = &run->cells[i];
+        TETLOD_TRY(bring_back(run, cell, i));
+        for (int stage = 0; stage < CELL_STAGES; stage++)
+            copy_records(run, cell, stage, 0, cell->logs[stage].count, cell->firsts[stage]);
+        join_vertices(run, cell, &to->piece, to->joined, to->numbers, &to->vertices, to->nodes, to->was_seam);
+        join_tets(cell, &to->piece, to->numbers, &to->tets);
+        cell_drop(cell);
+    }
+    return TETLOD_OK;
+}
+
 /* The state becomes what is left of all cells. */
 static enum tetlod_status join(struct run *run)
 {
-    uint32_t vertices = run->mesh->vertex_count - run->log->count, tets = 0, n = 0, m = 0,
-             before = run->state.mesh.vertex_count;
-    struct piece out = {0};
-    uint32_t *joined = array_new(before, sizeof *joined), *numbers = array_new(before, sizeof *numbers);
-    uint32_t *nodes = array_new(vertices, sizeof *nodes);
-    uint8_t *was_seam = array_new(vertices, 1);
-    enum tetlod_status status = joined && numbers && nodes && was_seam ? TETLOD_OK : no_memory(run);
-    for (uint32_t i = 0; i < run->cell_count; i++)
-        tets += run->cells[i].piece.mesh.tet_count;
-    if (status == TETLOD_OK)
-        status = piece_new(&out, &run->state, vertices, tets, run->error);
-    if (status == TETLOD_OK) {
-        memset(joined, 0xff, before * sizeof *joined);
-        for (uint32_t i = 0; i < run->cell_count; i++) {
-            join_vertices(run, &run->cells[i], &out, joined, numbers, &n, nodes, was_seam);
-            join_tets(&run->cells[i], &out, numbers, &m);
-            piece_fini(&run->cells[i].piece);
-        }
-        piece_fini(&run->state);
-        run->state = out;
-        uint32_t *old_nodes = run->nodes;
-        uint8_t *old_seam = run->was_seam;
-        run->nodes = nodes;
-        run->was_seam = was_seam;
-        nodes = old_nodes;
-        was_seam = old_seam;
+    uint32_t vertices = run->mesh->vertex_count - run->log->count, before = run->state.mesh.vertex_count, tets = 0;
+    struct joining to = {.joined = array_new(before, sizeof *to.joined),
+                         .numbers = array_new(before, sizeof *to.numbers),
+                         .nodes = array_new(vertices, sizeof *to.nodes),
+                         .was_seam = array_new(vertices, 1)};
+    enum tetlod_status status = to.joined && to.numbers && to.nodes && to.was_seam ? TETLOD_OK : no_memory(run);
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        const struct contraction_log *log = &run->cells[i].logs[CELL_GO_ON];
+        tets += log->marks[log->mark_count - 1].tets;
     }
-    free(joined);
-    free(numbers);
-    free(nodes);
-    free(was_seam);
-    return status;
+    if (status == TETLOD_OK)
+        status = piece_new(&to.piece, &run->state, vertices, tets, run->error);
+    if (status == TETLOD_OK) {
+        memset(to.joined, 0xff, before * sizeof *to.joined);
+        status = join_cells(run, &to);
+    }
+    free(to.joined);
+    free(to.numbers);
+    if (status != TETLOD_OK) {
+        piece_fini(&to.piece);
+        free(to.nodes);
+        free(to.was_seam);
+        return status;
+    }
+    piece_fini(&run->state);
+    free(run->nodes);
+    free(run->was_seam);
+    run->state = to.piece;
+    run->nodes = to.nodes;
+    run->was_seam = to.was_seam;
+    return TETLOD_OK;
 }
 
 /* ---- phases */
@@ -459,7 +496,7 @@ static enum tetlod_status make_scratch(struct run *run)
 /* The whole log's components are those of any cell's. */
 static enum tetlod_status take_components(struct run *run)
 {
-    const struct contraction_log *from = &run->cells[0].logs[GO_ON];
+    const struct contraction_log *from = &run->cells[0].logs[CELL_GO_ON];
     if (run->log->component_count)
         return TETLOD_OK;
     TETLOD_TRY(log_control(run->log, from->components, from->component_count, run->error));
@@ -482,16 +519,19 @@ static enum tetlod_status run_phase(struct run *run)
     order = order_cells(&run->partition);
     if (!order)
         TETLOD_TRY_DONE(no_memory(run));
+    if (run->spools)
+        TETLOD_TRY_DONE(cell_spool_new(&run->store, run->partition.cells, run->error));
     TETLOD_TRY_DONE(contract_cells(run, order, run->partition.cells));
     TETLOD_TRY_DONE(take_components(run));
     if (run->from > 0)
-        TETLOD_TRY_DONE(append_stage(run, CATCH_UP));
-    TETLOD_TRY_DONE(append_stage(run, GO_ON));
+        TETLOD_TRY_DONE(append_stage(run, CELL_CATCH_UP));
+    TETLOD_TRY_DONE(append_stage(run, CELL_GO_ON));
     TETLOD_TRY_DONE(join(run));
     run->from = run->to;
 done:
     free(order);
     free_cells(run);
+    cell_spool_free(&run->store);
     partition_fini(&run->partition);
     return status;
 }
@@ -514,7 +554,7 @@ static enum tetlod_status contract_root(struct run *run)
     struct simplify_options options = *run->options;
     struct root_progress progress = {run, (double)run->log->count / run->mesh->vertex_count};
     struct cell root = {.firsts = {run->log->count, run->log->count}};
-    struct contraction_log *log = &root.logs[GO_ON];
+    struct contraction_log *log = &root.logs[CELL_GO_ON];
     if (options.progress) {
         options.progress = report_root;
         options.progress_opaque = &progress;
@@ -523,7 +563,8 @@ static enum tetlod_status contract_root(struct run *run)
     for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {
         const struct log_mark *at = &log->marks[mark];
         size_t row = (size_t)mark * log->component_count;
-        append_records(run, &root, GO_ON, at[-1].contractions, at->contractions);
+        uint32_t count = at->contractions - at[-1].contractions;
+        copy_records(run, &root, CELL_GO_ON, at[-1].contractions, at->contractions, log_extend(run->log, count));
         status = log_mark(run->log, at->vertices, at->tets, at->moved, log->certified + row, log->predicted + row,
                           run->error);
     }
@@ -568,11 +609,17 @@ static enum tetlod_status begin(struct run *run, const uint32_t *controlled, uin
 
 enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_groups *groups, const struct tetmesh *mesh,
                                   const uint32_t *controlled, uint32_t controlled_count, const double *limits,
-                                  uint32_t cell_tets, const struct simplify_options *options,
+                                  const struct cell_choice *choice, const struct simplify_options *options,
                                   struct tetlod_error *error)
 {
-    struct run run = {
-        .mesh = mesh, .options = options, .cell_tets = cell_tets, .log = out, .groups = groups, .error = error};
+    uint32_t cell_tets = choice->tets;
+    struct run run = {.mesh = mesh,
+                      .options = options,
+                      .cell_tets = cell_tets,
+                      .spools = choice->spools,
+                      .log = out,
+                      .groups = groups,
+                      .error = error};
     enum tetlod_status status;
     *out = (struct contraction_log){0};
     *groups = (struct cell_groups){0};

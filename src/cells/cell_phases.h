@@ -19,11 +19,17 @@ struct cell_groups {
 /* Why a mesh cannot be contracted cell by cell with these options, or NULL. */
 const char *cells_wrong(const struct simplify_options *options);
 
-/* Contracts the mesh as simplify() does, in cells of about `cell_tets` tetrahedra until few are left. Without groups
+struct cell_choice {
+    uint32_t tets; /* of a cell, about */
+    bool spools;   /* cells that are contracted wait in a temporary file */
+};
+
+/* Contracts the mesh as simplify() does, in cells until few tetrahedra are left. Without groups
  * the mesh was small: the log is that of simplify(). */
 TETLOD_CHECKED enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_groups *groups,
                                                  const struct tetmesh *mesh, const uint32_t *controlled,
-                                                 uint32_t controlled_count, const double *limits, uint32_t cell_tets,
+                                                 uint32_t controlled_count, const double *limits,
+                                                 const struct cell_choice *choice,
                                                  const struct simplify_options *options, struct tetlod_error *error);
 void cell_groups_fini(struct cell_groups *groups);
 

@@ -82,8 +82,11 @@ const char build_help[] =
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
     "                          are all tried\n"
     "      --threads N         up to 64; 0 (default): all cores; the bytes do not depend on it\n"
-    "      --memory BYTES      refuse what needs more; K, M, G may follow. Of a series, fewer steps limit\n"
+    "      --memory BYTES      take no more memory than that; K, M, G may follow. A mesh for which that is\n"
+    "                          too little is built by cells (--paged), with its large arrays in temporary\n"
+    "                          files. What cannot be built so is refused. Of a series, fewer steps limit\n"
     "                          the contraction first\n"
+    "      --scratch DIR       the folder of temporary files (default: TMPDIR, else /tmp)\n"
     "      --all               list every level (default: about ten)\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"
     "      --progress, --quiet draw the progress bar in any case; say nothing but errors\n"
@@ -95,6 +98,7 @@ const char build_help[] =
 enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_STREAM = 0x300, OF_SERIES = 0x400 };
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
+    SCRATCH = 's',
     FIELD = OF_FIELDS, NO_FIELD, ABS_ERROR, CARRY, REGION, NO_REGION,
     CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS,
     DOMAIN_ERROR, BOUNDARY_ANGLE, KEEP_FEATURES,
@@ -122,7 +126,8 @@ static const struct option options[] = {
     {"for", required_argument, NULL, PURPOSE}, {"error", required_argument, NULL, PURPOSE_ERROR},
     {"times", required_argument, NULL, TIMES}, {"bands", required_argument, NULL, BANDS},
     {"range", required_argument, NULL, RANGE}, {"threads", required_argument, NULL, THREADS},
-    {"memory", required_argument, NULL, MEMORY}, {"all", no_argument, NULL, ALL}, {"json", no_argument, NULL, JSON},
+    {"memory", required_argument, NULL, MEMORY}, {"scratch", required_argument, NULL, SCRATCH},
+    {"all", no_argument, NULL, ALL}, {"json", no_argument, NULL, JSON},
     {"progress", no_argument, NULL, PROGRESS}, {"quiet", no_argument, NULL, QUIET}, {0}};
 
 /* ---- values */
@@ -353,6 +358,9 @@ static bool run_option(struct build_request *request, int option, const char *va
         return parse_unsigned("threads", value, 0, PARALLEL_MAX_THREADS, &request->build.threads);
     case MEMORY:
         return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &request->build.memory);
+    case SCRATCH:
+        request->scratch = value;
+        return true;
     case ALL:
         return request->all = true;
     case JSON:

@@ -14,6 +14,7 @@ enum { MAX_FIELD_OPTIONS = 64 };
 
 struct build_request {
     const char *input, *output, *carry, *contract, *region;
+    const char *scratch; /* folder of temporary files; NULL: as TMPDIR says */
     const char *fields[MAX_FIELD_OPTIONS], *without[MAX_FIELD_OPTIONS];
     double units[MAX_FIELD_OPTIONS]; /* --abs-error of each field; 0: none */
     uint32_t field_count, without_count;

@@ -10,7 +10,9 @@
 #include "src/cli/build_request.h"
 #include "src/cli/carry.h"
 #include "src/cli/mail.h"
+#include "src/cli/scratch_memory.h"
 #include "src/mesh/ids.h"
+#include "src/pipeline/build_memory.h"
 #include "src/pipeline/field_choice.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/topology_spool.h"
@@ -370,6 +372,29 @@ static enum tetlod_status build_topologies(struct build_request *request, struct
     return status == TETLOD_OK ? prepare(request, in, error) : status;
 }
 
+/* ---- memory */
+
+/* Temporary files are where the user says; with --memory large arrays may be among them, from the reading on. */
+static enum tetlod_status begin_scratch(const struct build_request *request, struct tetlod_error *error)
+{
+    if (request->scratch && setenv("TMPDIR", request->scratch, 1) != 0)
+        return tetlodi_fail_nomem(error, "the environment", strlen(request->scratch));
+    return request->build.memory ? scratch_memory_begin(request->build.memory, error) : TETLOD_OK;
+}
+
+/* Chooses between memory and files. */
+static enum tetlod_status fit_memory(struct build_request *request, const struct input *in, struct tetlod_error *error)
+{
+    struct tetlod_error inner = {0};
+    struct build_options *options = &request->build;
+    options->controls = in->controls;
+    options->control_count = in->count;
+    enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
+    if (!options->spools)
+        scratch_memory_stay();
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
+}
+
 static int build(struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
@@ -377,9 +402,14 @@ static int build(struct build_request *request)
     struct input in;
     struct topology_spool spool = {0};
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    enum tetlod_status status = prepare(request, &in, &error);
+    enum tetlod_status status = begin_scratch(request, &error);
+    in = (struct input){0};
+    if (status == TETLOD_OK)
+        status = prepare(request, &in, &error);
     if (status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series))
         status = build_topologies(request, &in, &spool, &error);
+    if (status == TETLOD_OK)
+        status = fit_memory(request, &in, &error);
     read_seconds = clock_seconds() - started;
     if (status == TETLOD_OK) {
         status = build_file(request, &in, &report, &write_seconds, &inner);
@@ -387,6 +417,8 @@ static int build(struct build_request *request)
         if (status != TETLOD_OK)
             tetlodi_fail(&error, status, "%s%s%s", named ? "" : request->input, named ? "" : ": ", inner.message);
     }
+    if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
+        error = inner;
     int result = status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
     if (status == TETLOD_OK && !request->quiet)
         build_notes(request, &in.read, &in.mesh, in.controls, in.count, &report);

@@ -112,14 +112,6 @@ static bool finds_cost(const struct build_options *options)
            options->contract == CONTRACT_EDGES && options->max_error >= FIELD_COST_ERROR;
 }
 
-/* Why there can be no pages, or NULL. */
-static const char *against_pages(const struct build *build, const struct simplify_options *options)
-{
-    if (build->options->keep_features > 0)
-        return "its levels are where its phases end, those of --keep-features elsewhere; leave one of them out";
-    return build->series ? "it is of one step in time, not of a series; --time N builds one" : cells_wrong(options);
-}
-
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
@@ -145,13 +137,14 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    const char *wrong = options->paged ? against_pages(build, &simplify_options) : NULL;
+    const struct cell_choice cells = {options->paged, options->spools};
+    const char *wrong = options->paged ? build_against_pages(options) : NULL;
     enum tetlod_status status;
     if (wrong)
         status = tetlodi_fail(build->error, TETLOD_ERR_ARGUMENT, "--paged: %s", wrong);
     else if (options->paged)
         status = cells_simplify(&build->log, &build->groups, build->mesh, limits.fields, options->control_count,
-                                limits.weights, options->paged, &simplify_options, build->error);
+                                limits.weights, &cells, &simplify_options, build->error);
     else if (build->series)
         status = series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options,
                                  build->error);

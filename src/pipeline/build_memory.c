@@ -12,6 +12,15 @@
 enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
       PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
+/* What stays resident where large arrays are in files: a thread's cell, and the root, which has some cells' tetrahedra;
+ * a tetrahedron of a cell: measured. */
+enum { CELL_TET = 300, ROOT_TET = 600 };
+
+static unsigned long long megabytes(uint64_t bytes)
+{
+    return (bytes >> 20) + 1;
+}
+
 static uint64_t component_count(const struct tetmesh *mesh)
 {
     uint64_t count = 0;
@@ -42,13 +51,40 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     return PROGRAM + sum + sum / ALLOCATOR;
 }
 
+uint64_t build_spooled_bytes(const struct build_options *options)
+{
+    return PROGRAM + options->paged * (uint64_t)(CELL_TET * options->threads + ROOT_TET);
+}
+
+enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_options *options,
+                                    struct tetlod_error *error)
+{
+    uint64_t needed = build_bytes(mesh, options);
+    const char *wrong = build_against_pages(options);
+    if (!options->memory || needed <= options->memory)
+        return TETLOD_OK;
+    if (wrong)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                            "it needs about %llu MB, more than --memory allows (%llu MB), and cannot be built by "
+                            "cells: %s",
+                            megabytes(needed), megabytes(options->memory), wrong);
+    options->paged = options->paged ? options->paged : BUILD_CELL_TETS;
+    options->spools = true;
+    if (build_spooled_bytes(options) <= options->memory)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                        "it needs about %llu MB, more than --memory allows (%llu MB), by cells in files about %llu MB; "
+                        "fewer --threads or smaller --paged cells need less",
+                        megabytes(needed), megabytes(options->memory), megabytes(build_spooled_bytes(options)));
+}
+
 enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options,
                                       struct tetlod_error *error)
 {
     uint64_t needed = build_bytes(mesh, options);
-    if (!options->memory || needed <= options->memory)
+    if (!options->memory || options->spools || needed <= options->memory)
         return TETLOD_OK;
     return tetlodi_fail(error, TETLOD_ERR_LIMIT,
                         "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
-                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(options->memory >> 20));
+                        megabytes(needed), megabytes(options->memory));
 }

@@ -8,7 +8,16 @@
  * next. */
 uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *options);
 
-/* ERR_LIMIT, with the figure, if that is more than options->memory (0: no limit). */
+/* Bytes that must be resident where it is built by cells of options->paged tetrahedra and large arrays may be in files,
+ * about. */
+uint64_t build_spooled_bytes(const struct build_options *options);
+
+/* Where a build is to be, so that options->memory (0: no limit) is enough: in memory as it was asked for; else by cells
+ * that spool, where the caller can keep large arrays in files. ERR_LIMIT, with the figures: neither does. */
+TETLOD_CHECKED enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_options *options,
+                                                   struct tetlod_error *error);
+
+/* ERR_LIMIT, with the figure, if a build that does not spool takes more than options->memory. */
 TETLOD_CHECKED enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options,
                                                      struct tetlod_error *error);
 

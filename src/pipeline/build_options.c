@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/pipeline/build_options.h"
 
+#include "src/cells/cell_phases.h"
 #include "src/util/parallel.h"
 
 struct build_options build_options_default(void)
@@ -43,4 +44,14 @@ bool build_asks_overlay(const struct build_options *options)
     const struct quantise_options *quantise = &options->quantise;
     return options->certify_all || options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED ||
            options->domain_error > DOMAIN_ERROR_SMALL || quantise->position_bits || quantise->position_error > 0;
+}
+
+const char *build_against_pages(const struct build_options *options)
+{
+    const struct simplify_options contraction = {
+        .metric = options->metric, .certify = options->certify, .contract = options->contract};
+    if (options->keep_features > 0)
+        return "its levels are where its phases end, those of --keep-features elsewhere; leave one of them out";
+    return options->series ? "it is of one step in time, not of a series; --time N builds one"
+                           : cells_wrong(&contraction);
 }

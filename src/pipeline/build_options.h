@@ -69,6 +69,7 @@ struct build_options {
     int compression;         /* effort, 1 .. 22 */
     bool keep_order;         /* store the mesh's own numbering */
     uint32_t paged;          /* tetrahedra of a cell: contracted by cells, stored in pages (cell_phases.h); 0: as one */
+    bool spools;             /* of a paged build: cells wait in a temporary file, and arrays need not be resident */
     struct quantise_options quantise;
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
@@ -94,6 +95,9 @@ struct build_range {
 
 /* The first number that is out of its range. False: all are within. */
 bool build_options_out_of_range(const struct build_options *options, struct build_range *out);
+
+/* Why a mesh cannot be built by cells with these options, or NULL. */
+const char *build_against_pages(const struct build_options *options);
 
 /* Is the exact maximum of every level taken, over the overlay? */
 bool build_asks_overlay(const struct build_options *options);

@@ -11,7 +11,7 @@
 #include "format/fail.h"
 #include "src/util/file.h"
 
-static const char *folder_name(void)
+const char *spool_folder(void)
 {
     const char *named = getenv("TMPDIR");
     return named && *named ? named : "/tmp";
@@ -31,18 +31,21 @@ static int open_and_remove(const char *folder)
     return fd;
 }
 
+int spool_file(void)
+{
+    int fd = open(spool_folder(), O_TMPFILE | O_RDWR | O_EXCL | O_CLOEXEC, 0600);
+    return fd < 0 ? open_and_remove(spool_folder()) : fd;
+}
+
 enum tetlod_status spool_open(struct spool *out, struct tetlod_error *error)
 {
-    const char *folder = folder_name();
-    int fd = open(folder, O_TMPFILE | O_RDWR | O_EXCL | O_CLOEXEC, 0600);
-    if (fd < 0)
-        fd = open_and_remove(folder);
+    int fd = spool_file();
     *out = (struct spool){.file = fd >= 0 ? fdopen(fd, "w+") : NULL};
     if (out->file)
         return TETLOD_OK;
-    enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_IO,
-                                             "there is no temporary file in %.100s: %s; TMPDIR names another folder", folder,
-                                             strerror(errno));
+    enum tetlod_status status = tetlodi_fail(
+        error, TETLOD_ERR_IO, "there is no temporary file in %.100s: %s; --scratch or TMPDIR names another folder",
+        spool_folder(), strerror(errno));
     if (fd >= 0)
         close(fd);
     return status;
@@ -58,7 +61,8 @@ void spool_close(struct spool *spool)
 static enum tetlod_status fail_write(struct tetlod_error *error)
 {
     return tetlodi_fail(error, TETLOD_ERR_IO,
-                        "a temporary file in %.100s cannot be written: %s; TMPDIR names another folder", folder_name(), strerror(errno));
+                        "a temporary file in %.100s cannot be written: %s; --scratch or TMPDIR names another folder",
+                        spool_folder(), strerror(errno));
 }
 
 enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size, struct tetlod_error *error)

@@ -13,6 +13,12 @@ struct spool {
     uint64_t size; /* written so far */
 };
 
+/* The folder's name. */
+const char *spool_folder(void);
+
+/* A file without a name in it, to write and to read, or -1 and errno. */
+int spool_file(void);
+
 /* ERR_IO names the folder. A spool of zeros may be closed, too. */
 TETLOD_CHECKED enum tetlod_status spool_open(struct spool *out, struct tetlod_error *error);
 void spool_close(struct spool *spool);

@@ -26,8 +26,18 @@ def build(mesh, name, *options):
     return info(name)
 
 
+def in_files(mesh, name, *options):
+    """The same with less memory than one piece takes (src/pipeline/build_memory.c): cells wait in a file."""
+    cell = int(next(option for option in options if '--paged=' in option).split('=')[1])
+    memory = str((13 << 20) + 1300 * cell)
+    said = must('build', mesh, '-o', name, *options, '--threads', '2', '--memory', memory).stdout
+    must('build', mesh, '-o', 'memory.tetlod', *options)
+    return None if read(name) == read('memory.tetlod') else said
+
+
 def holds(sample, *options):
-    """All that verify checks, with the original; more than one group; the same bytes on any number of threads."""
+    """All that verify checks, with the original; more than one group; the same bytes on any number of threads, and where
+    memory is short."""
     must('sample', *sample, '-o', 'mesh.vtu')
     streams = []
     for threads in ('1', '2', '3'):
@@ -35,6 +45,8 @@ def holds(sample, *options):
         streams.append(read('mesh.tetlod'))
     if len(set(streams)) != 1:
         return 'other bytes on other threads'
+    if in_files('mesh.vtu', 'files.tetlod', *options):
+        return 'other bytes where memory is short'
     said = must('verify', 'mesh.tetlod', '--against', 'mesh.vtu').stdout.decode()
     if 'max held against the exact maximum at all of them' not in said:
         return said
@@ -112,7 +124,10 @@ def parts_of_cells():
     lines += ['SCALARS heat float 1', 'LOOKUP_TABLE default', *(str(x * y + z) for x, y, z in points)]
     with open(path('parts.vtk'), 'w') as file:
         file.write('\n'.join(lines) + '\n')
-    stream = build('parts.vtk', 'parts.tetlod', '--paged=300', '--region', 'material', '--summary', '--keep-order')
+    options = '--paged=300', '--region', 'material', '--summary', '--keep-order'
+    stream = build('parts.vtk', 'parts.tetlod', *options)
+    if in_files('parts.vtk', 'files.tetlod', *options):
+        return 'other bytes where memory is short'
     said = must('verify', 'parts.tetlod', '--against', 'parts.vtk').stdout.decode()
     must('ask', 'parts.tetlod', 'mean(heat)')
     if not numpy:

@@ -64,6 +64,10 @@ def check_exports():
     report('the static library takes no other names', [name for name in names if not re.match('tetlodi?_', name)])
 
 
+# malloc is called without a context
+EXCEPT = {'src/cli/scratch_memory.o'}
+
+
 def check_data():
     found = []
     for path in [path for top in ('format', 'src', 'server')
@@ -73,7 +77,7 @@ def check_data():
             continue
         for section, size in re.findall(r'^(\.(?:data|bss|tdata|tbss)(?:\.(?!rel\.ro)\S+)?)\s+(\d+)',
                                         output('size', '-A', path), re.M):
-            if int(size):
+            if int(size) and os.path.relpath(path, BUILT) not in EXCEPT:
                 found.append('%s has %s bytes of %s' % (os.path.relpath(path, BUILT), size, section))
     report('no object has data that changes', found)
 

@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * A cell's bytes are its counts and then its arrays, as they are in memory. One function visits all of them, in both
+ * directions, so that what is packed and what is unpacked cannot differ.
+ */
+#include "src/cells/cell.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+/* The counts of a cell, and whether there are arrays that not every one has. */
+struct counts {
+    uint32_t tets, vertices, left_vertices, left_tets, nodes;
+    uint8_t has_vertices, has_nodes, has_bounds[CELL_STAGES];
+    uint32_t log_vertices[CELL_STAGES], records[CELL_STAGES], components[CELL_STAGES], marks[CELL_STAGES];
+    uint64_t refused[CELL_STAGES][LOG_REFUSALS];
+};
+
+struct visit {
+    struct buffer *out;         /* packing */
+    const unsigned char *bytes; /* unpacking */
+    size_t left;
+    enum tetlod_status status;
+};
+
+void cell_fini(struct cell *cell)
+{
+    piece_fini(&cell->piece);
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        log_fini(&cell->logs[stage]);
+    free(cell->vertices);
+    free(cell->nodes);
+    *cell = (struct cell){0};
+}
+
+static void drop_log(struct contraction_log *log)
+{
+    for (uint32_t f = 0; f < log->field_count; f++)
+        free(log->fields[f].values);
+    for (uint32_t c = 0; c < log->component_count; c++) {
+        free(log->components[c].bounds);
+        log->components[c].bounds = NULL;
+    }
+    free(log->fields);
+    free(log->children);
+    free(log->positions);
+    log->fields = NULL;
+    log->field_count = 0;
+    log->children = NULL;
+    log->positions = NULL;
+}
+
+void cell_drop(struct cell *cell)
+{
+    piece_fini(&cell->piece);
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        drop_log(&cell->logs[stage]);
+    free(cell->vertices);
+    free(cell->nodes);
+    cell->vertices = cell->nodes = NULL;
+}
+
+/* Bytes that are there already, in both directions. */
+static void visit_bytes(struct visit *visit, void *bytes, size_t size)
+{
+    if (visit->status != TETLOD_OK || !size)
+        return;
+    if (visit->out) {
+        visit->status = buffer_append(visit->out, bytes, size);
+    } else if (size > visit->left) {
+        visit->status = TETLOD_ERR_IO;
+    } else {
+        memcpy(bytes, visit->bytes, size);
+        visit->bytes += size;
+        visit->left -= size;
+    }
+}
+
+/* An array, which is allocated where the cell is unpacked. Its address as a pointer of any type. */
+static void *visit_array(struct visit *visit, void *array, size_t count, size_t element_size)
+{
+    if (!visit->out && visit->status == TETLOD_OK) {
+        if (count > visit->left / element_size)
+            visit->status = TETLOD_ERR_IO;
+        else if (!(array = array_new(count, element_size)))
+            visit->status = TETLOD_ERR_NOMEM;
+    }
+    visit_bytes(visit, array, count * element_size);
+    return array;
+}
+
+#define VISIT(visit, array, count) ((array) = visit_array((visit), (array), (count), sizeof *(array)))
+
+static void visit_log(struct visit *visit, struct contraction_log *log, const struct counts *counts, int stage,
+                      const struct piece *piece)
+{
+    size_t records = counts->records[stage], marks = counts->marks[stage], components = counts->components[stage];
+    if (!visit->out) {
+        log->vertex_count = counts->log_vertices[stage];
+        log->count = counts->records[stage];
+        log->mark_count = counts->marks[stage];
+        memcpy(log->refused, counts->refused[stage], sizeof log->refused);
+        log->fields = marks ? array_zero(piece->mesh.field_count, sizeof *log->fields) : NULL;
+        log->field_count = log->fields ? piece->mesh.field_count : 0;
+        if (marks && !log->fields)
+            visit->status = TETLOD_ERR_NOMEM;
+    }
+    VISIT(visit, log->marks, marks);
+    VISIT(visit, log->certified, marks * components);
+    VISIT(visit, log->predicted, marks * components);
+    VISIT(visit, log->children, 4 * records);
+    VISIT(visit, log->positions, 3 * records);
+    for (uint32_t f = 0; f < log->field_count; f++) {
+        log->fields[f].components = piece->mesh.fields[f].components;
+        VISIT(visit, log->fields[f].values, log->fields[f].components * records);
+    }
+    VISIT(visit, log->components, components);
+    if (visit->status != TETLOD_OK)
+        return;
+    for (size_t c = 0; c < components && !visit->out; c++)
+        log->components[c].bounds = NULL;
+    log->component_count = counts->components[stage];
+    for (size_t c = 0; c < components && counts->has_bounds[stage]; c++)
+        VISIT(visit, log->components[c].bounds, records);
+}
+
+/* What is left of the cell; the piece has its arrays. */
+static void visit_piece(struct visit *visit, struct piece *piece)
+{
+    size_t n = piece->mesh.vertex_count, m = piece->mesh.tet_count, k = piece->whole->component_count;
+    visit_bytes(visit, piece->mesh.positions, 3 * n * sizeof(double));
+    visit_bytes(visit, piece->mesh.corners, 4 * m * sizeof(uint32_t));
+    for (uint32_t f = 0; f < piece->mesh.field_count; f++)
+        visit_bytes(visit, piece->mesh.fields[f].values, n * piece->mesh.fields[f].components * sizeof(double));
+    visit_bytes(visit, piece->frozen, n);
+    visit_bytes(visit, piece->flags, n);
+    visit_bytes(visit, piece->boundary_faces, m);
+    visit_bytes(visit, piece->bounds, 2 * n * k * sizeof(double));
+    visit_bytes(visit, piece->predicted, n * k * sizeof(double));
+    visit_bytes(visit, piece->moved, n * sizeof(double));
+    visit_bytes(visit, piece->most, n * sizeof(double));
+    VISIT(visit, piece->nodes, n);
+}
+
+static void visit_cell(struct visit *visit, struct cell *cell, const struct counts *counts)
+{
+    visit_piece(visit, &cell->piece);
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        visit_log(visit, &cell->logs[stage], counts, stage, &cell->piece);
+    if (counts->has_vertices)
+        VISIT(visit, cell->vertices, counts->vertices);
+    if (counts->has_nodes)
+        VISIT(visit, cell->nodes, counts->nodes);
+}
+
+static struct counts count(const struct cell *cell)
+{
+    struct counts counts = {.tets = cell->tets,
+                            .vertices = cell->logs[cell->nodes ? CELL_CATCH_UP : CELL_GO_ON].vertex_count,
+                            .left_vertices = cell->piece.mesh.vertex_count,
+                            .left_tets = cell->piece.mesh.tet_count,
+                            .nodes = cell->nodes ? cell->logs[CELL_GO_ON].vertex_count : 0,
+                            .has_vertices = cell->vertices != NULL,
+                            .has_nodes = cell->nodes != NULL};
+    for (int stage = 0; stage < CELL_STAGES; stage++) {
+        const struct contraction_log *log = &cell->logs[stage];
+        counts.log_vertices[stage] = log->vertex_count;
+        counts.records[stage] = log->count;
+        counts.components[stage] = log->component_count;
+        counts.marks[stage] = log->mark_count;
+        counts.has_bounds[stage] = log->component_count && log->components[0].bounds;
+        memcpy(counts.refused[stage], log->refused, sizeof log->refused);
+    }
+    return counts;
+}
+
+enum tetlod_status cell_pack(const struct cell *cell, struct buffer *out, struct tetlod_error *error)
+{
+    struct visit visit = {.out = out};
+    struct counts counts = count(cell);
+    struct cell copy = *cell; // its pointers: packing changes nothing behind them
+    visit_bytes(&visit, &counts, sizeof counts);
+    visit_cell(&visit, &copy, &counts);
+    return visit.status == TETLOD_OK ? TETLOD_OK : tetlodi_fail_nomem(error, "a cell", out->size);
+}
+
+enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
+                               struct tetlod_error *error)
+{
+    struct visit visit = {.bytes = bytes, .left = size};
+    struct counts counts = {0};
+    *out = (struct cell){0};
+    visit_bytes(&visit, &counts, sizeof counts);
+    if (visit.status == TETLOD_OK && counts.left_tets <= size / 16 && counts.left_vertices <= size / 24) {
+        TETLOD_TRY(piece_new(&out->piece, like, counts.left_vertices, counts.left_tets, error));
+        out->tets = counts.tets;
+        visit_cell(&visit, out, &counts);
+    } else {
+        visit.status = TETLOD_ERR_IO;
+    }
+    if (visit.status == TETLOD_ERR_NOMEM)
+        return tetlodi_fail_nomem(error, "a cell", size);
+    return visit.status == TETLOD_OK && !visit.left
+               ? TETLOD_OK
+               : tetlodi_fail(error, TETLOD_ERR_IO, "a cell of the phase is not as it was written");
+}
