@@ -26,7 +26,7 @@
 /* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. Regions are memory as long as they
  * take no more than MEMORY_SHARE of the limit. The table is short: it lists large arrays only. */
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
-static const double MEMORY_SHARE = 0.4;
+static const double MEMORY_SHARE = 0.25;
 
 /* Shares of the limit: pages are taken from the first on, until the second is reached. Between two looks, of so many
  * nanoseconds, threads bring pages in. */

@@ -10,7 +10,7 @@
  * and goes before a field's exact tail, and what that takes; and what the program takes with its libraries and the
  * compressor's tables: measured. Of the rest the allocator wastes one part in ALLOCATOR. */
 enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
-      PROGRAM = 13 << 20, ALLOCATOR = 32 };
+      PROGRAM = 14 << 20, ALLOCATOR = 32 };
 
 /* What stays resident where large arrays are in files: a thread's cell, and the root, which has some cells' tetrahedra;
  * a tetrahedron of a cell: measured. */
@@ -67,7 +67,7 @@ enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_opt
         return tetlodi_fail(error, TETLOD_ERR_LIMIT,
                             "it needs about %llu MB, more than --memory allows (%llu MB), and cannot be built by "
                             "cells: %s",
-                            megabytes(needed), megabytes(options->memory), wrong);
+                            megabytes(needed), (unsigned long long)(options->memory >> 20), wrong);
     options->paged = options->paged ? options->paged : BUILD_CELL_TETS;
     options->spools = true;
     if (build_spooled_bytes(options) <= options->memory)
@@ -75,7 +75,7 @@ enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_opt
     return tetlodi_fail(error, TETLOD_ERR_LIMIT,
                         "it needs about %llu MB, more than --memory allows (%llu MB), by cells in files about %llu MB; "
                         "fewer --threads or smaller --paged cells need less",
-                        megabytes(needed), megabytes(options->memory), megabytes(build_spooled_bytes(options)));
+                        megabytes(needed), (unsigned long long)(options->memory >> 20), megabytes(build_spooled_bytes(options)));
 }
 
 enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options,
@@ -86,5 +86,5 @@ enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct b
         return TETLOD_OK;
     return tetlodi_fail(error, TETLOD_ERR_LIMIT,
                         "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
-                        megabytes(needed), megabytes(options->memory));
+                        megabytes(needed), (unsigned long long)(options->memory >> 20));
 }

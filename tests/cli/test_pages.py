@@ -29,7 +29,7 @@ def build(mesh, name, *options):
 def in_files(mesh, name, *options):
     """The same with less memory than one piece takes (src/pipeline/build_memory.c): cells wait in a file."""
     cell = int(next(option for option in options if '--paged=' in option).split('=')[1])
-    memory = str((13 << 20) + 1300 * cell)
+    memory = str((14 << 20) + 1300 * cell)
     said = must('build', mesh, '-o', name, *options, '--threads', '2', '--memory', memory).stdout
     must('build', mesh, '-o', 'memory.tetlod', *options)
     return None if read(name) == read('memory.tetlod') else said
