@@ -104,8 +104,9 @@ PARAMETERS = {
     'boxes': parameter('query',
                        'Finer in this box: x0,y0,z0,x1,y1,z1, the least corner first; up to 16 of them, '
                        "separated by ';'", TEXT, name='box'),
-    'box_error': parameter('query', 'The largest error in the boxes, of the kind that error or abs_error is',
-                           {'type': 'string', 'default': '0'}, example='0.1%'),
+    'box_error': parameter('query', 'The largest error in the boxes, of the kind that error or abs_error is. '
+                           'Without it: the finest level, of a stream in pages the finest that is in pages',
+                           {'type': 'string'}, example='0.1%'),
     'regionBoxes': parameter('query',
                              'Finer in this box: x0,y0,z0,x1,y1,z1, the least corner first; up to 16 of them, '
                              "separated by ';'", TEXT, name='box', required=True, example='0,0,0,0.5,0.5,0.5'),
@@ -150,7 +151,8 @@ HEADERS = {
     'Tetlod-Transition-Tets': header('Tetrahedra of the transition between the two levels', INTEGER, required=True),
     'Tetlod-Transition-Error': header('measured=E: the true largest error in the transition, of the controlled '
                                       'fields, a fraction of the range; no error is certified there. Local '
-                                      'bounds are raised so that they hold there, too', TEXT, required=True),
+                                      'bounds are raised so that they hold there, too. Of a stream in pages '
+                                      'max=E: a certified bound', TEXT, required=True),
     'Tetlod-Band': header('The band', COUNT),
     'Tetlod-Step': header('The step, counted through all topology groups', COUNT),
     'Tetlod-Topology': header('The topology group that the step is in; 0 where the mesh does not change', COUNT),
@@ -198,6 +200,8 @@ SCHEMAS = {
                       'time?': about('Of the step that was asked about', NUMBER)}),
     'Stream': record({'id': TEXT, 'cid': {'type': 'string', 'pattern': '^[0-9a-f]{32}$'}, 'vertices': COUNT,
                       'tets': COUNT, 'bytes': COUNT, 'bounds': several(several(NUMBER, 3), 2), 'lossless': FLAG,
+                      'pages?': about('Of all levels in pages', COUNT),
+                      'first_paged_level?': about('From there on levels are in pages', COUNT),
                       'degenerate_tets': COUNT, 'inverted_tets': COUNT, 'unused_points': COUNT,
                       'fields': several(ref('Field')), 'levels': several(ref('Level'), least=1),
                       'links': record({'self': TEXT, 'mesh': TEXT, 'prefix?': TEXT, 'level': TEXT, 'surface?': TEXT,

@@ -12,6 +12,7 @@
 struct region_note {
     uint32_t vertices, tets, transition_tets;
     double transition_error; /* the largest of the controlled fields, a fraction of the range */
+    bool certified;          /* a bound of it; else it is the true one, measured */
 };
 
 /* The value of a cached answer. */

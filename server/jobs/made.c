@@ -24,7 +24,7 @@ enum { FIRST_BYTES = 1 << 16 };
 struct mesh_job {
     struct site *site;
     struct dataset *dataset; /* held */
-    struct cache_entry *forest; /* held */
+    struct cache_entry *forest; /* held; NULL: it is not needed */
     struct level_answer answer; /* but for what it borrows */
     enum coding coding;
     _Alignas(max_align_t) unsigned char choice[]; /* a copy */
@@ -33,7 +33,8 @@ struct mesh_job {
 static void free_mesh_job(void *opaque)
 {
     struct mesh_job *mesh_job = opaque;
-    cache_release(mesh_job->site->memory, mesh_job->forest);
+    if (mesh_job->forest)
+        cache_release(mesh_job->site->memory, mesh_job->forest);
     dataset_release(mesh_job->dataset);
     free(mesh_job);
 }
@@ -56,12 +57,12 @@ static enum tetlod_status write_answer(const struct mesh_job *mesh_job, struct r
                                        struct region_note *note, double *extracted, struct tetlod_error *error)
 {
     const struct level_answer *answer = &mesh_job->answer;
-    const struct forest *forest = forest_of(mesh_job->forest);
+    const struct forest *forest = mesh_job->forest ? forest_of(mesh_job->forest) : NULL;
     struct tetmesh mesh;
     TETLOD_TRY(answer->mesh ? answer->mesh(mesh_job->choice, forest, run_room(run), &mesh, note, error)
                             : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
-    enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
+    enum tetlod_status status = level_mesh_units(dataset_info(mesh_job->dataset), &mesh, error);
     if (status == TETLOD_OK && !run_wanted(run))
         status = fail_unwanted(error);
     if (status == TETLOD_OK)
@@ -97,6 +98,8 @@ static enum tetlod_status make(void *opaque, struct run *run, struct cache_value
 static uint64_t making_bytes(const struct tetlod_info *info, const struct level_answer *answer)
 {
     uint64_t components = 3;
+    if (answer->alone)
+        return answer->file_bytes * 5 / 2 + answer->mesh_bytes + 65536;
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
     return info->levels[answer->level].vertices * components * 8 + info->levels[answer->level].tets * (uint64_t)16 +
@@ -112,22 +115,25 @@ bool fits_cache(const struct site *site, const struct tetlod_info *info, const s
 static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
                                   enum coding coding, struct cache *cache, const char *key, const struct cache_value **out)
 {
-    struct cache_entry *forest;
+    struct cache_entry *forest = NULL;
+    uint32_t level = answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level;
     *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset,
-                                         answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
-    if (!forest)
+    if (answer->alone && dataset_hangs(dataset))
+        return respond_hanging(exchange, dataset);
+    enum outcome outcome = answer->alone ? ANSWERED : obtain_forest(exchange, dataset, level, &forest);
+    if (!forest && !answer->alone)
         return outcome;
     struct mesh_job *mesh_job = malloc(sizeof *mesh_job + answer->choice_size);
     if (!mesh_job) {
-        cache_release(exchange->site->memory, forest);
+        if (forest)
+            cache_release(exchange->site->memory, forest);
         return respond_no_memory(exchange);
     }
     *mesh_job = (struct mesh_job){exchange->site, dataset_hold(dataset), forest, *answer, coding};
     memcpy(mesh_job->choice, answer->choice, answer->choice_size);
     uint64_t bytes = answer->measure ? FIRST_BYTES : making_bytes(dataset_info(dataset), answer);
     const struct job job = {make, free_mesh_job, mesh_job, bytes, MAX_WAIT_SECONDS, NULL,
-                            cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
+                            forest && cache == exchange->site->memory ? forest_bytes(forest_of(forest)) : 0};
     return obtain(exchange, cache, key, &job, out);
 }
 

@@ -20,6 +20,7 @@ struct level_answer {
     const void *choice; /* copied */
     size_t choice_size;
     bool finest; /* making it needs the stream up to its finest level, not only up to `level` */
+    bool alone;  /* or no stream in memory: `mesh` gets NULL for it, and `mesh_bytes` is all that it takes */
     /* Of a region, which gets a note, or a step; NULL: the mesh is the level's. It needs up to `mesh_bytes` more. */
     enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct room *room, struct tetmesh *out,
                                struct region_note *note, struct tetlod_error *error);

@@ -15,12 +15,13 @@
 #include "server/routes/handlers.h"
 #include "server/routes/mesh_formats.h"
 #include "src/measure/region_error.h"
+#include "src/stream/page_region.h"
 #include "src/util/array.h"
 #include "src/util/number_text.h"
 
 struct region_choice {
     const struct mesh_format *format;
-    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+    struct tetlod_file *file; /* of the dataset that is held meanwhile */
     struct cell_choice cells;
     uint32_t coarse, fine;
     size_t box_count;
@@ -115,11 +116,39 @@ static enum tetlod_status make_mesh(const void *opaque, const struct forest *for
     struct region_counts counts;
     uint32_t *tets;
     enum tetlod_status status = region_mesh(forest, &region, room, out, &tets, &counts, error);
-    *note = (struct region_note){out->vertex_count, out->tet_count, counts.tets[REGION_TRANSITION], 0};
+    *note = (struct region_note){out->vertex_count, out->tet_count, counts.tets[REGION_TRANSITION], 0, false};
     if (status == TETLOD_OK)
         status = measure(forest, out, tets, room, note, error);
     if (status == TETLOD_OK)
         status = add_cells(choice, tets, room, out, error);
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    free(tets);
+    return status;
+}
+
+/* The same out of pages: no stream in memory is needed, and nothing is measured. */
+static enum tetlod_status make_of_pages(const void *opaque, const struct forest *forest, struct room *room,
+                                        struct tetmesh *out, struct region_note *note, struct tetlod_error *error)
+{
+    const struct region_choice *choice = opaque;
+    const struct tetlod_info *info = tetlod_info(choice->file);
+    struct region region = region_of(choice);
+    struct tetlod_page_set *set;
+    struct region_counts counts;
+    uint32_t *tets, transition;
+    (void)forest;
+    TETLOD_TRY(page_region_set(choice->file, &region, &set, error));
+    enum tetlod_status status = page_region_mesh(choice->file, set, &region, room, out, &tets, &counts, &transition,
+                                                 error);
+    tetlod_page_set_free(set);
+    TETLOD_TRY(status);
+    *note = (struct region_note){out->vertex_count, out->tet_count, counts.tets[REGION_TRANSITION], 0, true};
+    for (uint32_t f = 0; transition != TETLOD_NONE && f < info->field_count; f++)
+        if (info->fields[f].controlled)
+            note->transition_error = fmax(note->transition_error,
+                                          info->levels[transition].errors[f * TETLOD_MEASURES + TETLOD_MAX]);
+    status = add_cells(choice, tets, room, out, error);
     if (status != TETLOD_OK)
         tetmesh_fini(out);
     free(tets);
@@ -157,38 +186,61 @@ static void put_headers(struct response *response, struct dataset *dataset, cons
     response_header(response, "Tetlod-Vertices", "%" PRIu32, note->vertices);
     response_header(response, "Tetlod-Tets", "%" PRIu32, note->tets);
     response_header(response, "Tetlod-Transition-Tets", "%" PRIu32, note->transition_tets);
-    response_header(response, "Tetlod-Transition-Error", "measured=%.9g", note->transition_error);
+    response_header(response, "Tetlod-Transition-Error", "%s=%.9g", note->certified ? "max" : "measured",
+                    note->transition_error);
+}
+
+/* What making takes, out of the whole stream or out of pages. False: answered. */
+static bool measure_answer(struct exchange *exchange, const struct region_choice *choice, struct level_answer *answer)
+{
+    const struct tetlod_info *info = tetlod_info(choice->file);
+    const struct region region = region_of(choice);
+    struct tetlod_page_set_info pages;
+    struct tetlod_page_set *set;
+    if (!answer->alone) {
+        answer->file_bytes = mesh_format_bytes(info, choice->fine) +
+                             cell_choice_bytes(&choice->cells, info, info->levels[choice->fine].tets);
+        answer->mesh_bytes = region_most_bytes(info, &region) + region_error_most_bytes(info) +
+                             cell_choice_decoding(&choice->cells, info, choice->fine);
+        return true;
+    }
+    if (page_region_set(choice->file, &region, &set, NULL) != TETLOD_OK) {
+        respond_no_memory(exchange);
+        return false;
+    }
+    tetlod_page_set_info(set, &pages);
+    tetlod_page_set_free(set);
+    answer->file_bytes = mesh_format_bytes_of(info, pages.vertices, pages.tets) +
+                         cell_choice_bytes(&choice->cells, info, pages.tets);
+    answer->mesh_bytes = page_region_bytes(info, &pages) + cell_choice_decoding(&choice->cells, info, choice->fine);
+    return true;
 }
 
 static enum outcome answer_region(struct exchange *exchange, struct dataset *dataset,
                                   const struct region_choice *choice)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
-    const struct region region = region_of(choice);
     char boxes[BOXES_CAPACITY], cells[MAX_CELL_FIELDS / 4 + 1], name[BOXES_CAPACITY + sizeof cells + 80];
+    const bool of_pages = page_region_is(dataset_info(dataset), choice->fine);
     if (!print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return ANSWERED;
     cell_choice_name(&choice->cells, cells);
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", choice->format->name, choice->coarse, boxes,
              choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
-    uint64_t values = cell_choice_bytes(&choice->cells, info, info->levels[choice->fine].tets);
-    const struct level_answer answer = {
+    struct level_answer answer = {
         .level = choice->fine,
         .name = name,
         .media_type = choice->format->media_type,
-        .file_bytes = mesh_format_bytes(info, choice->fine) + values,
         .write = write_mesh,
         .measure = measure_file,
         .choice = choice,
         .choice_size = sizeof *choice,
-        .finest = true,
-        .mesh = make_mesh,
+        .finest = !of_pages,
+        .alone = of_pages,
+        .mesh = of_pages ? make_of_pages : make_mesh,
         .headers = put_headers,
-        .mesh_bytes = region_most_bytes(info, &region) + region_error_most_bytes(info) +
-                      cell_choice_decoding(&choice->cells, info, choice->fine),
     };
-    return answer_from_level(exchange, dataset, &answer);
+    return measure_answer(exchange, choice, &answer) ? answer_from_level(exchange, dataset, &answer) : ANSWERED;
 }
 
 /* The field that tells the parts keeps its name to itself. */
@@ -215,6 +267,8 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
     if (choice->box_count && query_value(exchange->query, "box_level", text, sizeof text) == QUERY_FOUND) {
         if (!parse_level(exchange, info, text, &choice->fine))
             return false;
+        if (page_region_is(info, choice->fine))
+            choice->coarse = page_region_outside(info, choice->coarse);
         if (choice->fine > choice->coarse)
             return true;
     }

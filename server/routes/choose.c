@@ -13,6 +13,7 @@
 #include "server/routes/groups.h"
 #include "server/routes/handlers.h"
 #include "server/routes/mesh_formats.h"
+#include "src/stream/page_region.h"
 #include "src/stream/selection.h"
 #include "src/util/number_text.h"
 
@@ -196,8 +197,8 @@ static bool ask_level(struct exchange *exchange, const struct dataset *dataset, 
     return false;
 }
 
-/* Boxes, and the level in them; false: answered. */
-static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t level)
+/* Boxes, and the level in them; *level is the one outside, which pages may make finer. False: answered. */
+static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t *level)
 {
     struct selection *selection = &choice->selection;
     const struct tetlod_info *info = dataset_info(dataset);
@@ -212,6 +213,7 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
     }
     if (!selection->box_count)
         return true;
+    selection->box_finest = result == QUERY_ABSENT;
     if (!parse_error(exchange, absolute ? TAKE_ABS_ERROR : TAKE_ERROR, "box_error", text, &selection->box_error))
         return false;
     if (!parse_measure(exchange, info, choice, true))
@@ -221,8 +223,10 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
         respond_no_level(exchange, dataset, text);
         return false;
     }
-    if (choice->box_level <= level)
+    if (choice->box_level <= *level)
         selection->box_count = 0;
+    else if (page_region_is(info, choice->box_level))
+        *level = page_region_outside(info, *level);
     return true;
 }
 
@@ -253,7 +257,7 @@ enum outcome handle_mesh(struct exchange *exchange)
     if (asked != QUERY_ABSENT)
         return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
     if (check_parameters(exchange) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.selection.box_count) &&
+        ask_boxes(exchange, dataset, &choice, &level) && parse_format(exchange, &choice, choice.selection.box_count) &&
         query_cells(exchange, dataset_info(dataset), (struct cell_step){0}, &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;

@@ -46,10 +46,15 @@ enum tetlod_status mesh_format_measure(const struct mesh_format *format, const s
 }
 
 /* Both formats are binary. */
-uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
+uint64_t mesh_format_bytes_of(const struct tetlod_info *info, uint32_t vertices, uint32_t tets)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
-    return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25 + 4096;
+    return vertices * components * 8 + tets * (uint64_t)25 + 4096;
+}
+
+uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
+{
+    return mesh_format_bytes_of(info, info->levels[level].vertices, info->levels[level].tets);
 }

@@ -58,6 +58,11 @@ static uint64_t cursor_bytes(const struct tetlod_info *info, const struct tetlod
     return pages->vertices * (24 * components + 64) + pages->tets * (uint64_t)(4 + 72) + (1 << 20);
 }
 
+uint64_t page_region_bytes(const struct tetlod_info *info, const struct tetlod_page_set_info *pages)
+{
+    return mesh_bytes(info, pages) + cursor_bytes(info, pages) + pages->tets * (uint64_t)4;
+}
+
 /* Tells the parts by the levels of tetrahedra. */
 static enum tetlod_status add_parts(struct tetmesh *mesh, const struct region *region, const uint32_t *levels,
                                     struct region_counts *counts, uint32_t *transition, struct tetlod_error *error)
@@ -110,8 +115,7 @@ enum tetlod_status page_region_mesh(struct tetlod_file *file, const struct tetlo
     *out = (struct tetmesh){0};
     *tets = NULL;
     tetlod_page_set_info(set, &pages);
-    TETLOD_TRY(room_take(room, mesh_bytes(info, &pages) + cursor_bytes(info, &pages) + pages.tets * (uint64_t)4,
-                         error));
+    TETLOD_TRY(room_take(room, page_region_bytes(info, &pages), error));
     levels = array_new(pages.tets, sizeof *levels);
     *tets = array_new(pages.tets, sizeof **tets);
     if (!levels || !*tets)

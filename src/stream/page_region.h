@@ -21,6 +21,9 @@ uint32_t page_region_outside(const struct tetlod_info *info, uint32_t coarse);
 TETLOD_CHECKED enum tetlod_status page_region_set(const struct tetlod_file *file, const struct region *region,
                                                   struct tetlod_page_set **out, struct tetlod_error *error);
 
+/* Memory that making it takes at most. */
+uint64_t page_region_bytes(const struct tetlod_info *info, const struct tetlod_page_set_info *pages);
+
 /* The mesh. Its vertices and tetrahedra are in the order of the levels'; the cell field REGION_FIELD says each
  * tetrahedron's part. *tets: their numbers with all pages, the caller's to free. *transition: the coarsest level of a
  * tetrahedron of the transition; TETLOD_NONE: there are none. The room (NULL: no limit) is asked for what the set
