@@ -15,7 +15,7 @@ import numpy as np
 import vtk
 
 sys.path.insert(0, os.path.join(os.environ.get('ROOT', '.'), 'tests'))
-from common import CONFIG, DATA, TETLOD, fails, finish, info, path, read_vtu, report, succeeds, tetlod
+from common import CONFIG, TETLOD, fails, finish, info, path, read_vtu, report, succeeds, tetlod
 from streams import plain, sealed
 
 MEASURES = ['max', 'sampled', 'rms', 'predicted']
@@ -503,24 +503,6 @@ def stopped():
                (ended, seen, problems))
 
 
-def memory():
-    """What --memory counts is what a build takes at its peak."""
-    if CONFIG != 'release':
-        return report('--memory: right within 10 %', True, skip='release only')
-    exact = ('--certify', 'exact', '--threads', '2')
-    for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')),
-                                  ('fin', 24, ()),
-                                  ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity')),
-                                  ('cube', 16, exact), ('fin', 12, exact), ('fin', 20, exact), ('post', 20, exact), ('delta', 6, exact)):
-        tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
-        refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
-        said = int(refused.split('needs about ')[1].split()[0])
-        peak = json.loads(tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet',
-                                 *options).stdout)['peak_memory'] / 2 ** 20
-        report('--memory: %s %d %s: right within 10 %%' % (sample, size, ' '.join(options)),
-               abs(said - peak) <= .1 * peak + .5, (said, peak))
-
-
 def damaged():
     good = open(path('torus.tetlod'), 'rb').read()
     levels = info('torus.tetlod')['levels']
@@ -632,34 +614,6 @@ def compression():
            .999 * size['19'] <= size['22'] <= size['19'] <= size['1'], size)
 
 
-def blunt_fin():
-    name = 'the blunt fin'
-    grid, solution = os.path.join(DATA, 'bluntfinxyz.bin'), os.path.join(DATA, 'bluntfinq.bin')
-    if CONFIG != 'release' or not os.path.exists(grid):
-        return report(name, True, skip='release only' if os.path.exists(grid) else 'no blunt fin data')
-    done = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '--metric', 'sva',
-                  '--growth', '1.3', '-o', 'blunt.tetlod', '--json')
-    report(name + ': build', done.returncode == 0 and b'77 degenerate' in done.stderr, done)
-    shown = json.loads(done.stdout)
-    report(name + ': counts', (shown['vertices'], shown['tets'], shown['degenerate_tets']) == (40960, 187395, 77),
-           shown['tets'])
-    for error, most in (.001, 74.05), (.002, 64.48), (.003, 58.13), (.005, 50.21), (.01, 39.54):
-        left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['predicted'] <= error) / shown['tets'] * 100
-        report('%s: predicted %g %%: at most %.2f %% of the tetrahedra, as in the thesis (Table 4.2)' % (name, 100 * error, most),
-               left <= most, left)
-    report(name + ': a certified error is at most the range', shown['levels'][0]['errors']['Pressure']['max'] <= 1)
-    checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
-    report(name + ': verify --against, the exact maximum at six levels', checked.returncode == 0 and
-           checked.stdout.decode().split('levels')[-1].count(',') == 5, checked)
-    certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o',
-                       'certified.tetlod',
-                       '--json', '--quiet')
-    shown = json.loads(certified.stdout)
-    for error, most in (.001, 56), (.01, 18.5), (.05, 6.5):
-        left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['max'] <= error) / shown['tets'] * 100
-        report('%s: certified %g %%: at most %g %% of the tetrahedra' % (name, 100 * error, most), left <= most, left)
-
-
 samples()
 shape_of_json()
 extract()
@@ -673,10 +627,8 @@ special_meshes()
 determinism()
 killed()
 stopped()
-memory()
 damaged()
 against()
 forged()
 compression()
-blunt_fin()
 finish()

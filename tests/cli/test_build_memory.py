@@ -1,0 +1,28 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""What `tetlod build --memory` counts is what a build takes."""
+import json
+
+from common import CONFIG, finish, report, tetlod
+
+
+def memory():
+    """What --memory counts is what a build takes at its peak."""
+    if CONFIG != 'release':
+        return report('--memory: right within 10 %', True, skip='release only')
+    exact = ('--certify', 'exact', '--threads', '2')
+    for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')),
+                                  ('fin', 24, ()),
+                                  ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity')),
+                                  ('cube', 12, exact), ('fin', 20, exact), ('post', 16, exact), ('delta', 4, exact)):
+        tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
+        refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
+        said = int(refused.split('needs about ')[1].split()[0])
+        peak = json.loads(tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet',
+                                 *options).stdout)['peak_memory'] / 2 ** 20
+        report('--memory: %s %d %s: right within 10 %%' % (sample, size, ' '.join(options)),
+               abs(said - peak) <= .1 * peak + .5, (said, peak))
+
+
+memory()
+finish()
