@@ -123,15 +123,16 @@ def memory():
     return None if abs(said - peak) <= .1 * peak + .5 else (said, peak)
 
 
-for sample, options in ((('fin', '--size', '8'), ('--field', 'Pressure', '--field', 'Velocity', '--growth', '1.3')),
-                        (('fin', '--size', '7'),
-                         ('--field', 'Velocity:mag', '--field', 'Density:1%', '--growth', '1.3')),
-                        (('shell',), ('--domain-error', '0', '--growth', '1.5')),
-                        (('torus',), ('--metric', 'sva', '--growth', '1.5')),
-                        (('cube', '--size', '8'), ('--contract', 'hybrid', '--certify-all', '--growth', '1.3')),
-                        (('cube', '--size', '6'), ()),  # its finest level has a bound of 0 everywhere
-                        (('delta', '--size', '6'), ('--growth', '2')),  # contractions refused at the last moment
-                        (('post', '--size', '8'), ('--keep-order', '--growth', '1.3'))):
+EVERYWHERE = (
+    (('fin', '--size', '8'), ('--field', 'Pressure', '--field', 'Velocity', '--growth', '1.3')),
+    (('fin', '--size', '7'), ('--field', 'Velocity:mag', '--field', 'Density:1%', '--growth', '1.3')),
+    (('shell',), ('--domain-error', '0', '--growth', '1.5')),
+    (('torus',), ('--metric', 'sva', '--growth', '1.5')),
+    (('cube', '--size', '8'), ('--contract', 'hybrid', '--certify-all', '--growth', '1.3')),
+    (('cube', '--size', '6'), ()),  # its finest level has a bound of 0 everywhere
+    (('delta', '--size', '6'), ('--growth', '2')),  # contractions refused at the last moment
+    (('post', '--size', '8'), ('--keep-order', '--growth', '1.3')))
+for sample, options in EVERYWHERE if CONFIG == 'release' else (EVERYWHERE[0], EVERYWHERE[-1]):
     case('it holds everywhere: %s %s' % (sample[0], ' '.join(options)), holds, sample, *options)
 must('sample', 'fin', '--size', '10', '-o', 'fin.vtu')
 must('build', 'fin.vtu', '-o', 'fin.tetlod', '--local-bound', '--field', 'Pressure')
