@@ -41,7 +41,8 @@ struct stray {
 /* A tetrahedron of the original whose samples are looked for. */
 struct source {
     size_t tet;             /* or NO_TET */
-    bool has_values;
+    bool has_values, has_random;
+    uint64_t hashes[4];     /* of the corners' positions */
     uint32_t corners[4];    /* sorted (sample_points.h) */
     double positions[4][3];
     double random[4];       /* weights of its second sample */
@@ -105,19 +106,26 @@ struct point {
 
 static void load_source(const struct measure_levels *m, struct source *source, size_t tet)
 {
-    uint64_t hashes[4];
     if (source->tet == tet)
         return;
     source->tet = tet;
-    source->has_values = false;
+    source->has_values = source->has_random = false;
     memcpy(source->corners, m->original->corners + 4 * tet, sizeof source->corners);
     for (int i = 0; i < 4; i++)
-        hashes[i] = m->hashes[source->corners[i]];
-    sample_sort(hashes, source->corners);
+        source->hashes[i] = m->hashes[source->corners[i]];
+    sample_sort(source->hashes, source->corners);
     for (int i = 0; i < 4; i++)
         memcpy(source->positions[i], m->original->positions + 3 * (size_t)source->corners[i],
                sizeof source->positions[i]);
-    sample_weights_of_hashes(hashes, source->random);
+}
+
+/* The weights of its second sample. */
+static const double *random_weights(struct source *source)
+{
+    if (!source->has_random)
+        sample_weights_of_hashes(source->hashes, source->random);
+    source->has_random = true;
+    return source->random;
 }
 
 static void find_point(const struct measure_levels *m, struct worker *worker, size_t sample, struct point *out)
@@ -131,7 +139,7 @@ static void find_point(const struct measure_levels *m, struct worker *worker, si
         return;
     }
     load_source(m, source, (sample - n) / SAMPLES_PER_TET);
-    memcpy(out->weights, (sample - n) % SAMPLES_PER_TET ? source->random : middle, sizeof middle);
+    memcpy(out->weights, (sample - n) % SAMPLES_PER_TET ? random_weights(source) : middle, sizeof middle);
     for (int d = 0; d < 3; d++)
         out->p[d] = out->weights[0] * source->positions[0][d] + out->weights[1] * source->positions[1][d] +
                     out->weights[2] * source->positions[2][d] + out->weights[3] * source->positions[3][d];

@@ -22,17 +22,30 @@ uint64_t sample_hash(const double p[3])
     return mix(bits[0] + 0x9e3779b97f4a7c15ull * bits[1] + 0xc2b2ae3d27d4eb4full * bits[2]);
 }
 
+/* Puts two corners in order, without a branch: which comes first is random. Corners whose hashes are equal keep their
+ * order. */
+static inline void order_two(uint64_t hashes[4], uint32_t places[4], int i, int k)
+{
+    uint64_t a = hashes[i], b = hashes[k];
+    uint32_t x = places[i], y = places[k];
+    uint64_t swap = -(uint64_t)((a > b) | ((a == b) & (x > y)));
+    hashes[i] = a ^ ((a ^ b) & swap);
+    hashes[k] = b ^ ((a ^ b) & swap);
+    places[i] = x ^ ((x ^ y) & (uint32_t)swap);
+    places[k] = y ^ ((x ^ y) & (uint32_t)swap);
+}
+
 void sample_sort(uint64_t hashes[4], uint32_t corners[4])
 {
-    for (int i = 1; i < 4; i++)
-        for (int k = i; k > 0 && hashes[k] < hashes[k - 1]; k--) {
-            uint64_t hash = hashes[k];
-            uint32_t corner = corners[k];
-            hashes[k] = hashes[k - 1];
-            corners[k] = corners[k - 1];
-            hashes[k - 1] = hash;
-            corners[k - 1] = corner;
-        }
+    uint32_t places[4] = {0, 1, 2, 3};
+    const uint32_t before[4] = {corners[0], corners[1], corners[2], corners[3]};
+    order_two(hashes, places, 0, 1);
+    order_two(hashes, places, 2, 3);
+    order_two(hashes, places, 0, 2);
+    order_two(hashes, places, 1, 3);
+    order_two(hashes, places, 1, 2);
+    for (int i = 0; i < 4; i++)
+        corners[i] = before[places[i]];
 }
 
 void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4])
@@ -40,7 +53,7 @@ void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4])
     uint64_t sum = hashes[0] + hashes[1] + hashes[2] + hashes[3];
     double total = 0;
     for (int i = 0; i < 4; i++)
-        total += weights[i] = (double)((mix(hashes[i] + mix(sum)) >> 11) + 1);
+        total += weights[i] = (double)(int64_t)((mix(hashes[i] + mix(sum)) >> 11) + 1); // below 2^53
     for (int i = 0; i < 4; i++)
         weights[i] /= total;
 }
