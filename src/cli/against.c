@@ -34,6 +34,9 @@
  * larger is refused. */
 static const double TOO_LARGE = 0x1p-15 + 1e-9;
 
+/* What it may be too small by without a closer look: a point in an almost flat tetrahedron is located to few digits. */
+static const double TOO_SMALL = 0x1p-20;
+
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
 static const double MAX_WORK = 4e6;
 
@@ -278,6 +281,25 @@ static enum tetlod_status step(struct against *a, const struct tetmesh *from)
     return TETLOD_OK;
 }
 
+/* The tail: of a lossless stream mesh_same has found it to be the input. */
+static enum tetlod_status measure_tail(struct against *a, double *out_domain)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    struct coarsening exact = {0};
+    struct measure_levels *measure = NULL;
+    enum tetlod_status status = TETLOD_OK;
+    memset(a->measured, 0, info->field_count * sizeof *a->measured);
+    if (info->lossless)
+        return TETLOD_OK;
+    TETLOD_TRY_DONE(coarsening_init(&exact, &a->finest, NULL, a->error));
+    TETLOD_TRY_DONE(measure_levels_new(&measure, a->original, &exact, a->options->threads, a->error));
+    TETLOD_TRY_DONE(measure_levels_next(measure, a->measured, out_domain, a->error));
+done:
+    measure_levels_free(measure);
+    coarsening_fini(&exact);
+    return status;
+}
+
 /* The level becomes the one at hand, and is measured. The domain error comes out as a length. */
 static enum tetlod_status measure_this(struct against *a, uint32_t k, double *out_domain)
 {
@@ -292,8 +314,8 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
         status = level_mesh_copy(info, a->cursor, &a->level, a->error);
     if (status == TETLOD_OK && a->numbered && !first)
         status = step(a, &above);
-    if (tail && info->lossless && k + 1 == info->level_count) // mesh_same has found it to be the input
-        memset(a->measured, 0, info->field_count * sizeof *a->measured);
+    if (status == TETLOD_OK && a->numbered && tail && k + 1 == info->level_count)
+        status = measure_tail(a, out_domain);
     else if (status == TETLOD_OK && a->numbered)
         status = measure_levels_next(a->measure_levels, a->measured, out_domain, a->error);
     tetmesh_fini(&above);
@@ -325,7 +347,7 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     // of a range without scale it is 0 or the whole, by the last bit of a number that has few
     if (range[1] > range[0] && !range_has_scale(range) && (stored == 0 || stored == 1))
         return TETLOD_OK;
-    if (stored >= low * (1 - TIE) - NOISE && stored <= high * (1 + TOO_LARGE) + NOISE)
+    if (stored >= low * (1 - TOO_SMALL) - NOISE && stored <= high * (1 + TOO_LARGE) + NOISE)
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
                         info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);

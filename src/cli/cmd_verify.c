@@ -39,7 +39,7 @@ static const char help[] =
     "                       and 'rms' are what is measured, the boundary is nowhere further off than the\n"
     "                       domain error, and 'max' is not below the exact maximum. Large meshes (levels\n"
     "                       times tetrahedra above 4 million) have the exact maximum taken at six levels,\n"
-    "                       which it names Of a part of a stream only max and the domain error are held\n"
+    "                       which it names. Of a part of a stream only max and the domain error are held\n"
     "                       against the input. Every step of a series is read: exact values are the\n"
     "                       input's bit for bit, and no band is further off than it says. Give the option\n"
     "                       once for each file if the series is made of several\n"

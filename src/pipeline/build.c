@@ -45,7 +45,7 @@ struct build {
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
     double rounded_by;              /* how far rounding has moved the boundary, in units of length */
-    struct precision precision;     /* if not */
+    struct precision precision;     /* if fields are not */
     struct local_bounds bounds;     /* if they are asked for: `original` has them once the mesh is contracted */
     double (*ranges)[2];            /* [field] of the original; of a local bound 0 to the largest */
     const struct build_options *options;
@@ -181,6 +181,12 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
     }
 }
 
+/* [field][measure] of the last level, whose values are the original's. */
+static double *tail_errors(const struct build *build)
+{
+    return build->errors + (size_t)build->log.mark_count * build->mesh->field_count * TETLOD_MEASURES;
+}
+
 /* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger
  * error. */
 static void file_errors(const struct build *build, uint32_t mark, const struct measured *measured)
@@ -189,6 +195,8 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
     for (uint32_t f = 0; f < fields; f++) {
         double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES;
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL, *range = build->ranges[f];
+        if (!mark && build->precision.tail)
+            finer = tail_errors(build) + (size_t)f * TETLOD_MEASURES;
         mark_errors(build, mark, f, errors);
         errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
         errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
@@ -291,16 +299,60 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     return TETLOD_OK;
 }
 
-/* The last level: nothing is left of any error. */
-static void add_tail(struct build *build)
+/* The tail's errors, as measured, and its maxima over the overlay. */
+static enum tetlod_status weigh_tail(struct build *build, const struct coarsening *exact,
+                                     const struct measured *measured)
 {
-    uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
-    double *errors = build->errors + (size_t)marks * fields * TETLOD_MEASURES;
-    if (!build->precision.tail)
-        return;
-    for (uint32_t i = 0; i < fields * TETLOD_MEASURES; i++)
-        errors[i] = isnan(errors[i - (size_t)marks * fields * TETLOD_MEASURES]) ? NAN : 0;
-    build->levels[marks] = (struct tetlodi_write_level){0, 0, errors};
+    struct overlay_levels *overlay;
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        double *errors = tail_errors(build) + (size_t)f * TETLOD_MEASURES, *range = build->ranges[f];
+        errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
+        errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
+        errors[TETLOD_MAX] = fmin(larger(range_fraction(range, build->rounding[f]), errors[TETLOD_SAMPLED]), 1);
+        build->exact[f] = range_has_scale(range) ? errors[TETLOD_MAX] * (1 - 4 * DBL_EPSILON) * (range[1] - range[0])
+                                                 : INFINITY;
+    }
+    TETLOD_TRY(overlay_levels_new(&overlay, build->original, exact, build->options->threads, build->error));
+    enum tetlod_status status = overlay_levels_next(overlay, exact, build->exact, build->error);
+    overlay_levels_free(overlay);
+    for (uint32_t f = 0; f < build->mesh->field_count && status == TETLOD_OK; f++) {
+        double *max = &tail_errors(build)[(size_t)f * TETLOD_MEASURES + TETLOD_MAX];
+        if (isfinite(build->exact[f]))
+            *max = larger(*max, range_fraction(build->ranges[f], build->exact[f]));
+    }
+    return status;
+}
+
+/* The last level: of a lossless stream nothing is left of any error. Else its positions are rounded, and it is measured
+ * as the others are. */
+static enum tetlod_status measure_tail(struct build *build, struct measured *measured, double diagonal)
+{
+    uint32_t fields = build->mesh->field_count;
+    struct coarsening exact = {0};
+    struct measure_levels *measure = NULL;
+    double *errors = tail_errors(build), domain = build->rounded_by;
+    enum tetlod_status status = TETLOD_OK;
+    memset(errors, 0, fields * TETLOD_MEASURES * sizeof *errors);
+    build->levels[build->log.mark_count] = (struct tetlodi_write_level){0, 0, errors};
+    if (!build->rounding)
+        return TETLOD_OK;
+    TETLOD_TRY_DONE(coarsening_init(&exact, &build->rounded, NULL, build->error));
+    TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &exact, build->options->threads, build->error));
+    TETLOD_TRY_DONE(measure_levels_next(measure, measured, &domain, build->error));
+    build->levels[build->log.mark_count].domain_error = diagonal > 0 ? domain / diagonal : 0;
+    status = weigh_tail(build, &exact, measured);
+done:
+    measure_levels_free(measure);
+    coarsening_fini(&exact);
+    return status;
+}
+
+/* What the level before the tail does not say, the tail does not. */
+static void match_tail(struct build *build)
+{
+    for (uint32_t i = 0; i < build->mesh->field_count * TETLOD_MEASURES; i++)
+        if (isnan(build->errors[i]))
+            tail_errors(build)[i] = NAN;
 }
 
 static enum tetlod_status measure_marks(struct build *build)
@@ -322,13 +374,16 @@ static enum tetlod_status measure_marks(struct build *build)
     if (build_asks_overlay(build->options))
         TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads,
                                            build->error));
+    if (build->precision.tail)
+        TETLOD_TRY_DONE(measure_tail(build, measured, diagonal));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
         if (build->options->progress &&
             !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
-    add_tail(build);
+    if (build->precision.tail)
+        match_tail(build);
 done:
     measure_levels_free(measure);
     overlay_levels_free(build->overlay);
@@ -520,7 +575,7 @@ done:
 /* Chooses what the levels' numbers are. */
 static enum tetlod_status fit_precision(struct build *build)
 {
-    TETLOD_TRY(precision_init(&build->precision, build->original, build->error));
+    TETLOD_TRY(precision_init(&build->precision, build->mesh, build->error));
     build->mesh = &build->precision.mesh;
     return TETLOD_OK;
 }
@@ -615,7 +670,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(orient_mesh(&build, mesh));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
-    else
+    if (!quantise_rounds_fields(&options->quantise))
         TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     if (options->series)

@@ -88,7 +88,8 @@ enum tetlod_status precision_init(struct precision *precision, const struct tetm
         precision_fini(precision);
         return tetlodi_fail_nomem(error, "the fields", fields * sizeof *precision->mesh.fields);
     }
-    if (mesh->position_type == TETLOD_FLOAT64 && precision_is_narrow(mesh->positions, 3 * (size_t)mesh->vertex_count))
+    if (mesh->position_type == TETLOD_FLOAT64 && !mesh->position_grid[0].bits &&
+        precision_is_narrow(mesh->positions, 3 * (size_t)mesh->vertex_count))
         precision->mesh.position_type = TETLOD_FLOAT32;
     for (uint32_t f = 0; f < fields; f++)
         choose_precision(precision, mesh, f);

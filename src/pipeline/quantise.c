@@ -15,6 +15,11 @@ bool quantise_wanted(const struct quantise_options *options)
     return options->position_bits || options->field_bits || options->position_error > 0 || options->field_error > 0;
 }
 
+bool quantise_rounds_fields(const struct quantise_options *options)
+{
+    return options->field_bits || options->field_error > 0;
+}
+
 static void bounds_of(const double *values, size_t count, size_t stride, double range[2])
 {
     range[0] = range[1] = values[0];

@@ -15,6 +15,7 @@ struct quantise_options {
 };
 
 bool quantise_wanted(const struct quantise_options *options);
+bool quantise_rounds_fields(const struct quantise_options *options);
 
 /* A copy of the mesh on its grids. ERR_ARGUMENT if an error would need more than 30 bits, ERR_NOMEM. On failure *out is
  * empty. */

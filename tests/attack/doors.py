@@ -119,7 +119,7 @@ class Case:
         ends = [level['bytes'] for level in whole.levels]
         values = {field['name']: section['offset'] + section['stored']
                   for field, section in zip(whole.cell_fields,
-                                            [section for section in whole.sections if section['tag'] == 'CVAL'])}
+                                            [part for part in whole.sections if part['tag'] in ('CVAL', 'PVAL')])}
         size = self.dice.randint(ends[0], len(data) - 1)
         level = max(number for number, end in enumerate(ends) if end <= size)
         here = [name for name, end in values.items() if end <= size]

@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A stream is smaller than the compressed VTU that holds its finest level alone."""
+"""A stream is smaller than the compressed VTU that holds its finest level alone, and rounding makes it smaller."""
 import os
 
 import numpy as np
 
-from common import CONFIG, finish, must, path, read_vtu, report
+import results
+from common import CONFIG, case, finish, must, path, read_vtu, report
 from meshes import vtk_mesh
 
 
@@ -25,6 +26,22 @@ def save(grid):
     writer.Write()
 
 
+def rounded_positions():
+    """Positions alone are rounded: values of levels stay short all the same, and the finest level has all digits."""
+    results.write(path('beam.vtu'), *results.solid(12))
+    sizes = []
+    for bits in [], ['--position-bits', '16']:
+        must('build', path('beam.vtu'), '-o', path('beam.tetlod'), '--quiet', *bits)
+        sizes.append(os.path.getsize(path('beam.tetlod')))
+    must('verify', 'beam.tetlod', '--against', 'beam.vtu', '--quiet')
+    must('extract', 'beam.tetlod', '-o', 'finest.vtu', '--quiet')
+    points, _, wanted = read_vtu('beam.vtu')
+    at, _, values = read_vtu('finest.vtu')
+    nearest = np.array([np.abs(points - p).sum(axis=1).argmin() for p in at])
+    same = all((values[name] == wanted[name][nearest]).all() for name in wanted)
+    return None if same and len(set(nearest)) == len(points) and sizes[1] < sizes[0] else (same, sizes)
+
+
 def main():
     if CONFIG != 'release':
         return report('sizes', True, skip='the same bytes in every configuration')
@@ -36,6 +53,7 @@ def main():
     stream, vtu = (os.path.getsize(path(name)) for name in ('noisy.tetlod', 'noisy.vtu'))
     report('values that repeat but for noise: the stream is the smaller', stream < vtu,
            '%d bytes, VTU %d' % (stream, vtu))
+    case('rounded positions make a stream smaller, not larger', rounded_positions)
 
 
 main()
