@@ -274,7 +274,10 @@ mutant('one range for all fields', 'format/read/reader.c', 'info->fields[f].rang
 
 mutant('verify: no exact maximum', 'src/cli/against.c', 'if (a->exact[f] > a->floors[f])', 'if (a->exact[f] < 0)',
        'max is held against the overlay', ATTACK)
-mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TIE) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
+mutant('the exact tail of rounded positions has no exact maximum', 'src/pipeline/build.c',
+       '*max = larger(*max, range_fraction(build->ranges[f], build->exact[f]));', '(void)max;',
+       'max is raised where positions are rounded, at the tail too', ATTACK)
+mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c', '    if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain', '    if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain',
        'the domain error is measured again', ATTACK)
 mutant('verify: errors may be too large', 'src/cli/against.c', 'stored <= high * (1 + TOO_LARGE) + NOISE)', 'stored <= 1e300)',
