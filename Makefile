@@ -129,10 +129,14 @@ WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=26
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_filter view_function view_steps) src/cut/line.c src/cut/normals.c \
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt view_filter view_function view_steps) src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c src/mesh/tetmesh.c \
     $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm
+# what makes a level that is finer in boxes: loaded when it is first wanted
+REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter-out $(WRITING),$(FORMAT_SRC)) \
+    src/stream/forest.c src/stream/region.c src/mesh/mixed_cells.c src/mesh/tetmesh.c src/util/array.c src/util/room.c
+REFINE := build/wasm/refine.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
@@ -188,18 +192,23 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h format/*/*.h src/
 	$(Q)for f in $(WASM_SMALL); do $(WASM_CC) $(filter-out -mexec-model=%,$(WASM_CFLAGS)) -Oz -c -o $(@D)/$$(basename $$f .c).o $$f || exit 1; done
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(filter-out $(WASM_SMALL),$(WASM_SRC)) $(patsubst %.c,$(@D)/%.o,$(notdir $(WASM_SMALL)))
 
+$(REFINE): $(REFINE_SRC) $(wildcard $(WEB_DIR)/*/*.h format/*.h format/*/*.h src/*/*.h) Makefile
+	@mkdir -p $(@D); echo "  WASM $@"
+	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(REFINE_SRC)
+
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
-	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
+	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --external:./refine.js --outfile=$(@D)/worker.js
+	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/refine.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/refine.js
 	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
-build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
+build/web.stamp: $(NODE_MODULES) $(WASM) $(REFINE) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
-	$(Q)node $(WEB_DIR)/build.mjs $(WEB_OUT) $(WASM) && touch $@
+	$(Q)node $(WEB_DIR)/build.mjs $(WEB_OUT) $(WASM) $(REFINE) && touch $@
 
 build/api/openapi.json: server/api/describe.py server/api/tables.py server/routes/routes.def
 	$(Q)python3 $< $@

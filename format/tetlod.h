@@ -503,6 +503,9 @@ TETLOD_API struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed);
 /* The finest level that is there whole, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
 
+/* What was added and has not been dropped, until the next call; *size: how many bytes. */
+TETLOD_API const void *tetlod_feed_added(const struct tetlod_feed *feed, size_t *size);
+
 /* Gives back the memory of the bytes of levels 0 to `level`, which are there. For when the cursors that are wanted have
  * them: a cursor that needs them from now on, a new one too, says ERR_TRUNCATED. */
 TETLOD_API void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level);

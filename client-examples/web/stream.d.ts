@@ -104,7 +104,8 @@ export interface Mesh {
   positions: Float64Array;
   tets: Uint32Array;
   fields: Record<string, Float64Array>;
-  parents: Uint32Array;
+  /** Null where the mesh is finer in boxes. */
+  parents: Uint32Array | null;
 }
 
 export interface Spec {
@@ -135,6 +136,8 @@ export interface Spec {
   volume?: { size: number; logarithmic?: boolean } | null;
   /** Arrows, or lines along the flow, through `count` places (300) that are spread over the volume. */
   vectors?: { field: string; kind?: 'arrows' | 'streamlines'; count?: number } | null;
+  /** In these boxes (low corner, high corner) the mesh is that of the level that `target` chooses, if it is finer. */
+  refine?: { boxes: [number, number, number, number, number, number][]; target?: Target } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
   /** Comes back with its pictures. */
@@ -218,6 +221,8 @@ export interface Pictures {
   isosurfaces: Part[];
   /** One for each isosurface: null where none was asked for. */
   zones: (Zone | null)[];
+  /** Where the mesh is finer in boxes: numbers of tetrahedra there, elsewhere and between, and edges of those between. */
+  finer: { boxLevel: number; inside: number; outside: number; between: number; edges: Pick<Part, 'points' | 'lines'>[] } | null;
   rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
@@ -244,6 +249,8 @@ export interface Events {
   /** Another topology group is shown: `info` is its own. */
   topology: { topology: number; info: Info };
   buffered: { band: number; groups: number[]; steps: [number, number][]; received: number };
+  /** The mesh is finer in boxes now. */
+  refined: { level: number; boxLevel: number; inside: number; outside: number; between: number; seconds: number };
   finished: { level: number };
   /** What is decoded stays, unless the decoder itself has stopped: then the stream has ended. */
   error: { message: string };
@@ -301,7 +308,7 @@ export class TetlodStream extends EventTarget {
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of what is drawn of the mesh; null elsewhere. */
-  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]> } | null>;
+  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]>; part?: 'inside' | 'outside' | 'between' } | null>;
   /** Fetches values of cells, which are there from the event `cells` on. show() does so for those that it needs. */
   loadCells(name: string): Promise<void>;
   /** Bytes of values of cells, beside `received`. */
@@ -314,7 +321,8 @@ export class TetlodStream extends EventTarget {
   draft(tets: number): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;
-  show(spec: Spec | null): Promise<void>;
+  /** `whole`: the first pictures leave nothing out that is the same as in the last message. */
+  show(spec: Spec | null, options?: { whole?: boolean }): Promise<void>;
   /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream; where the loop is left,
    *  what was shown before is shown again. */
   frames(spec: Spec): AsyncGenerator<Pictures, void, void>;

@@ -267,6 +267,12 @@ struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed)
     return feed->file;
 }
 
+const void *tetlod_feed_added(const struct tetlod_feed *feed, size_t *size)
+{
+    *size = feed->bytes.size;
+    return feed->bytes.bytes;
+}
+
 uint32_t tetlod_feed_level(const struct tetlod_feed *feed)
 {
     uint32_t level = TETLOD_NONE;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node build.mjs OUT WASM: bundles the page into the folder OUT: the pages' modules, the worker, and the files that are taken
+// node build.mjs OUT WASM REFINE: bundles the page into the folder OUT: the pages' modules, the worker, and the files that are taken
 // as they are, the codec's WebAssembly among them. What a page loads is named by its content, so that caches may keep it.
 // Each file has a form that is compressed by Brotli beside it, for embed.py.
 import { createHash } from 'node:crypto';
@@ -11,7 +11,7 @@ import { build } from 'esbuild';
 import { noticesOf } from './notices.mjs';
 
 const here = dirname(fileURLToPath(import.meta.url));
-const [, , out, wasm] = process.argv;
+const [, , out, wasm, refine] = process.argv;
 const made = `${out}.new`;
 
 rmSync(made, { recursive: true, force: true });
@@ -24,13 +24,16 @@ function named(name, content) {
   return `${stem}-${hash}.${extension}`;
 }
 
-// In one module, './from' becomes './to'.
-const renamed = (module, from, to) => ({
-  name: `rename-${from}`,
+// In one module, each './from' becomes its './to'.
+const renamed = (module, names) => ({
+  name: `rename-in-${module}`,
   setup: ({ onLoad }) => onLoad({ filter: new RegExp(`/client/${module}$`) }, ({ path }) => {
-    const text = readFileSync(path, 'utf8');
-    if (!text.includes(`'./${from}'`)) throw new Error(`${path} does not name ${from}`);
-    return { contents: text.replaceAll(`'./${from}'`, `'./${to}'`), loader: 'js' };
+    let contents = readFileSync(path, 'utf8');
+    for (const [from, to] of Object.entries(names)) {
+      if (!contents.includes(`'./${from}'`)) throw new Error(`${path} does not name ${from}`);
+      contents = contents.replaceAll(`'./${from}'`, `'./${to}'`);
+    }
+    return { contents, loader: 'js' };
   }),
 });
 
@@ -48,14 +51,22 @@ const options = {
 
 const wasmName = named('tetlod.wasm', readFileSync(wasm));
 cpSync(wasm, join(made, wasmName));
-// the worker is one file: it is asked for late, and would ask for the rest later still
-const worker = await build({ ...options, entryPoints: ['client/worker.js'], write: false, metafile: true, plugins: [renamed('worker.js', 'tetlod.wasm', wasmName)] });
+const refineName = named('refine.wasm', readFileSync(refine));
+cpSync(refine, join(made, refineName));
+const refiner = await build({ ...options, entryPoints: ['client/refine.js'], write: false });
+const refinerName = named('refine.js', refiner.outputFiles[0].contents);
+writeFileSync(join(made, refinerName), refiner.outputFiles[0].contents);
+// the worker is one file: it is asked for late, and would ask for the rest later still, but for what is seldom wanted
+const worker = await build({
+  ...options, entryPoints: ['client/worker.js'], write: false, metafile: true, external: [`./${refinerName}`],
+  plugins: [renamed('worker.js', { 'tetlod.wasm': wasmName, 'refine.wasm': refineName }), renamed('engine.js', { 'refine.js': refinerName })],
+});
 const [{ contents }] = worker.outputFiles;
 const workerName = named('worker.js', contents);
 writeFileSync(join(made, workerName), contents);
 
 // Each page is bundled for itself: a file that both load would be one more request. The catalogue may open the other.
-const pages = { ...options, entryNames: '[name]', chunkNames: 'chunk-[hash]', splitting: true, plugins: [renamed('stream.js', 'worker.js', workerName)] };
+const pages = { ...options, entryNames: '[name]', chunkNames: 'chunk-[hash]', splitting: true, plugins: [renamed('stream.js', { 'worker.js': workerName })] };
 const catalogue = await build({ ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'], metafile: true });
 const { metafile } = await build({ ...pages, entryPoints: ['page/view.js', 'page/element.js'], metafile: true });
 for (const name of readdirSync(join(here, 'page')))
@@ -63,7 +74,8 @@ for (const name of readdirSync(join(here, 'page')))
 writeFileSync(join(made, 'notices.txt'), noticesOf(here, [worker.metafile, catalogue.metafile, metafile]));
 const style = (...names) => names.map((name) => readFileSync(join(here, 'page', name), 'utf8')).join('');
 writeFileSync(join(made, 'catalogue.css'), style('page.css', 'catalogue.css'));
-writeFileSync(join(made, 'view.css'), style('page.css', 'view.css', 'player.css'));
+writeFileSync(join(made, 'view.css'), style('page.css', 'view.css'));
+writeFileSync(join(made, 'tools.css'), style('tools.css', 'player.css'));
 
 // The viewer's page names what view.js will load, so that nothing waits for it: first what asks for the stream, then what
 // draws it. The panel comes last, and unnamed.

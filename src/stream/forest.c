@@ -32,6 +32,7 @@ void forest_free(struct forest *forest)
         free(forest->stages[s].newest);
     }
     free(forest->columns);
+    free(forest->chosen);
     free(forest->stages);
     free(forest->parents);
     free(forest->versions);
@@ -118,13 +119,28 @@ uint64_t forest_estimate(const struct tetlod_info *info, uint32_t level)
     return stage->vertices * (2 * (row + 8) + 12 + 8 * components + 64) + stage->tets * (uint64_t)(22 + 64) + ((uint64_t)1 << 16);
 }
 
+static bool choose_fields(struct forest *forest, const uint32_t *fields, uint32_t count)
+{
+    forest->chosen = fields ? array_new(count, sizeof *fields) : NULL;
+    forest->chosen_count = fields ? count : 0;
+    for (uint32_t f = 0; forest->chosen && f < count; f++)
+        forest->chosen[f] = fields[f];
+    return !fields || forest->chosen;
+}
+
 enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level, struct tetlod_error *error)
+{
+    return forest_new_of(out, file, forest_last_level(tetlod_info(file), level), NULL, 0, error);
+}
+
+enum tetlod_status forest_new_of(struct forest **out, struct tetlod_file *file, uint32_t level, const uint32_t *fields,
+                                 uint32_t count, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct forest *forest = array_zero(1, sizeof *forest);
     *out = NULL;
-    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info,
-                                                                           forest_last_level(info, level));
+    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, level) &&
+                 choose_fields(forest, fields, count);
     uint32_t vertices = known ? forest->stages[forest->stage_count - 1].vertices : 0;
     if (!known || most_versions(forest) > UINT32_MAX ||
         !(forest->parents = array_new(vertices, sizeof *forest->parents)) ||
@@ -143,7 +159,12 @@ static void pack_row(const struct forest *forest, const struct tetlod_mesh *mesh
 {
     for (uint32_t c = 0; c < forest->column_count; c++) {
         const struct column *column = &forest->columns[c];
-        const double *values = (c ? mesh->fields[c - 1] : mesh->positions) + (size_t)slot * column->components;
+        const double *values = c ? mesh->fields[c - 1] : mesh->positions;
+        if (!values) { // not decoded
+            memset(row + column->offset, 0, column->components * width_of(column->type));
+            continue;
+        }
+        values += (size_t)slot * column->components;
         for (uint32_t i = 0; i < column->components; i++) {
             if (column->type == TETLOD_FLOAT64)
                 memcpy(row + column->offset + 8 * i, &values[i], 8);
@@ -224,7 +245,7 @@ static enum tetlod_status take_next(struct forest *forest, struct tetlod_error *
     uint32_t level = forest->next_level;
     const struct tetlod_level *expected = &tetlod_info(forest->file)->levels[level];
     if (!forest->cursor)
-        TETLOD_TRY(tetlod_cursor_new(&forest->cursor, forest->file, NULL, 0, error));
+        TETLOD_TRY(tetlod_cursor_new(&forest->cursor, forest->file, forest->chosen, forest->chosen_count, error));
     TETLOD_TRY(tetlod_cursor_seek(forest->cursor, level, error));
     tetlod_cursor_mesh(forest->cursor, &mesh);
     if (mesh.vertices != expected->vertices || mesh.tets != expected->tets)

@@ -24,6 +24,10 @@ struct forest;
 TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level,
                                              struct tetlod_error *error);
 
+/* For the levels up to exactly this one, with these fields (NULL: all); the values of the others are 0. */
+TETLOD_CHECKED enum tetlod_status forest_new_of(struct forest **out, struct tetlod_file *file, uint32_t level,
+                                                const uint32_t *fields, uint32_t count, struct tetlod_error *error);
+
 /* The last level that a forest for `level` has: as many levels are served by one forest as do not double what is
  * decoded. */
 uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level);

@@ -27,6 +27,7 @@ struct stage {
 
 struct forest {
     struct tetlod_file *file; /* borrowed */
+    uint32_t *chosen, chosen_count; /* fields that are decoded; NULL: all */
     uint32_t column_count;
     struct column *columns; /* the position, then the fields */
     size_t row_size;

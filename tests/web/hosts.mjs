@@ -62,6 +62,17 @@ export function cellStream() {
     'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)], '--field', 'heat', '--region', 'material');
 }
 
+/** The path of a stream of a block with these fields, each a function of a place; the first drives the contraction. */
+export function blockStream(name, n, fields) {
+  const { points, text } = block(n);
+  const lines = Object.entries(fields).flatMap(([field, of]) => {
+    const values = points.map(of);
+    return Array.isArray(values[0]) ? [`VECTORS ${field} double`, ...values.map((v) => v.join(' '))]
+      : [`SCALARS ${field} double 1`, 'LOOKUP_TABLE default', ...values];
+  });
+  return streamOf(name, [...text, ...lines], '--field', Object.keys(fields)[0]).path;
+}
+
 /**
  * A loaded beam as files of two formats, {name: text}: ids of its points and a constant come before what one wants to see,
  * a displacement and its stresses.

@@ -481,7 +481,7 @@ async function the_whole_screen_and_the_panel() {
   assert.ok(await picture() !== light, 'the picture follows the page');
   await page.locator('#theme').click();
   await page.locator('#help-open').click();
-  assert.ok(await page.locator('#help').isVisible());
+  await page.locator('#help').waitFor();
   await page.keyboard.press('Escape');
   assert.ok(await page.locator('#help').isHidden());
 }
@@ -491,12 +491,13 @@ async function keys_do_what_the_help_says() {
   await open('&volumeSize=48');
   await page.locator('#picture').focus();
   await page.keyboard.press('?');
+  await page.locator('#keys kbd').first().waitFor();
   const listed = await page.locator('#keys kbd').allInnerTexts();
   await page.keyboard.press('Escape');
   await page.evaluate(() => {
     window.open = () => null;
     window.snapshot = () => JSON.stringify([window.tetlod.state, window.tetlod.scene.camera(), document.body.className, document.documentElement.dataset.theme,
-      Boolean(document.fullscreenElement), document.getElementById('help').open, window.notices.length]); // a notice may have gone
+      Boolean(document.fullscreenElement), document.getElementById('help')?.open, window.notices.length]); // a notice may have gone
   });
   const names = { '←': 'ArrowLeft', '↑': 'ArrowUp', '→': 'ArrowRight', '↓': 'ArrowDown', '−': '-', '?': '?' };
   const elsewhere = ['double-click', 'Space', ',', '.']; // the steps of a series: test_player.mjs

@@ -9,7 +9,8 @@ import { run } from './tap.mjs';
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { isosurfaceRange, specOf, targetOf } = await load('spec.js');
-const { errorSpan, measureFor, promiseOf, titleWithUnit, unitOf, wantedLevel, wordsOfBound } = await load('levels.js');
+const { measureFor, titleWithUnit, unitOf, wantedLevel } = await load('levels.js');
+const { errorSpan, promiseOf, wordsOfBound } = await load('promises.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
@@ -26,6 +27,8 @@ function a_state_survives_its_fragment() {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, formula: 'q * 2', units: 'q=m/s', range: 'manual', low: -1.25, high: 3e-7,
     log: true, cells: 'material', regions: 'part', hidden: [-2, 7], map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
     sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, warp: 'u', warpScale: -2.5, outline: true, volume: true, volumeSize: 64,
+    refine: { boxes: [[0, 0.25, 0.5, 0.5, 0.75, 1], [0, 0, 0, 1, 1, 1]], error: 0.002 },
+    other: 'https://host/a b.tetlod', compare: 'curtain', curtain: 0.3,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);

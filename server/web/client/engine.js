@@ -15,6 +15,8 @@ const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump
 const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
+const transition = 2;   // of the parts of a mesh that is finer in boxes (src/stream/region.h)
+
 const mostRegions = 500; // that somebody may want to choose from
 
 // Which numbers there are, ascending, and how many tetrahedra have each; null: too many.
@@ -67,6 +69,10 @@ export class Engine {
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
   #draft = null;      // {tets, resolve}: a picture of a coarser level that is wanted beside
+  #refining;          // promises the module that makes meshes finer in boxes
+  #refiner = null;    // such a mesh's maker, while one is wanted
+  #finer = null;      // {key, level, counts} of the mesh that is shown, if it is such a one
+  #unrefinable = '';  // key of one that could not be made
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
 
   /** `emit(name, detail)` sends an event to the page. */
@@ -78,7 +84,8 @@ export class Engine {
 
   // `source`: { url, headers, credentials }, { blob }, or { read }, a function as of Held.
   // `part`: {cid, offset, size} of the stream, if it is one inside the source; of `fields` it may lack some.
-  async open({ module, source, part, fields, retries, target }) {
+  async open({ module, refining, source, part, fields, retries, target }) {
+    this.#refining = refining;
     const options = { signal: this.#stop.signal, retries, onRetry: (detail) => this.#emit('retry', detail), onBytes: (count) => this.#emit('fetched', count) };
     const read = source.blob ? readerOf(source.blob) : source.read;
     if (part) this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part), read ? options : {});
@@ -218,6 +225,8 @@ export class Engine {
     if (!before?.volume) this.#volumeOf = '';
     if (!before?.rays) this.#raysOf = '';
     if (!before?.vectors) this.#vectorsOf = '';
+    if (!spec?.refine) this.#refiner = null;
+    this.#unrefinable = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -294,7 +303,7 @@ export class Engine {
   }
 
   get #untilGoal() {
-    return this.#info.levels[Math.max(this.#goal, 0)].bytes;
+    return this.#info.levels[Math.max(this.#goal, this.#boxLevel, 0)].bytes;
   }
 
   async #fetchLoop() {
@@ -473,6 +482,7 @@ export class Engine {
   async #showLoop() {
     while (!this.#closed) {
       try {
+        if (this.#finer && this.#finer.key !== this.#boxesWanted) this.#leaveBoxes();
         if (this.#time) {
           await this.#showStep(await this.#series);
           continue;
@@ -482,6 +492,7 @@ export class Engine {
         if (next > this.#shown) await this.#refine();
         else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
+        else if (this.#canRefine) await this.#refineInBoxes();
         else if (this.#draft) this.#makeDraft();
         else await this.#settle();
       } catch (error) {
@@ -576,6 +587,70 @@ export class Engine {
     await this.#present(1);
   }
 
+  // ---- finer in boxes
+
+  // Their level; -1: no boxes are wanted, or none finer than the goal.
+  get #boxLevel() {
+    const level = this.#spec?.refine && !this.#time ? Math.min(this.#spec.refine.level, this.#limit) : -1;
+    return level > this.#goal ? level : -1;
+  }
+
+  // Which mesh is wanted in place of the goal's level; '': none.
+  get #boxesWanted() {
+    const level = this.#boxLevel;
+    return level < 0 ? '' : JSON.stringify([this.#goal, level, this.#spec.refine.boxes]);
+  }
+
+  get #canRefine() {
+    const key = this.#boxesWanted;
+    const isNew = key && key !== this.#finer?.key && key !== this.#unrefinable;
+    return isNew && this.#shown === this.#goal && this.#view.ready >= this.#boxLevel;
+  }
+
+  async #refineInBoxes() {
+    const key = this.#boxesWanted;
+    const [coarse, fine, boxes] = JSON.parse(key);
+    const started = performance.now();
+    try {
+      await this.#series; // which goes back to the cursor's mesh
+      if (!this.#refiner?.reaches(fine)) await this.#openRefiner(fine, key);
+      if (key !== this.#boxesWanted || this.#shown !== coarse) return;
+      if (this.#view.level !== coarse) this.#view.seek(coarse);
+      const made = this.#refiner.make(coarse, fine, boxes);
+      this.#view.adopt(made);
+      this.#finer = { key, level: fine, counts: made.counts };
+      this.#emit('refined', { level: coarse, boxLevel: fine, ...made.counts, seconds: (performance.now() - started) / 1000 });
+      this.#changed();
+    } catch (error) {
+      this.#unrefinable = key;
+      this.#refiner = null;
+      this.#emit('error', { message: `it cannot be refined there: ${error.message}` });
+    }
+  }
+
+  // Decodes on its own, in turns, as long as that is wanted.
+  async #openRefiner(fine, key) {
+    this.#refiner = null;
+    const { Refiner } = await import('./refine.js'); // a file of its own beside the worker's
+    const refiner = await Refiner.create(await this.#refining());
+    const selected = this.#source.partial ? this.#source.fields : null;
+    refiner.open(this.#view.added, { fields: this.#fields, selected, level: fine });
+    while (!this.#closed && key === this.#boxesWanted && !refiner.grow()) await this.#takeTurn();
+    if (refiner.reaches(fine)) this.#refiner = refiner;
+  }
+
+  #leaveBoxes() {
+    this.#finer = null;
+    this.#view.readopt(false);
+    this.#changed();
+  }
+
+  // Another mesh is shown at the same level.
+  #changed() {
+    this.forget();
+    this.#dirty = true;
+  }
+
   // ---- pictures
 
   #fieldIndex(name) {
@@ -592,7 +667,7 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null }) {
+  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null, refine = null }) {
     const defined = formula && this.#checkFormula(formula);
     const shade = formula ? this.#info.fields.length : field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
@@ -607,7 +682,7 @@ export class Engine {
     const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
     return {
       surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined,
-      warp: warp && this.#checkWarp(warp), vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
+      warp: warp && this.#checkWarp(warp), refine: refine && this.#checkRefine(refine), vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
       component: shade < 0 || formula ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold)) },
@@ -621,6 +696,12 @@ export class Engine {
     if (components !== 3) throw new RangeError(`the field '${name}' has ${components} components, points are moved by 3`);
     if (!Number.isFinite(scale)) throw new RangeError(`warp.scale is a number, not ${scale}`);
     return { by: { field, scale }, outline };
+  }
+
+  #checkRefine({ boxes, target = {} }) {
+    const isBox = (box) => box.length === 6 && box.every(Number.isFinite) && [0, 1, 2].every((i) => box[i] <= box[3 + i]);
+    if (!(boxes.length >= 1 && boxes.length <= 16 && boxes.every(isBox))) throw new RangeError('refine.boxes are 1 to 16 boxes of six numbers each, the least corner first');
+    return { boxes, level: chooseLevel(this.#base, target) };
   }
 
   // With the fields' numbers; the module refuses what is no function.
@@ -728,7 +809,21 @@ export class Engine {
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
       zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),
+      finer: this.#finer && this.#drawFiner(),
     };
+  }
+
+  // Which levels are shown where, and the edges of the tetrahedra between them, of which nothing is proved.
+  #drawFiner() {
+    const { surface, slices, threshold, regions } = this.#spec;
+    const marked = surface ? [this.#view.marks(transition)] : [];
+    this.#view.pick(transition);
+    this.#view.filter(threshold, regions);
+    const cut = slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines: true }));
+    const edges = [...marked, ...cut].map(({ points, lines }) => ({ points, lines }));
+    this.#view.pick(null);
+    this.#view.filter(threshold, regions);
+    return { boxLevel: this.#finer.level, ...this.#finer.counts, edges };
   }
 
   // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's
@@ -744,7 +839,7 @@ export class Engine {
       near &&= this.#view.isNear;
       return side;
     });
-    return { bound, certified: certified && near, sides };
+    return { bound, certified: certified && near && !this.#finer, sides };
   }
 
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is
@@ -810,6 +905,7 @@ export class Engine {
     } finally {
       [this.#sampleOf, this.#surfaceOf, this.#raysOf] = known;
       this.#view.seek(this.#shown = fine);
+      if (this.#finer) this.#view.readopt(true);
     }
   }
 

@@ -448,8 +448,9 @@ export class TetlodStream extends EventTarget {
     return this.#call('draft', tets);
   }
 
-  /** Which pictures to make of this and every following level; null: none. */
-  async show(spec) {
+  /** Which pictures to make of this and every following level; null: none. `whole`: the first ones leave nothing out that is the same. */
+  async show(spec, { whole = false } = {}) {
+    if (whole) this.#link.send({ action: 'forget' });
     await this.#call('show', spec);
     this.#spec = spec;
   }
@@ -470,7 +471,7 @@ export class TetlodStream extends EventTarget {
     };
     this.addEventListener('pictures', take);
     try {
-      await this.#showWhole(spec);
+      await this.show(spec, { whole: true });
       newest = null; // of what was shown before
       while (!this.#closed) {
         if (!newest) await Promise.race([new Promise((resolve) => { ring = resolve; }), this.#ended]);
@@ -480,14 +481,8 @@ export class TetlodStream extends EventTarget {
       }
     } finally {
       this.removeEventListener('pictures', take);
-      if (!this.#closed && this.#spec === spec) await this.#showWhole(before);
+      if (!this.#closed && this.#spec === spec) await this.show(before, { whole: true });
     }
-  }
-
-  // The first pictures leave nothing out, whatever the ones before had.
-  async #showWhole(spec) {
-    this.#link.send({ action: 'forget' });
-    await this.show(spec);
   }
 
   close(reason = closedReason()) {

@@ -52,14 +52,19 @@ function guarded(exports, broken) {
   return Object.fromEntries(Object.entries(exports).map(([name, value]) => [name, typeof value === 'function' ? guard(value) : value]));
 }
 
+/** The exports of a module of ours. */
+export async function instantiate(module) {
+  const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: noFiles });
+  exports._initialize();
+  return exports;
+}
+
 export class View {
   #code; #view; #warp = 'null';
 
   /** `broken(error)` hears that a call trapped: what the module's memory holds is worth nothing then. */
   static async create(module, broken = () => {}) {
-    const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: noFiles });
-    exports._initialize();
-    return new View(guarded(exports, broken));
+    return new View(guarded(await instantiate(module), broken));
   }
 
   constructor(code) {
@@ -155,8 +160,39 @@ export class View {
       tets: this.#words(corners, 4 * tets).slice(),
       fields: Object.fromEntries(fields.flatMap(({ name, components }, f) =>
         addresses[f] ? [[name, this.#doubles(addresses[f], components * vertices).slice()]] : [])),
-      parents: this.#words(parents, vertices).slice(),
+      parents: parents ? this.#words(parents, vertices).slice() : null, // of a mesh that is finer in boxes
     };
+  }
+
+  // ---- a mesh that is finer in boxes
+
+  /** What was added, until the next call. */
+  get added() {
+    const [address, size] = this.#words(this.#code.view_added(this.#view), 2);
+    return new Uint8Array(this.#code.memory.buffer, address, size);
+  }
+
+  /** From now on a mesh is shown that refine.js made, until the cursor moves, or readopt(false). */
+  adopt({ vertices, tets, positions, corners, numbers, parts, fields }) {
+    const address = this.#code.view_adopt(this.#view, vertices, tets) >>> 0;
+    if (!address) throw new TetlodError(10, 'out of memory: the browser gives the decoder none for a finer mesh');
+    const [places, ends, originals, kinds, values] = this.#words(address, 5);
+    this.#doubles(places, 3 * vertices).set(positions);
+    this.#words(ends, 4 * tets).set(corners);
+    this.#words(originals, tets).set(numbers);
+    this.#words(kinds, tets).set(parts);
+    this.#words(values, fields.length).forEach((at, f) => at && this.#doubles(at, fields[f].length).set(fields[f]));
+    this.readopt(true);
+  }
+
+  /** Shows the mesh that was adopted last, or the cursor's again. */
+  readopt(shown) {
+    this.#check(this.#code.view_show_adopted(this.#view, shown ? 1 : 0));
+  }
+
+  /** From now on pictures are of a part of it only; null: of all. */
+  pick(part) {
+    this.#code.view_pick(this.#view, part ?? NONE);
   }
 
   // ---- steps in time
@@ -307,6 +343,11 @@ export class View {
     return this.#part(options, (flags) => this.#code.view_surface(this.#view, flags));
   }
 
+  /** The boundary's points; its lines are the edges of what is of a part of a mesh that is finer in boxes. */
+  marks(part) {
+    return this.#part({ lines: true }, () => this.#code.view_mark(this.#view, part));
+  }
+
   slice(origin, normal, options) {
     return this.#part(options, (flags) => this.#code.view_slice(this.#view, flags, ...origin, ...normal));
   }
@@ -398,6 +439,7 @@ export class View {
       const address = this.#code.view_cells(this.#view, f) >>> 0;
       if (address) cells[name] = [...this.#doubles(address + 8 * components * tet, components)];
     });
-    return { tet, values, cells };
+    const part = ['outside', 'inside', 'between'][this.#code.view_probed_part(this.#view) >>> 0];
+    return part ? { tet, values, cells, part } : { tet, values, cells };
   }
 }

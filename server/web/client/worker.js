@@ -36,9 +36,12 @@ function takeBytes({ id, bytes, failure }) {
   else resolve(bytes);
 }
 
+// Of what makes a mesh finer in boxes, which is beside the worker: a copy of the worker in a page has none.
+const refining = () => moduleOf(new URL('./refine.wasm', import.meta.url).href);
+
 const actions = {
   open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, source, ...options }) =>
-    engine.open({ ...options, source: source.page ? { read: readByPage } : source, module: moduleOf(wasm) }),
+    engine.open({ ...options, refining, source: source.page ? { read: readByPage } : source, module: moduleOf(wasm) }),
   bytes: takeBytes,
   refineTo: (target, id) => engine.refineTo(target, id),
   seekStep: (wanted, id) => engine.seekStep(wanted, id),

@@ -3,7 +3,8 @@
 
 import { byId, element } from './dom.js';
 import { Formula } from './formula.js';
-import { boundShown, colouredOf, componentNames, titleOf } from './levels.js';
+import { colouredOf, componentNames, titleOf } from './levels.js';
+import { boundShown } from './promises.js';
 
 function exampleOf({ fields }) {
   const [vector, scalar] = [

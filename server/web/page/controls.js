@@ -2,21 +2,15 @@
 // The panel: every control follows the state and changes it.
 
 import { cssGradient, mapNames } from './colors.js';
-import { byId, element } from './dom.js';
-import {
-  colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf,
-  measuresOf, spanOf, targetFieldOf, tensorParts, unitOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound,
-} from './levels.js';
+import { bindNumber, byId, element, options } from './dom.js';
+import { colouredOf, componentName, errorOf, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, tensorParts, unitOf, wantedLevel } from './levels.js';
+import { errorForLevel, errorSpan, wordsOfBound } from './promises.js';
 import { reachOf } from './geometry.js';
 import { notice } from './notices.js';
-import { bytes, clamp, parseNumber, percent, significant } from './numbers.js';
+import { clamp, parseNumber, percent, plain } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
-import { thresholdRange } from './spec.js';
-import { axisOf, mostVectors } from './state.js';
-import { TransferEditor } from './transfer.js';
-
-const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
+import { axisOf } from './state.js';
 
 // Switches and choices that are a key of the state as it is.
 function bindPlain(store) {
@@ -31,24 +25,6 @@ function bindPlain(store) {
     });
   }
 }
-
-// A text field for a number: what cannot be read falls back to what holds. It follows what holds unless somebody types.
-function bindNumber(input, read, write) {
-  let typing = false;
-  input.addEventListener('input', () => (typing = true));
-  input.addEventListener('blur', () => (typing = false));
-  input.addEventListener('change', () => {
-    typing = false;
-    const value = parseNumber(input.value);
-    if (Number.isFinite(value)) write(value);
-    input.value = read();
-  });
-  return () => {
-    if (!typing) input.value = read();
-  };
-}
-
-const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
 
 // Counts over the colours' range, by their square roots: few values are to be seen, too.
 function drawHistogram(path, counts) {
@@ -82,8 +58,8 @@ export class Controls {
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => this.bindVolume(),
-      () => this.bindView(), () => this.describe()];
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVolume(),
+      () => this.bindView()];
   }
 
   // ---- detail
@@ -268,54 +244,6 @@ export class Controls {
     store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
   }
 
-  // As many as a slider from 1 to 1000 says: most of its way is for few.
-  bindVectors() {
-    const { store, info } = this;
-    const [choice, field, slider] = ['vectors', 'vector-field', 'vector-count'].map(byId);
-    const able = vectorFields(info);
-    byId('vectors-body').hidden = !able.length;
-    options(field, able.map((name) => [name, name]));
-    choice.addEventListener('change', () => this.setInner({ vectors: choice.value }));
-    field.addEventListener('change', () => store.set({ vectorField: field.value }));
-    slider.addEventListener('input', () => store.set({ vectorCount: Math.max(1, Math.round(mostVectors ** (slider.value / 1000))) }));
-    store.watch(['vectors', 'vectorField', 'vectorCount', 'field'], (state) => {
-      choice.value = state.vectors;
-      byId('vectors-more').hidden = state.vectors === 'off';
-      field.value = vectorsOf(info, state) ?? '';
-      slider.value = (1000 * Math.log(state.vectorCount)) / Math.log(mostVectors);
-      slider.ariaValueText = String(state.vectorCount);
-    });
-  }
-
-  bindThreshold() {
-    const { store } = this;
-    const box = byId('threshold');
-    // what is left is looked at from outside
-    box.addEventListener('change', () => store.set(box.checked ? { threshold: [0.5, 1], surface: 'solid' } : { threshold: null }));
-    const put = (end, x) => {
-      const both = [...store.state.threshold];
-      both[end] = Number(clamp(x, 0, 1).toPrecision(5));
-      store.set({ threshold: end ? [Math.min(...both), both[1]] : [both[0], Math.max(...both)] });
-    };
-    const ends = ['low', 'high'].map((name, end) => {
-      const slider = byId(`threshold-${name}`);
-      slider.addEventListener('input', () => put(end, slider.value / 1000));
-      const range = () => thresholdRange(store.state, this.info);
-      const number = bindNumber(byId(`threshold-${end ? 'most' : 'least'}`),
-        () => plain(range()[0] + store.state.threshold[end] * (range()[1] - range()[0])), (x) => put(end, (x - range()[0]) / (range()[1] - range()[0] || 1)));
-      return () => {
-        slider.value = 1000 * store.state.threshold[end];
-        number();
-      };
-    });
-    this.follow(['threshold', 'field', 'cells', 'component', 'formula'], ({ threshold, cells }) => {
-      box.checked = Boolean(threshold);
-      byId('threshold-body').hidden = !threshold;
-      byId('threshold-words').textContent = cells ? 'Cells with values between these.' : 'Cells whose corners all have values between these.';
-      if (threshold) for (const update of ends) update();
-    });
-  }
-
   // At first through the middle, along the longest side; far walls do not hide it.
   toggleLine() {
     const { line } = this.store.state;
@@ -416,9 +344,15 @@ export class Controls {
 
   bindVolume() {
     const { store } = this;
-    const editor = new TransferEditor(byId('transfer'), (opacity) => store.set({ opacity }));
-    store.watch(['opacity'], (state) => editor.set(state.opacity));
+    let editor = null; // loaded with the first volume
+    const edit = async () => {
+      editor = import('./transfer.js');
+      const { TransferEditor } = await editor;
+      const made = new TransferEditor(byId('transfer'), (opacity) => store.set({ opacity }));
+      store.watch(['opacity'], (state) => made.set(state.opacity));
+    };
     store.watch(['volume'], (state) => {
+      if (state.volume && !editor) edit();
       byId('volume').checked = state.volume;
       byId('volume-body').hidden = !state.volume;
     });
@@ -440,21 +374,5 @@ export class Controls {
       store.set({ ...this.viewer.base, field });
       actions.look('oblique');
     });
-  }
-
-  describe() {
-    const { info } = this;
-    const size = info.bounds[1].map((h, i) => significant(h - info.bounds[0][i], 3)).join(' × ');
-    const rows = [
-      ['Vertices', info.vertices.toLocaleString('en-US').replaceAll(',', '\u202f')],
-      ['Bytes', bytes(this.viewer.stream.bytes)],
-      ['Levels', String(info.levels.length)],
-      ['Size', size],
-      ['Fields', info.fields.map((f) => f.name).join(', ')],
-      ...(info.cellFields.length ? [['Values of cells', info.cellFields.map((f) => f.name).join(', ')]] : []),
-      ['Restores the input', info.lossless ? 'exactly' : 'within its error'],
-      ['Content', info.cid.slice(0, 12)],
-    ];
-    byId('about').replaceChildren(...rows.map(([name, value]) => element('div', {}, element('dt', {}, name), element('dd', {}, value))));
   }
 }

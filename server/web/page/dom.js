@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Making and finding elements.
 
+import { parseNumber } from './numbers.js';
+
 export const byId = (id) => document.getElementById(id);
 
 export function element(name, properties = {}, ...children) {
@@ -36,3 +38,22 @@ export function coalesced(draw) {
 
 // Lets what else waits for this thread go first: a long piece of work in steps.
 export const pause = () => globalThis.scheduler?.yield?.() ?? new Promise((resolve) => setTimeout(resolve));
+
+// Choices, as pairs of value and text.
+export const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
+
+// A text field for a number: what cannot be read falls back to what holds. It follows what holds unless somebody types.
+export function bindNumber(input, read, write) {
+  let typing = false;
+  input.addEventListener('input', () => (typing = true));
+  input.addEventListener('blur', () => (typing = false));
+  input.addEventListener('change', () => {
+    typing = false;
+    const value = parseNumber(input.value);
+    if (Number.isFinite(value)) write(value);
+    input.value = read();
+  });
+  return () => {
+    if (!typing) input.value = read();
+  };
+}

@@ -3,7 +3,8 @@
 
 import { byId, element } from './dom.js';
 import { add } from './geometry.js';
-import { boundShown, titleOf } from './levels.js';
+import { titleOf } from './levels.js';
+import { boundShown } from './promises.js';
 import { notice } from './notices.js';
 
 const mostPixels = 8192; // on a side

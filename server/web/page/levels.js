@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels and their errors, as the stream's index has them.
 
-import { boundOf, firstField } from '../client/choose.js';
-import { percent, roundedUp, significant } from './numbers.js';
+import { firstField } from '../client/choose.js';
 
 export const measureNames = {
   max: 'certified maximum',
@@ -38,17 +37,6 @@ export const shownMeasure = (info, state) => measureOf(info, shownField(info, st
 
 export const errorOf = (level, field, measure) => level.errors[field]?.[measure] ?? 1;
 
-// What a level promises of every field, as `tetlod extract` says it.
-export function promiseOf(info, level) {
-  const { errors } = info.levels[level];
-  const held = info.fields.filter((f) => f.controlled)
-    .map(({ name }) => (errors[name].max === undefined ? `${name} ${percent(errors[name].sampled)} (measured)` : `${name} ≤ ${percent(roundedUp(errors[name].max, 3))} (certified)`));
-  const others = info.fields.filter((f) => !f.controlled && !f.bounds).map(({ name }) => ({ name, sampled: errors[name].sampled }));
-  const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
-  const rest = worst && `${others.length === 1 ? `${worst.name} not controlled:` : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
-  return [held.join(', '), rest].filter(Boolean).join('; ');
-}
-
 // The coarsest level with at most the wanted error, coarser if a budget says so.
 export function wantedLevel(info, state) {
   let k = levelForError(info, state);
@@ -72,25 +60,10 @@ export const memoryOf = (tets) => tets * bytesPerTet;
 // Where no budget is set, an eighth of the device's memory; browsers that do not tell it have 4 GB at least today.
 export const defaultTets = () => Math.floor(((globalThis.navigator?.deviceMemory ?? 4) * 2 ** 30) / 8 / bytesPerTet);
 
-// The error to ask for so that a level is the answer: levels of the same error are the same to the target.
-export const errorForLevel = (info, state, k) => errorOf(info.levels[k], targetFieldOf(info, state), measureFor(info, state));
-
-// The extremes of a field's errors that are not zero: what the slider reaches over.
-export function errorSpan(info, state) {
-  const measure = measureFor(info, state);
-  const field = targetFieldOf(info, state);
-  const errors = info.levels.map((l) => errorOf(l, field, measure)).filter((e) => e > 0);
-  const most = Math.max(...errors, 1e-9);
-  return [Math.min(...errors, most), most];
-}
-
 export function fieldOf(info, name) {
   return info.fields.find((f) => f.name === name);
 }
 
-// '± 0.04 (0.5 %, certified)' of what boundOf gives; a length's bound is in proportion to a component's range.
-export const wordsOfBound = (info, name, { bound, certified }) =>
-  (bound ? `± ${amountOf(info, name, roundedUp(bound, 2))} (${percent(roundedUp(bound / (spanOf(fieldOf(info, name)) || 1), 3))}, ${certified ? 'certified' : 'measured'})` : 'exact');
 export const spanOf = (field) => field.range[1] - field.range[0];
 
 // What is drawn of a field: its only component has no choice.
@@ -110,27 +83,6 @@ export function colouredOf(info, state) {
 
 // The field that bounds the error of this one at every point, if the stream has it.
 export const localBoundOf = (info, name) => info.fields.find((f) => f.bounds === name)?.name;
-
-// How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser
-// level has no bound: null.
-// `local`: what the local bound says there, if it is known.
-export function boundShown(info, level, state, local) {
-  const { field, cells, component, formula } = colouredOf(info, state);
-  if (formula) return formulaBound(formula, info, level);
-  if (!cells && field.bounds) return { bound: null, certified: true, words: `is how far off ${field.bounds} is at most` };
-  if (cells) return level === info.levels.length - 1 ? { bound: 0, certified: true, words: 'exact' } : { bound: null, certified: false, words: 'of the cell, without a bound' };
-  const found = boundOf(info, level, field.name, component, local);
-  return { ...found, words: wordsOfBound(info, field.name, found) };
-}
-
-/** As boundShown, of a function; with `values` of a probe at that place. */
-export function formulaBound(formula, info, level, values = null) {
-  const { bound, certified } = formula.at(info, level, values);
-  if (!Number.isFinite(bound)) return { bound: null, certified: false, words: 'without a bound' };
-  const { low, high } = formula.at(info, info.levels.length - 1);
-  const share = Number.isFinite(high - low) && high > low ? `${percent(roundedUp(bound / (high - low), 3))}, ` : '';
-  return { bound, certified, words: bound ? `± ${significant(roundedUp(bound, 2), 2)} (${share}${certified ? 'certified' : 'measured'})` : 'exact' };
-}
 
 // Fields of cells whose numbers can be those of regions.
 export const regionFields = (info) => info.cellFields.filter(({ components, type }) => components === 1 && type.startsWith('int')).map(({ name }) => name);
@@ -171,8 +123,6 @@ export const unitsOf = ({ units }) => new Map(units.split(';').map((part) => {
   const end = part.lastIndexOf('=');
   return [part.slice(0, end), part.slice(end + 1)];
 }).filter(([name, unit]) => name && unit));
-export const unitsText = (units) => [...units].filter(([name, unit]) => unit && !/[;=]/.test(unit) && !name.includes(';')).map((pair) => pair.join('=')).join(';');
-
 // The unit of a field, or nothing: what somebody typed, else metadata, which hold what a file said, or anything.
 export function unitOf(info, name) {
   const unit = info.typedUnits?.get(name) ?? info.metadata?.units?.[name];
@@ -184,8 +134,6 @@ export function titleWithUnit(info, state) {
   const unit = state.formula ? '' : unitOf(info, state.cells || state.field);
   return titleOf(info, state) + (unit && ` [${unit}]`);
 }
-
-const amountOf = (info, name, x) => `${significant(x, 2)}${unitOf(info, name) && ` ${unitOf(info, name)}`}`;
 
 const named = { 6: 'xx yy zz xy yz xz'.split(' '), 9: 'xx xy xz yx yy yz zx zy zz'.split(' ') };
 export const componentNames = (components) =>

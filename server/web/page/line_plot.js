@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The field along a line through the volume, exactly as the level has it, within the band that its error allows.
 
-import { byId, coalesced, element, svg } from './dom.js';
+import { byId, coalesced, svg } from './dom.js';
 import { add, length, mix } from './geometry.js';
-import { boundShown, titleOf } from './levels.js';
+import { makeKnob } from './place_knob.js';
+import { titleOf } from './levels.js';
+import { boundShown } from './promises.js';
 import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
@@ -20,10 +22,21 @@ export function rowsOf(from, to, ends, bounds) {
   });
 }
 
+// Over the picture.
+const plotHtml = `
+  <section id="line-plot" aria-labelledby="line-words" hidden>
+    <p id="line-words"></p>
+    <button type="button" class="small" id="line-csv" title="Save the values as CSV">CSV</button>
+    <button type="button" class="small" id="line-vtp" title="Save the line with its values, for ParaView and VTK">VTP</button>
+    <button type="button" class="small" id="line-close" aria-label="No plot over a line">×</button>
+    <svg id="line-drawing" role="img" aria-label="The values along the line"></svg>
+  </section>`;
+
 export class LinePlot {
   // `save(name, blob)`
   constructor(viewer, layer, save) {
     Object.assign(this, { viewer, save, shown: null });
+    byId('probe').insertAdjacentHTML('afterend', plotHtml);
     this.box = byId('line-plot');
     this.drawing = byId('line-drawing');
     this.overlay = svg('svg', { class: 'outlines', 'aria-hidden': 'true' });
@@ -44,13 +57,19 @@ export class LinePlot {
   // ---- in the picture
 
   world(end) {
-    const { info, store: { state } } = this.viewer;
+    const {
+      info,
+      store: { state },
+    } = this.viewer;
     const [low, high] = info.bounds;
     return low.map((l, i) => l + state.line[3 * end + i] * (high[i] - l));
   }
 
   update() {
-    const { scene, store: { state } } = this.viewer;
+    const {
+      scene,
+      store: { state },
+    } = this.viewer;
     const places = state.line ? [0, 1].map((end) => scene.toScreen(add(this.world(end), scene.centre, -1))) : [];
     const hidden = !places.length || places.some(({ depth }) => depth > 1); // behind the camera
     this.overlay.classList.toggle('hidden', hidden);
@@ -60,13 +79,19 @@ export class LinePlot {
     });
     if (hidden) return;
     const ends = { x1: places[0].x, y1: places[0].y, x2: places[1].x, y2: places[1].y };
-    for (const line of this.lines) for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value.toFixed(1));
+    for (const line of this.lines)
+      for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value.toFixed(1));
   }
 
   /** The line in a saved picture; `factor`: its pixels of one on the screen. */
   drawOn(context, { width, height }, factor) {
-    const { scene, store: { state } } = this.viewer;
-    const places = state.line ? [0, 1].map((end) => scene.toPicture(add(this.world(end), scene.centre, -1), [width, height])) : [];
+    const {
+      scene,
+      store: { state },
+    } = this.viewer;
+    const places = state.line
+      ? [0, 1].map((end) => scene.toPicture(add(this.world(end), scene.centre, -1), [width, height]))
+      : [];
     if (!places.length || places.some(({ depth }) => depth > 1)) return;
     context.save();
     this.lines.forEach((line, inner) => {
@@ -85,41 +110,21 @@ export class LinePlot {
   }
 
   makeKnob(layer, end) {
-    const knob = element('button', { type: 'button', className: 'knob along', ariaLabel: `Line: ${end ? 'end' : 'begin'}; drag, or arrow keys` });
-    let held = false;
-    knob.addEventListener('pointerdown', (event) => {
-      held = true;
-      event.preventDefault();
-      event.stopPropagation();
-      knob.focus();
-      knob.setPointerCapture(event.pointerId);
-    });
-    knob.addEventListener('pointermove', (event) => {
-      const { left, top } = layer.getBoundingClientRect();
-      if (held) this.move(end, event.clientX - left, event.clientY - top);
-    });
-    for (const name of ['pointerup', 'pointercancel']) knob.addEventListener(name, () => { held = false; });
-    knob.addEventListener('keydown', (event) => {
-      const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key];
-      if (!step) return;
-      event.preventDefault();
-      const { scene } = this.viewer;
-      const { x, y } = scene.toScreen(add(this.world(end), scene.centre, -1));
-      this.move(end, x + step[0], y + step[1]);
-    });
-    knob.hidden = true;
-    layer.append(knob);
-    return knob;
+    const at = { place: () => this.world(end), move: (to) => this.move(end, to) };
+    return makeKnob(layer, this.viewer.scene, `Line: ${end ? 'end' : 'begin'}; drag, or arrow keys`, at);
   }
 
-  // To a place of the picture, as far away as it was.
-  move(end, x, y) {
-    const { scene, info, store } = this.viewer;
-    const { depth } = scene.toScreen(add(this.world(end), scene.centre, -1));
-    const to = add(scene.toWorld(x, y, depth), scene.centre);
-    const [low, high] = info.bounds;
+  move(end, to) {
+    const {
+      info: {
+        bounds: [low, high],
+      },
+      store,
+    } = this.viewer;
     const line = [...store.state.line];
-    to.forEach((c, i) => { line[3 * end + i] = Number(clamp((c - low[i]) / (high[i] - low[i] || 1), 0, 1).toPrecision(4)); });
+    to.forEach((c, i) => {
+      line[3 * end + i] = Number(clamp((c - low[i]) / (high[i] - low[i] || 1), 0, 1).toPrecision(4));
+    });
     store.set({ line });
   }
 
@@ -138,7 +143,12 @@ export class LinePlot {
     this.asking = false;
     if (!answer) return;
     const { told: info, coloredState: state } = viewer;
-    const { bound, words } = boundShown(info, answer.level, state, answer.bounds?.reduce((most, b) => Math.max(most, b), 0));
+    const { bound, words } = boundShown(
+      info,
+      answer.level,
+      state,
+      answer.bounds?.reduce((most, b) => Math.max(most, b), 0),
+    );
     const bounds = answer.bounds ?? new Float64Array(answer.ends.length / 2).fill(bound);
     this.shown = { ...answer, from, to, title: titleOf(info, state), bound, bounds, words };
     this.draw();
@@ -160,11 +170,15 @@ export class LinePlot {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (!this.shown || this.box.hidden || !width) return;
     const { ends, from, to, bounds } = this.shown;
-    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet what is drawn.'));
+    if (!ends.length)
+      return this.drawing.replaceChildren(
+        svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet what is drawn.'),
+      );
     const [low, high] = this.extent();
     const whole = length(add(to, from, -1));
     this.x = (at) => margin.left + at * (width - margin.left - margin.right);
-    this.y = (value) => height - margin.bottom - ((clamp(value, low, high) - low) / (high - low)) * (height - margin.top - margin.bottom);
+    this.y = (value) =>
+      height - margin.bottom - ((clamp(value, low, high) - low) / (high - low)) * (height - margin.top - margin.bottom);
     const place = (i, side) => `${this.x(ends[i]).toFixed(1)},${this.y(ends[i + 1] + side * bounds[i / 2]).toFixed(1)}`;
     let [band, curve] = ['', ''];
     for (let i = 0; i < ends.length; i += 4) {
@@ -172,11 +186,20 @@ export class LinePlot {
       curve += `M${place(i, 0)}L${place(i + 2, 0)}`;
     }
     const marks = [
-      ...ticks(low, high, 3).map((v) => svg('text', { class: 'value', x: margin.left - 6, y: this.y(v) }, significant(v, 3))),
+      ...ticks(low, high, 3).map((v) =>
+        svg('text', { class: 'value', x: margin.left - 6, y: this.y(v) }, significant(v, 3)),
+      ),
       ...ticks(0, whole, 4).map((d) => svg('text', { x: this.x(d / whole), y: height - 8 }, significant(d, 3))),
     ];
-    const rules = ticks(low, high, 3).map((v) => svg('path', { class: 'grid', d: `M${margin.left},${this.y(v)}H${width - margin.right}` }));
-    this.drawing.replaceChildren(...rules, svg('path', { class: 'band', d: band }), svg('path', { class: 'line', d: curve }), ...marks);
+    const rules = ticks(low, high, 3).map((v) =>
+      svg('path', { class: 'grid', d: `M${margin.left},${this.y(v)}H${width - margin.right}` }),
+    );
+    this.drawing.replaceChildren(
+      ...rules,
+      svg('path', { class: 'band', d: band }),
+      svg('path', { class: 'line', d: curve }),
+      ...marks,
+    );
     this.tellBound();
   }
 
@@ -194,7 +217,13 @@ export class LinePlot {
       if (at < ends[i] || at > ends[i + 2]) continue;
       const between = (a, b) => a + ((at - ends[i]) / (ends[i + 2] - ends[i])) * (b - a);
       const allowed = bound === null ? '' : ` ± ${significant(between(bounds[i / 2], bounds[i / 2 + 1]), 2)}`;
-      byId('line-words').textContent = `${significant(between(ends[i + 1], ends[i + 3]), 5)}${allowed} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
+      byId('line-words').textContent = `${significant(between(ends[i + 1], ends[i + 3]), 5)}${allowed} at ${mix(
+        from,
+        to,
+        at,
+      )
+        .map((c) => significant(c, 4))
+        .join(', ')}`;
       return;
     }
   }
@@ -205,9 +234,34 @@ export class LinePlot {
     const { csvOf, vtpOf } = await import('./surface_files.js');
     const rows = rowsOf(from, to, ends, bounds);
     const column = (k) => Float64Array.from(rows, (row) => row[k]);
-    const names = [[title, 4], ['distance', 0], ...(bound === null ? [] : [['at least', 5], ['at most', 6]])];
+    const names = [
+      [title, 4],
+      ['distance', 0],
+      ...(bound === null
+        ? []
+        : [
+            ['at least', 5],
+            ['at most', 6],
+          ]),
+    ];
     const columns = ['distance', 'x', 'y', 'z', title, 'at least', 'at most'].slice(0, bound === null ? 5 : 7);
-    this.save(`line.${kind}`, kind === 'csv' ? new Blob([csvOf(columns, rows.map((row) => row.slice(0, columns.length)))], { type: 'text/csv' })
-      : vtpOf({ positions: Float64Array.from(rows.flatMap((row) => row.slice(1, 4))), arrays: names.map(([name, k]) => [name, column(k)]), lines: [...rows.keys()] }));
+    this.save(
+      `line.${kind}`,
+      kind === 'csv'
+        ? new Blob(
+            [
+              csvOf(
+                columns,
+                rows.map((row) => row.slice(0, columns.length)),
+              ),
+            ],
+            { type: 'text/csv' },
+          )
+        : vtpOf({
+            positions: Float64Array.from(rows.flatMap((row) => row.slice(1, 4))),
+            arrays: names.map(([name, k]) => [name, column(k)]),
+            lines: [...rows.keys()],
+          }),
+    );
   }
 }

@@ -46,3 +46,6 @@ export function ticks(low, high, wanted) {
   for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) found.push(i * step + 0); // never -0
   return found;
 }
+
+/** As significant, as somebody types it. */
+export const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');

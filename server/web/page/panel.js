@@ -7,11 +7,9 @@ import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
 import { Handles } from './handles.js';
-import { bindKeys, listKeys } from './keys.js';
-import {
-  defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownField, shownMeasure, spanOf, targetFieldOf,
-  titleOf, unitOf, wantedLevel,
-} from './levels.js';
+import { bindKeys } from './keys.js';
+import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, shownField, shownMeasure, spanOf, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
+import { promiseOf } from './promises.js';
 import { button, clear, notice } from './notices.js';
 import { bytes, count, percent, roundedUp, significant } from './numbers.js';
 import { id, name, source, viewer } from './opened.js';
@@ -72,7 +70,9 @@ function tellShown() {
   const field = shownField(info, state);
   const error = errorOf(viewer.told.levels[level], field, measure);
   put('shown-error', percent(roundedUp(error, 3)), error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${unitOf(info, field) || 'in its units'}` : 'exact');
-  put('shown-tets', count(now.tets), percent(now.tets / info.tets));
+  const { finer } = viewer;
+  const tets = finer ? finer.outside + finer.inside + finer.between : now.tets;
+  put('shown-tets', count(tets), percent(tets / info.tets));
   byId('promise').textContent = promiseOf(viewer.told, level);
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
   const { at } = viewer;
@@ -161,7 +161,8 @@ function watchScene() {
   scene.addEventListener('camera', () => store.set({ camera: scene.camera() }));
   byId('picture').addEventListener('dblclick', (event) => {
     const hit = scene.pick(event.offsetX, event.offsetY);
-    if (hit) scene.centreOn(hit.point);
+    if (hit && event.shiftKey) tools?.refine({ x: event.offsetX, y: event.offsetY });
+    else if (hit) scene.centreOn(hit.point);
   });
   new ResizeObserver(viewer.drawBar).observe(byId('scalarbar'));
 }
@@ -209,10 +210,9 @@ const inPicture = (act) => (event) => (document.activeElement === byId('picture'
 
 function bindActions() {
   const { scene } = viewer;
-  const help = byId('help');
-  listKeys();
+  const showHelp = async () => (await import('./keys_list.js')).showKeys();
   for (const [id, act] of [['screenshot', save], ['save-png', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
-    ['panel-toggle', togglePanel], ['help-open', () => help.showModal()], ['help-close', () => help.close()]])
+    ['panel-toggle', togglePanel], ['help-open', showHelp]])
     byId(id).addEventListener('click', act);
   const toggleSlice = (axis) => () => {
     const normal = { x: 0, y: 1, z: 2 }[axis];
@@ -239,6 +239,7 @@ function bindActions() {
     n: () => store.set({ axes: !store.state.axes }),
     k: () => controls.toggleLine(),
     o: () => tools?.addPin(),
+    r: () => tools?.refine(),
     v: () => controls.setInner({ volume: !store.state.volume }),
     m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
@@ -246,7 +247,7 @@ function bindActions() {
     f: toggleFullScreen,
     d: switchTheme,
     h: togglePanel,
-    '?': () => help.showModal(),
+    '?': showHelp,
     ArrowLeft: inPicture(() => scene.turn(10, 0)),
     ArrowRight: inPicture(() => scene.turn(-10, 0)),
     ArrowUp: inPicture(() => scene.turn(0, -10)),
@@ -260,8 +261,9 @@ function bindActions() {
 // What is not needed at first comes when everything else is there.
 async function openTools() {
   try {
-    const { Tools } = await import('./tools.js');
-    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, pointer: () => probe.at, canOpenAnother: typeof source === 'string' });
+    const [{ Tools }, { lateStyles }] = await Promise.all([import('./tools.js'), import('./late_styles.js')]);
+    await lateStyles();
+    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
     tools.update();
   } catch (error) {
     notice('tools', `Some of the controls cannot be loaded: ${error.message}`, { failed: true, seconds: 0 });
@@ -275,7 +277,7 @@ export async function openPanel() {
   compass = new Compass(byId('compass'), look);
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
-  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
+  probe = new Probe(byId('picture'), scene, stream, () => viewer.title);
   watchScene();
   await pause();
   const made = new Controls(viewer, { look, viewNormal });
@@ -290,7 +292,8 @@ export async function openPanel() {
   await pause();
   bindActions();
   const offerSteps = async () => {
-    const { Player } = await import('./player.js');
+    const [{ Player }, { lateStyles }] = await Promise.all([import('./player.js'), import('./late_styles.js')]);
+    await lateStyles();
     player ??= new Player(viewer, byId('stage'));
   };
   viewer.addEventListener('series', offerSteps);
@@ -298,9 +301,9 @@ export async function openPanel() {
   countFrames();
   tellShown();
   byId('download').hidden = !id;
-  byId('controls').inert = false;
   performance.mark('tetlod-panel');
   await openTools();
+  byId('controls').inert = false;
   // what tests and a second view look at
   window.tetlod = {
     viewer,

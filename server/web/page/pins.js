@@ -4,7 +4,8 @@
 
 import { byId, coalesced, element } from './dom.js';
 import { add, length } from './geometry.js';
-import { boundShown, colouredOf, formulaBound, localBoundOf, titleOf } from './levels.js';
+import { colouredOf, localBoundOf, titleOf } from './levels.js';
+import { boundShown, formulaBound } from './promises.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
@@ -148,7 +149,7 @@ export class Pins {
       const { words } =
         formula && answer
           ? formulaBound(formula, info, level, answer.values)
-          : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
+          : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined, answer?.part);
       const number =
         found &&
         significant(

@@ -87,6 +87,7 @@ export class Scene extends EventTarget {
     this.rough = { surface: new Layer(this.renderer, this.lookup, this.lineLookup), slices: [], isosurfaces: [], zones: [] };
     this.fine = null; // what those are drawn in place of, while they are
     this.vectors = []; // arrows or streamlines, if there are any
+    this.edges = {}; // beside the layers, by name
     this.volume = null; // a grid's
     this.grid = null;
     this.rays = null;   // the tetrahedra's
@@ -333,6 +334,7 @@ export class Scene extends EventTarget {
     this.renderer.setBackground(...color);
     const light = 0.3 * color[0] + 0.59 * color[1] + 0.11 * color[2] > 0.5;
     const ink = light ? [0.1, 0.13, 0.18] : [0.86, 0.89, 0.93];
+    this.lineInk = ink;
     this.boxColor = color.map((c, i) => 0.7 * c + 0.3 * ink[i]); // opaque: what is translucent is drawn in passes of its own
     this.render();
   }
@@ -456,17 +458,17 @@ export class Scene extends EventTarget {
     this.afterCamera();
   }
 
-  // Edges beside the layers: pairs of points, relative to the worker's origin; null: none.
-  setOutline(points, edges) {
-    this.outline ??= makeActor(this.renderer, null);
-    const { data, actor } = this.outline;
+  // Edges beside the layers, by a name: pairs of points, relative to the worker's origin; null: none.
+  setEdges(name, points, edges, color = this.boxColor) {
+    const { data, actor, mapper } = (this.edges[name] ??= makeActor(this.renderer, null));
+    mapper.setRelativeCoincidentTopologyLineOffsetParameters(-1, -1);
     actor.setVisibility(Boolean(edges));
     if (edges) {
       data.getPoints().setData(points, 3);
       data.getLines().setData(cells(edges, 2), 1);
       data.modified();
       actor.setPosition(...this.offset);
-      actor.getProperty().set({ lighting: false, color: this.boxColor });
+      actor.getProperty().set({ lighting: false, color });
     }
     this.render();
   }

@@ -2,7 +2,16 @@
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
 import { planeOf } from './geometry.js';
-import { colouredOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf, warpField } from './levels.js';
+import {
+  colouredOf,
+  defaultTets,
+  fieldOf,
+  isosurfacesOf,
+  measureFor,
+  targetFieldOf,
+  vectorsOf,
+  warpField,
+} from './levels.js';
 
 // A quotient may be anything: then as far as the largest component reaches.
 function spanOfFormula(formula, info) {
@@ -29,9 +38,26 @@ function thresholdOf(state, info) {
   if (!state.threshold) return null;
   const [low, high] = thresholdRange(state, info);
   const [from, to] = state.threshold;
-  const { field: { name }, cells, component, formula } = colouredOf(info, state);
+  const {
+    field: { name },
+    cells,
+    component,
+    formula,
+  } = colouredOf(info, state);
   const of = formula ? { formula: true } : { [cells ? 'cellField' : 'field']: name, component };
-  return { ...of, low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
+  return {
+    ...of,
+    low: from > 0 ? low + from * (high - low) : -Infinity,
+    high: to < 1 ? low + to * (high - low) : Infinity,
+  };
+}
+
+// Boxes in coordinates; their error is of what the target's is.
+function refineOf({ refine, ...state }, info) {
+  if (!refine) return null;
+  const [low, high] = info.bounds;
+  const boxes = refine.boxes.map((box) => box.map((x, i) => low[i % 3] + x * (high[i % 3] - low[i % 3])));
+  return { boxes, target: { ...targetOf({ ...state, maxBytes: 0, error: refine.error }, info), tets: Infinity } };
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */
@@ -44,18 +70,27 @@ export function specOf(state, info) {
     field: state.field,
     cellField: coloured.cells ? coloured.field.name : undefined,
     component: coloured.component,
-    formula: coloured.formula && { inputs: coloured.formula.inputs, program: coloured.formula.program, text: coloured.formula.text },
+    formula: coloured.formula && {
+      inputs: coloured.formula.inputs,
+      program: coloured.formula.program,
+      text: coloured.formula.text,
+    },
     regions: state.regions && state.hidden.length ? { field: state.regions, hidden: state.hidden } : null,
     surface: state.surface !== 'off',
     edges: state.edges || (state.sliceEdges && state.slices.length > 0),
     slices: state.slices.map((plane) => planeOf(info.bounds, plane)),
-    isosurfaces: state.isosurfaces.map((fraction) => ({ ...of, value: low + fraction * (high - low), zone: state.zone })),
+    isosurfaces: state.isosurfaces.map((fraction) => ({
+      ...of,
+      value: low + fraction * (high - low),
+      zone: state.zone,
+    })),
     threshold: thresholdOf(state, info),
     clip: state.clip && planeOf(info.bounds, state.clip),
     rays: state.volume && !state.volumeSize,
     volume: state.volume && state.volumeSize ? { size: state.volumeSize, logarithmic: state.log } : null,
     vectors: vectorsOf(info, state) && { field: vectorsOf(info, state), kind: state.vectors, count: state.vectorCount },
     warp: warpField(info, state) && { field: state.warp, scale: state.warpScale, outline: state.outline },
+    refine: refineOf(state, info),
     morph: state.smooth,
   };
 }

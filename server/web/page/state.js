@@ -14,6 +14,7 @@ export const defaults = Object.freeze({
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
   maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
+  refine: null, // { boxes: of six fractions of the bounds, error } in them
   step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
   field: '',
@@ -58,6 +59,9 @@ export const defaults = Object.freeze({
   parallel: false,
   smooth: true, // levels pass into one another
   second: null, // what a second view beside this one shows: its part of a link
+  other: '', // another stream: the name of a mesh of the server, or an address
+  compare: 'beside', // with that: beside, curtain, difference
+  curtain: 0.5, // where that is, across the picture
   camera: null, // position, focal point and view up as nine numbers; a tenth is the height of a parallel projection
 });
 
@@ -87,6 +91,14 @@ const list = (read, write, separator) => ({
   write: (l) => l.map(write).join(separator),
 });
 
+const isBox = (b) => b.length === 6 && b.every((x) => x >= 0 && x <= 1) && [0, 1, 2].every((i) => b[i] <= b[3 + i]);
+
+function readBoxes(t) {
+  const [boxes, error] = t.split('@');
+  const found = boxes.split(';').map(numbers).filter(isBox).slice(0, 16);
+  return found.length && Number(error) >= 0 ? { boxes: found, error: Number(error) } : undefined;
+}
+
 // How each key is read from the fragment and written into it; a value that cannot be read leaves the default.
 const codecs = {
   error: positive,
@@ -94,6 +106,7 @@ const codecs = {
   errorField: text,
   maxTets: positive,
   maxBytes: positive,
+  refine: { read: readBoxes, write: ({ boxes, error }) => `${boxes.map((b) => b.map(round).join(',')).join(';')}@${round(error)}` },
   step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   formula: text,
@@ -144,6 +157,9 @@ const codecs = {
   parallel: flag,
   smooth: flag,
   second: text,
+  other: text,
+  compare: oneOf('beside', 'curtain', 'difference'),
+  curtain: { read: (t) => (Number(t) >= 0 && Number(t) <= 1 ? Number(t) : undefined), write: (x) => String(round(x)) },
   camera: {
     read: (t) => (isCamera(numbers(t)) ? numbers(t) : undefined),
     write: (c) => c.map(round).join(','),

@@ -4,11 +4,14 @@
 import { bindCalculator } from './calculator.js';
 import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
+import { bindLate } from './late_controls.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
+import { RefineHere } from './refine_here.js';
 import { bindRegions } from './regions.js';
 import { bindUnits } from './units.js';
 import { bindWarp } from './warp.js';
+import { bindCompare } from './compare.js';
 import { bindSecondView } from './second_view.js';
 
 export class Tools {
@@ -18,9 +21,11 @@ export class Tools {
    * `layer`: the element over the picture; `save(ending, blob)`; `pointer()`: where the pointer is in the picture, or
    * null.
    */
-  constructor(viewer, { layer, save, pointer, canOpenAnother }) {
+  constructor(viewer, { layer, save, pointer, canOpenAnother, controls }) {
+    bindLate(controls);
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);
+    this.boxes = new RefineHere(viewer, layer, pointer);
     bindCalculator(viewer);
     bindUnits(viewer);
     bindRegions(viewer);
@@ -28,6 +33,7 @@ export class Tools {
     this.drafts = new Drafts(viewer);
     bindExports(viewer, save);
     bindSecondView(viewer, canOpenAnother);
+    bindCompare(viewer);
   }
 
   /** What a saved picture has over it. */
@@ -37,7 +43,12 @@ export class Tools {
 
   /** After every frame. */
   update() {
-    for (const layer of this.layers) layer.update();
+    for (const layer of [...this.layers, this.boxes]) layer.update();
+  }
+
+  /** `at`: a place of the picture; without one: under the pointer, or in the middle. */
+  refine(at) {
+    this.boxes.add(at);
   }
 
   addPin() {

@@ -2,7 +2,8 @@
 // The unit of what colours, as somebody types it where the file does not say it.
 
 import { byId, element } from './dom.js';
-import { unitOf, unitsOf, unitsText } from './levels.js';
+import { unitOf, unitsOf } from './levels.js';
+import { unitsText } from './promises.js';
 
 export function bindUnits(viewer) {
   const { store } = viewer;

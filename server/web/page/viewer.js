@@ -8,7 +8,7 @@ import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
 import {
-  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleWithUnit, unitsOf, useFormulas, wantedLevel,
+  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleOf, titleWithUnit, unitsOf, useFormulas, wantedLevel,
 } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
@@ -38,6 +38,7 @@ export class Viewer extends EventTarget {
   at = null;       // the step that is shown: { step, band, error, time }; null: a level
   playing = false; // the player says which step is shown
   shade = null;    // { field, cells, component, range, sample } of the picture's colours
+  finer = null;    // { boxLevel, outside, inside, between, edges } where the picture is finer in boxes
   outline = null;  // the part of the picture that is not moved, if it was asked for
   regions = new Map(); // of fields of cells that are here: [{ number, tets }], or null if their numbers are no regions'
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
@@ -50,6 +51,10 @@ export class Viewer extends EventTarget {
   #told = null; #toldAt = null; // the step that the errors are told of
   #early = null;   // pictures that came before there was where to draw them
   #most = 0;       // tetrahedra of the finest level since memory was given back
+  difference = null; // of another stream, that is subtracted from the pictures (difference.js)
+  #failedToSubtract;
+  #whole = false;  // the next pictures are to leave nothing out
+  #subtracting = 0; // pictures that a difference was asked of
   #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
 
   /**
@@ -99,7 +104,8 @@ export class Viewer extends EventTarget {
                 this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
     store.watch(['field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
-                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth'], () => this.#remake());
+                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'], () => this.#remake());
+    store.watch(['measure', 'errorField'], ({ refine }) => refine && this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
@@ -121,6 +127,7 @@ export class Viewer extends EventTarget {
    * covers.
    */
   get told() {
+    if (!this.at && this.finer) return { ...this.info, finer: this.finer };
     if (!this.at || this.playing) return this.info;
     if (this.#toldAt !== this.at) this.#told = infoOfSteps(this.#index, this.series, this.at.band, this.at.errors);
     this.#toldAt = this.at;
@@ -157,6 +164,21 @@ export class Viewer extends EventTarget {
     }
   }
 
+  /** From now on pictures show how they differ from another stream's; null: they do not. `failed(error)` */
+  subtract(difference, failed) {
+    this.difference?.close();
+    this.difference = difference;
+    this.#failedToSubtract = failed;
+    this.shade = null;
+    this.#whole = true;
+    this.#remake();
+  }
+
+  /** What colours. */
+  get title() {
+    return titleOf(this.info, this.coloredState) + (this.difference ? ` − ${this.store.state.other}’s` : '');
+  }
+
   /** The state as a link holds it, and back. */
   get fragment() {
     return toFragment(this.store.state, this.base);
@@ -170,6 +192,7 @@ export class Viewer extends EventTarget {
   /** Also of one that is opening, which then rejects: neither a worker nor a graphics' context is left. */
   close() {
     this.#closing.abort();
+    this.difference?.close();
     this.stream?.close();
     this.scene?.close();
   }
@@ -302,6 +325,7 @@ export class Viewer extends EventTarget {
 
   // The index has one range for all components; that of one of them, or of their length, is the picture's.
   dataRange() {
+    if (this.difference) return this.difference.range;
     const { field: { name, range, components }, cells, component, formula } = colouredOf(this.info, this.coloredState);
     if (formula) return this.#isShade({ field: formula.text, cells, component: 0 }) ? this.shade.range : isosurfaceRange({ ...this.coloredState, isosurfaceField: '' }, this.info);
     if (components > 1 && this.#isShade({ field: name, cells, component })) return this.shade.range;
@@ -347,9 +371,8 @@ export class Viewer extends EventTarget {
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: titleWithUnit(this.info,
-                           this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
-      marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
+      title: this.difference ? this.title : titleWithUnit(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      marks: isosurfacesOf(this.info, this.store.state).colored && !this.difference ? isosurfaces.map((f) => from + f * (to - from)) : [],
     });
   }
 
@@ -385,14 +408,16 @@ export class Viewer extends EventTarget {
 
   // Values of cells come when they are first shown.
   async #showNow(state = this.store.state) {
-    const spec = specOf(state, this.info);
+    const spec = specOf(this.difference ? this.difference.plain(state) : state, this.info);
     this.#spec = JSON.stringify(spec);
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('fieldsloading', { fields });
     try {
       if (spec.component === 'magnitude' || spec.formula) this.#lengths ??= await import('./lengths.js');
       if (formulaText(this.info, state) && !this.#formulas) this.#loadFormulas();
-      await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked });
+      const whole = this.#whole;
+      this.#whole = false;
+      await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked }, { whole });
     } catch (error) {
       if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed',
                                                                                 { message: error.message, retry: this.show });
@@ -469,17 +494,38 @@ export class Viewer extends EventTarget {
   }
 
   #takePictures(event) {
-    if (!this.scene?.box) {
-      this.#early = event;
-      return;
+    if (!this.scene?.box) this.#early = event;
+    else if (this.difference) this.#takeDifference(event.detail);
+    else this.#drawPictures(event.detail);
+  }
+
+  // Of several that are under way, the last.
+  async #takeDifference(pictures) {
+    const { difference } = this;
+    const mine = ++this.#subtracting;
+    try {
+      const made = await difference.of(pictures);
+      if (mine === this.#subtracting && difference === this.difference) {
+        this.#drawPictures(made);
+        this.recolorNow();
+      }
+    } catch (error) {
+      if (difference !== this.difference || error.name === 'AbortError') return;
+      this.#failedToSubtract(error);
+      this.subtract(null);
     }
-    const pictures = event.detail;
+  }
+
+  #drawPictures(pictures) {
     if (pictures.outline !== undefined) this.outline = pictures.outline;
+    const changed = pictures.finer?.boxLevel !== this.finer?.boxLevel || pictures.finer?.inside !== this.finer?.inside;
+    this.finer = pictures.finer;
     this.scene.addEventListener('render', this.#tellPictured, { once: true });
     this.scene.update(pictures, this.store.state, this.#lengthsOf(pictures.shade));
     this.#takeShade(pictures.shade);
     this.#drawn = pictures.t === 1 && pictures.tag === this.#asked ? pictures.level : -1;
     this.level = pictures.level; // the base: nothing was refined to get there
     this.#tell('pictures', pictures);
+    if (changed) this.#tell('info');
   }
 }

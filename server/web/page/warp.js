@@ -84,7 +84,7 @@ export function bindWarp(viewer) {
   const draw = () => {
     if (viewer.outline === drawn) return;
     drawn = viewer.outline;
-    scene.setOutline(drawn?.points, drawn && outlineOf(drawn));
+    scene.setEdges('outline', drawn?.points, drawn && outlineOf(drawn));
   };
   viewer.addEventListener('pictures', draw);
   draw();

@@ -301,6 +301,26 @@ uint32_t view_surface(struct view *view, uint32_t with)
     return draw_part(view, &view->boundary, with, &points);
 }
 
+uint32_t view_mark(struct view *view, uint32_t part)
+{
+    TETLOD_TRY(view_surface(view, 0));
+    const struct cut *cut = view->clips ? &view->cut : &view->boundary;
+    if (!ARRAY_RESERVE(view->marks, view->mark_cap, 6 * (size_t)cut->triangle_count))
+        return tetlodi_fail_nomem(&view->error, "a picture", 24 * (uint64_t)cut->triangle_count);
+    uint32_t count = 0;
+    for (size_t i = 0; view->adopted.is_shown && i < 3 * (size_t)cut->triangle_count; i++) {
+        uint32_t tet = cut->tets[i / 3];
+        if (view->adopted.parts[view->has_kept ? view->kept_tets[tet] : tet] != part)
+            continue;
+        view->marks[2 * (size_t)count] = cut->triangles[i];
+        view->marks[2 * (size_t)count++ + 1] = cut->triangles[i % 3 == 2 ? i - 2 : i + 1];
+    }
+    view->part.lines = view->marks;
+    view->part.line_count = count;
+    view->drawn_part = &view->part;
+    return TETLOD_OK;
+}
+
 /* ---- sections and isosurfaces ---- */
 
 static enum tetlod_status finish_cut(struct view *view, uint32_t with, const struct view_points *of)
@@ -445,7 +465,18 @@ uint32_t view_probe(struct view *view, double x, double y, double z)
                                                    field->components + c];
         }
     }
-    return tet != TETLOD_NONE && view->has_kept ? view->kept_tets[tet] : tet;
+    view->probed_part = TETLOD_NONE;
+    if (tet == TETLOD_NONE)
+        return tet;
+    tet = view->has_kept ? view->kept_tets[tet] : tet;
+    if (view->adopted.is_shown)
+        view->probed_part = view->adopted.parts[tet];
+    return view_number(view, tet);
+}
+
+uint32_t view_probed_part(const struct view *view)
+{
+    return view->probed_part;
 }
 
 const double *view_probed(const struct view *view)

@@ -25,6 +25,8 @@ struct view *view_new(void)
 {
     const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MAX_BYTES};
     struct view *view = array_zero(1, sizeof *view);
+    if (view)
+        view->picked = TETLOD_NONE;
     if (view && tetlod_feed_new(&view->feed, &options, &view->error) == TETLOD_OK)
         return view;
     free(view);
@@ -125,6 +127,7 @@ uint32_t view_warp(struct view *view, uint32_t field, double scale)
 enum tetlod_status view_arrive(struct view *view)
 {
     tetlod_cursor_mesh(view->cursor, &view->mesh);
+    view_take_adopted(view);
     if (view->step_values)
         view->mesh.fields = view->step_values;
     if (view->step_points)

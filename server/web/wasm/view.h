@@ -91,6 +91,18 @@ struct view_hidden {
     double *numbers;
 };
 
+/* A mesh from elsewhere, which is shown in place of the cursor's until that moves: a level that is finer in boxes.
+ * tetlod.js fills the arrays; of fields that are not decoded there is none. */
+struct view_adopted {
+    double *positions;   /* [3 * vertices] */
+    uint32_t *corners;   /* [4 * tets] */
+    uint32_t *numbers;   /* [tets] of the original */
+    uint32_t *parts;     /* [tets] enum region_part of src/stream/region.h */
+    double **fields;     /* [field][components * vertices] */
+    uint32_t vertices, tets;
+    bool is_shown;
+};
+
 /* A function of components of fields: steps over a stack. Its field has these components at each vertex of the mesh
  * that is shown. It counts as the field behind those of the stream. */
 /* (a field has at most 64 components, too) */
@@ -115,9 +127,12 @@ struct view {
     struct tetlod_cursor *cursor;
     struct tetlod_mesh mesh;         /* at the cursor; at a step, with its values */
     struct tetlod_series *series;    /* NULL: none, or not opened yet */
+    struct view_adopted adopted;
+    uint32_t picked;                 /* of an adopted mesh, that pictures are of; TETLOD_NONE: all */
     const double **step_values;      /* [field] of the step that is shown, NULL: the level's own */
     double *step_points;             /* where points that move are then; NULL: at the level's own places */
     double span[2];
+    uint32_t added[2], probed_part;
     struct tetmesh shown;            /* borrows its arrays */
     bool moving;                     /* from those below, not from the cursor */
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
@@ -154,6 +169,8 @@ struct view {
     size_t distance_cap;
     struct view_part whole, part;
     struct view_facets facets;
+    uint32_t *marks;                 /* edges of the triangles that are marked */
+    size_t mark_cap;
     const struct view_part *drawn_part; /* one of these */
     struct cut_grid grid;
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
@@ -251,6 +268,19 @@ VIEW_EXPORT(view_hide) uint32_t view_hide(struct view *view, uint32_t field, con
 /* Finds those of the mesh that is shown: before pictures of it are made. */
 VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
 
+/* ---- a mesh from elsewhere (view_adopt.c) ---- */
+
+/* What was added of the stream: its address and size. */
+VIEW_EXPORT(view_added) const uint32_t *view_added(struct view *view);
+/* Room for such a mesh, to be filled; NULL: no memory. It is shown by view_show_adopted, which refuses corners out of
+ * range, and no longer after view_seek, view_step, or view_show_adopted(0). */
+VIEW_EXPORT(view_adopt) const struct view_adopted *view_adopt(struct view *view, uint32_t vertices, uint32_t tets);
+VIEW_EXPORT(view_show_adopted) uint32_t view_show_adopted(struct view *view, uint32_t shown);
+/* From now on pictures are of one of its parts, or of all (TETLOD_NONE). */
+VIEW_EXPORT(view_pick) void view_pick(struct view *view, uint32_t part);
+/* Makes view_part of the boundary, whose lines are the edges of its triangles that are of tetrahedra of a part. */
+VIEW_EXPORT(view_mark) uint32_t view_mark(struct view *view, uint32_t part);
+
 /* ---- values of tetrahedra (view_cells.c) ---- */
 
 /* Decodes a field of cells, or that of a step: its bytes, and those that view_cells_span says, are put. After a failure
@@ -260,7 +290,7 @@ VIEW_EXPORT(view_load_cells) uint32_t view_load_cells(struct view *view, uint32_
 VIEW_EXPORT(view_cells_span) const double *view_cells_span(struct view *view, uint32_t field, uint32_t step);
 /* [components * tetrahedra of the original]; NULL: it is not loaded. */
 VIEW_EXPORT(view_cells) const double *view_cells(const struct view *view, uint32_t field);
-/* Of a tetrahedron, in a field of cells that is loaded. */
+/* Of a tetrahedron of the original, in a field of cells that is loaded. */
 double view_cell_value(const struct view *view, uint32_t field, int32_t component, size_t tet);
 /* As view_shade: such a field colours, which is loaded. After view_filter. Then its least and greatest value are in
  * view_shade_range. */
@@ -296,6 +326,8 @@ VIEW_EXPORT(view_line) const struct cut_line *view_line(const struct view *view)
  * float32 only. TETLOD_NONE, or its values are in view_probed: a number for each component of each field, NaN for those
  * that are not decoded. After view_filter. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
+/* The part of an adopted mesh that it was in; else TETLOD_NONE. */
+VIEW_EXPORT(view_probed_part) uint32_t view_probed_part(const struct view *view);
 VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 
 /* ---- within the module ---- */
@@ -313,6 +345,15 @@ void view_take_function(const struct view *view, const struct tetmesh *mesh, uin
 bool view_take_rows(struct view *view);
 /* Of a row of a field that view_length_field gave: the function, or the length. */
 double view_value_of(const struct view *view, const struct point_field *field, const double *row);
+
+/* In place of the cursor's, if it is shown. */
+void view_take_adopted(struct view *view);
+
+/* The original's number of a tetrahedron that is shown. */
+static inline uint32_t view_number(const struct view *view, uint32_t tet)
+{
+    return view->adopted.is_shown ? view->adopted.numbers[tet] : tet;
+}
 
 /* What pictures are of. */
 const struct tetmesh *view_drawn(struct view *view);

@@ -90,7 +90,7 @@ uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component)
     view->shade_field = field;
     view->shade_component = component;
     for (size_t t = 0; of_tets && t < tets; t++) {
-        of_tets[t] = view_cell_value(view, field, component, t);
+        of_tets[t] = view_cell_value(view, field, component, view_number(view, (uint32_t)t));
         low = of_tets[t] < low ? of_tets[t] : low;
         high = of_tets[t] > high ? of_tets[t] : high;
     }

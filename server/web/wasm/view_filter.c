@@ -60,7 +60,7 @@ static bool is_in_range(const struct view *view, uint32_t tet)
     bool in = true;
     for (int i = 0; i < (range->of_cells ? 1 : 4); i++) {
         double value = range->of_cells ? view_cell_value(view, range->field, range->component,
-                                                         tet) : view->function[corners[i]];
+                                                         view_number(view, tet)) : view->function[corners[i]];
         in = in && value >= range->low && value <= range->high;
     }
     return in;
@@ -69,8 +69,20 @@ static bool is_in_range(const struct view *view, uint32_t tet)
 static bool is_hidden(const struct view *view, uint32_t tet)
 {
     const struct view_hidden *hidden = &view->hidden;
-    return bsearch(&view->cells[hidden->field][tet], hidden->numbers, hidden->count, sizeof *hidden->numbers,
+    return bsearch(&view->cells[hidden->field][view_number(view, tet)], hidden->numbers, hidden->count, sizeof *hidden->numbers,
                    by_number) != NULL;
+}
+
+void view_pick(struct view *view, uint32_t part)
+{
+    if (part != view->picked)
+        forget_kept(view);
+    view->picked = part;
+}
+
+static bool picks(const struct view *view)
+{
+    return view->adopted.is_shown && view->picked != TETLOD_NONE;
 }
 
 static bool keep(struct view *view)
@@ -88,7 +100,8 @@ static bool keep(struct view *view)
     uint32_t count = 0;
     for (uint32_t t = 0; t < shown->tet_count; t++) {
         const uint32_t *tet = shown->corners + 4 * (size_t)t;
-        if ((view->has_range && !is_in_range(view, t)) || (view->hidden.count && is_hidden(view, t)))
+        if ((view->has_range && !is_in_range(view, t)) || (view->hidden.count && is_hidden(view, t)) ||
+            (picks(view) && view->adopted.parts[t] != view->picked))
             continue;
         tets[count] = t;
         memcpy(corners + 4 * (size_t)count++, tet, 4 * sizeof *tet);
@@ -100,7 +113,7 @@ static bool keep(struct view *view)
 uint32_t view_filter(struct view *view)
 {
     const struct view_range *range = &view->range;
-    if (view->has_kept || (!view->has_range && !view->hidden.count))
+    if (view->has_kept || (!view->has_range && !view->hidden.count && !picks(view)))
         return TETLOD_OK;
     if (view->has_range && !range->of_cells)
         view_take_values(view, view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,

@@ -21,6 +21,7 @@ void view_leave_step(struct view *view)
 {
     free(view->step_values);
     free(view->step_points);
+    view->adopted.is_shown = false;
     view->step_values = NULL;
     view->step_points = NULL;
 }
