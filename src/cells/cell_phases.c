@@ -493,10 +493,9 @@ static enum tetlod_status make_scratch(struct run *run)
     return TETLOD_OK;
 }
 
-/* The whole log's components are those of any cell's. */
-static enum tetlod_status take_components(struct run *run)
+/* The whole log's components are those of any cell's, and its first mark is the mesh as it was. */
+static enum tetlod_status take_components(const struct run *run, const struct contraction_log *from)
 {
-    const struct contraction_log *from = &run->cells[0].logs[CELL_GO_ON];
     if (run->log->component_count)
         return TETLOD_OK;
     TETLOD_TRY(log_control(run->log, from->components, from->component_count, run->error));
@@ -504,8 +503,7 @@ static enum tetlod_status take_components(struct run *run)
         run->log->components[c].bounds = NULL;
     if (run->options->local_bound)
         TETLOD_TRY(log_keep_bounds(run->log, run->error));
-    const struct piece_state *state = &run->state.state;
-    return log_mark(run->log, run->mesh->vertex_count, run->mesh->tet_count, 0, state->certified, state->predicted,
+    return log_mark(run->log, run->mesh->vertex_count, run->mesh->tet_count, 0, from->certified, from->predicted,
                     run->error);
 }
 
@@ -522,7 +520,7 @@ static enum tetlod_status run_phase(struct run *run)
     if (run->spools)
         TETLOD_TRY_DONE(cell_spool_new(&run->store, run->partition.cells, run->error));
     TETLOD_TRY_DONE(contract_cells(run, order, run->partition.cells));
-    TETLOD_TRY_DONE(take_components(run));
+    TETLOD_TRY_DONE(take_components(run, &run->cells[0].logs[CELL_GO_ON]));
     if (run->from > 0)
         TETLOD_TRY_DONE(append_stage(run, CELL_CATCH_UP));
     TETLOD_TRY_DONE(append_stage(run, CELL_GO_ON));
@@ -559,7 +557,10 @@ static enum tetlod_status contract_root(struct run *run)
         options.progress = report_root;
         options.progress_opaque = &progress;
     }
-    enum tetlod_status status = rounds_contract(log, &run->state, run->from, &options, run->error);
+    double from = run->from > 0 ? run->from : FIRST_LIMIT;
+    enum tetlod_status status = rounds_contract(log, &run->state, from, &options, run->error);
+    if (status == TETLOD_OK)
+        status = take_components(run, log);
     for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {
         const struct log_mark *at = &log->marks[mark];
         size_t row = (size_t)mark * log->component_count;

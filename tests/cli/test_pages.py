@@ -90,6 +90,15 @@ def small_meshes_stay():
     return None if read('one.tetlod')[64:] == read('other.tetlod')[64:] else 'other bytes'
 
 
+def no_cells_are_needed():
+    """Where the contraction stops early, what is left is no larger than the root may be: there are no pages."""
+    must('sample', 'cube', '--size', '7', '-o', 'few.vtu')
+    stream = build('few.vtu', 'few.tetlod', '--paged=100', '--min-tets', '1000')
+    must('verify', 'few.tetlod', '--against', 'few.vtu')
+    whole = build('few.vtu', 'few.tetlod', '--min-tets', '1000')
+    return None if 'pages' not in stream and stream['levels'] == whole['levels'] else stream['levels']
+
+
 def original_comes_back():
     must('sample', 'torus', '--size', '6', '-o', 'ring.vtu')
     build('ring.vtu', 'ring.tetlod', '--paged=300', '--keep-order')
@@ -216,6 +225,7 @@ case('limits of their own, up to an error', holds, ('fin', '--size', '16'), '--p
 case('few tetrahedra more, and hardly any bytes', costs_little)
 case('parts of it are streams', parts_are_streams)
 case('a small mesh is stored as ever', small_meshes_stay)
+case('no pages where the contraction stops early', no_cells_are_needed)
 case('the original comes back, in its order', original_comes_back)
 case('regions, values of cells, exact sums', parts_of_cells)
 must('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
