@@ -214,7 +214,7 @@ struct tetlod_info {
     const struct tetlod_cell_field *cell_fields;
     uint32_t topology_count; /* 0: all steps have this mesh */
     const struct tetlod_topology *topologies;
-    uint32_t cell_rows; /* rows that the values of cells are stored in: one a cell that was split; 0: one a tetrahedron */
+    uint32_t cell_rows; /* rows of the values of cells: one for each cell that was split; 0: one for a tetrahedron */
     uint32_t page_count;        /* of all levels in pages (SPEC 7.6); 0: there are none */
     uint32_t first_paged_level; /* from there on levels are in pages, but for the exact values of a last one */
     int exact_last;             /* the last level has the tetrahedra of the one before, and makes values exact */
@@ -243,7 +243,8 @@ struct tetlod_cursor;
  * it points at is borrowed. On failure *out is NULL. ERR_NOT_TETLOD, ERR_VERSION, ERR_STREAM, ERR_CHECKSUM,
  * ERR_TRUNCATED, ERR_LIMIT, ERR_NOMEM, or what the source returned. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_source *source,
-                                                         const struct tetlod_options *options, struct tetlod_error *error);
+                                                         const struct tetlod_options *options,
+                                                         struct tetlod_error *error);
 
 /* The same over bytes that the caller keeps. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *bytes,
@@ -296,8 +297,8 @@ TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const c
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out,
                                                           struct tetlod_error *error);
 
-/* Number of the section with a cell field's values, or TETLOD_NONE. Where they are stored once a cell, the map PMAP from
- * tetrahedra to cells lies before all of them, and is needed too. */
+/* Number of the section with a cell field's values, or TETLOD_NONE. Where they are stored once a cell, the map PMAP
+ * from tetrahedra to cells lies before all of them, and is needed too. */
 TETLOD_API uint32_t tetlod_cell_section(const struct tetlod_info *info, uint32_t field);
 
 /* Index of a cell field by name, or TETLOD_NONE. */
@@ -460,14 +461,15 @@ TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct te
  * for those of the level. Costs O(mesh + records between). ERR_ARGUMENT for a level above the current one,
  * ERR_NOMEM. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uint32_t level,
-                                                                   uint32_t *vertices, uint32_t *vertex_count, uint32_t *tets,
-                                                                   uint32_t *tet_count, struct tetlod_error *error);
+                                                                   uint32_t *vertices, uint32_t *vertex_count,
+                                                                   uint32_t *tets, uint32_t *tet_count,
+                                                                   struct tetlod_error *error);
 
 /* The numbers of `count` vertices from `first` on as float32, rounded to nearest: of a field, or the positions if
  * `field` is TETLOD_NONE. ERR_FIELD if it is not selected, ERR_ARGUMENT if there are not so many vertices. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field,
-                                                                  uint32_t first,
-                                                                  uint32_t count, float *out, struct tetlod_error *error);
+                                                                  uint32_t first, uint32_t count, float *out,
+                                                                  struct tetlod_error *error);
 
 /* For geomorphs: where every vertex of the current mesh comes from at a coarser `level`: the position there of the
  * vertex that it was split from, or was itself, and that one's values. `positions` [3 * vertices] and `fields`

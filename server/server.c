@@ -220,7 +220,9 @@ static void set_defaults(struct server_options *options)
 {
     options->threads = options->threads ? options->threads : parallel_cores();
     uint64_t there = memory_limit(""), eighth = there / 8;
-    options->cache_bytes = options->cache_bytes ? options->cache_bytes : eighth < (uint64_t)256 << 20 ? eighth : (uint64_t)256 << 20;
+    options->cache_bytes = options->cache_bytes           ? options->cache_bytes
+                           : eighth < (uint64_t)256 << 20 ? eighth
+                                                          : (uint64_t)256 << 20;
     options->memory_bytes = options->memory_bytes ? options->memory_bytes : there / 2;
     options->connections = options->connections ? options->connections : 4096;
     options->header_bytes = options->header_bytes ? options->header_bytes : 8192;
@@ -256,8 +258,8 @@ static void say_memory(struct server *server)
     char message[160];
     snprintf(message, sizeof message,
              "at most %llu MB for streams (--memory) and %llu MB for answers (--cache), of %llu MB",
-             (unsigned long long)(server->options.memory_bytes >> 20), (unsigned long long)(server->options.cache_bytes >> 20),
-             (unsigned long long)(memory_limit("") >> 20));
+             (unsigned long long)(server->options.memory_bytes >> 20),
+             (unsigned long long)(server->options.cache_bytes >> 20), (unsigned long long)(memory_limit("") >> 20));
     say(server, "info", message);
 }
 
@@ -411,7 +413,8 @@ static enum tetlod_status start_threads(struct server *server, struct tetlod_err
 /* What is needed of the texts was copied: the caller may free them now. */
 static void forget_texts(struct server_options *options)
 {
-    options->listen = options->paths = options->cors = options->hosts = options->proxies = options->stream_origins = NULL;
+    options->listen = options->paths = options->cors = options->hosts = options->proxies = options->stream_origins =
+        NULL;
     options->metrics = options->token_file = options->base_path = NULL;
 }
 

@@ -12,8 +12,8 @@ struct ancestry {
     uint32_t *parent;                      /* [node] or TETLOD_NONE */
     uint32_t *ancestor;                    /* [original vertex] living node at the current moment */
     uint32_t contractions;                 /* the moment; it only rises */
-    uint32_t *neighbours;                  /* [4 * original tet] across each face, as adjacency_build has it: of those that
-                                              are there at the moment; of others when they were there last */
+    uint32_t *neighbours; /* [4 * original tet] across each face, as adjacency_build has it: of those that
+                             are there at the moment; of others when they were there last */
 };
 
 struct ancestry_level {

@@ -29,8 +29,8 @@ static bool same_fields(const struct point_field *a, const struct point_field *b
 
 static bool same_meshes(const struct tetmesh *a, const struct tetmesh *b)
 {
-    bool same = a->vertex_count == b->vertex_count && a->tet_count == b->tet_count && a->field_count == b->field_count &&
-                a->position_type == b->position_type &&
+    bool same = a->vertex_count == b->vertex_count && a->tet_count == b->tet_count &&
+                a->field_count == b->field_count && a->position_type == b->position_type &&
                 memcmp(a->positions, b->positions, 3 * (size_t)a->vertex_count * sizeof *a->positions) == 0 &&
                 memcmp(a->corners, b->corners, 4 * (size_t)a->tet_count * sizeof *a->corners) == 0;
     for (uint32_t f = 0; same && f < a->field_count; f++)

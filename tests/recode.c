@@ -52,8 +52,8 @@ static int take_original(struct reader *r)
     r->node_values = calloc(r->info->field_count + 1, sizeof *r->node_values);
     r->out->fields = calloc(r->info->field_count + 1, sizeof *r->out->fields);
     r->out->levels = calloc(r->info->level_count + (size_t)1, sizeof *r->out->levels);
-    int done = r->positions && r->corners && r->children && r->node_positions && r->node_at && r->values && r->node_values &&
-               r->out->fields && r->out->levels;
+    int done = r->positions && r->corners && r->children && r->node_positions && r->node_at && r->values &&
+               r->node_values && r->out->fields && r->out->levels;
     for (uint32_t f = 0; f < r->info->field_count && done; f++) {
         size_t n = r->info->fields[f].components;
         r->values[f] = copy(mesh.fields[f], mesh.vertices, n * sizeof(double));

@@ -261,7 +261,8 @@ static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
     struct tetlodi_index index;
     if (tetlodi_index_decode(&index, bytes + HEADER_SIZE, index_size, HEADER_SIZE + index_size, NULL) != TETLOD_OK)
         return;
-    size_t fields = index.info.field_count, sections = index.info.section_count, row = tetlodi_index_row((uint32_t)fields);
+    size_t fields = index.info.field_count, sections = index.info.section_count,
+           row = tetlodi_index_row((uint32_t)fields);
     uint8_t *directory = bytes + HEADER_SIZE + index_size - sections * SECTION_ENTRY;
     uint8_t *levels = directory - 4 - index.info.level_count * row;
     for (uint32_t k = 0; k < index.info.level_count; k++)

@@ -330,8 +330,8 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
 }
 
 enum tetlod_status tetlodi_base_column(struct tetlodi_replay *replay, struct tetlodi_column *column,
-                                       struct tetlodi_coder *coder, struct tetlodi_number *models, const uint8_t *copied,
-                                       struct tetlod_error *error)
+                                       struct tetlodi_coder *coder, struct tetlodi_number *models,
+                                       const uint8_t *copied, struct tetlod_error *error)
 {
     static const uint32_t nobody[4] = {TETLOD_NONE, TETLOD_NONE, TETLOD_NONE, TETLOD_NONE};
     uint32_t known = 0;

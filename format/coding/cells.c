@@ -37,8 +37,8 @@ static bool decode_field(struct tetlod_cell_field *field, bool in_parents, struc
     if (name)
         memcpy(*text, name, size);
     *text += name ? size + 1 : 0;
-    return !in->failed && type <= TETLOD_CELL_INT64 && field->components && field->components <= MAX_CELL_COMPONENTS && !reserved &&
-           isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1] &&
+    return !in->failed && type <= TETLOD_CELL_INT64 && field->components && field->components <= MAX_CELL_COMPONENTS &&
+           !reserved && isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1] &&
            is_quantum(field) && size && size <= MAX_NAME && tetlodi_plain_text(field->name, size);
 }
 

@@ -437,7 +437,8 @@ static bool decode_counts(struct tetlodi_index *index, struct tetlodi_bytes *in)
     info->inverted_tets = tetlodi_get(in, 8);
     info->unused_points = tetlodi_get(in, 8);
     /* What is left bounds what is allocated. */
-    uint64_t least = (uint64_t)info->level_count * tetlodi_index_row(info->field_count) + FIELD_BYTES * (uint64_t)info->field_count;
+    uint64_t least =
+        (uint64_t)info->level_count * tetlodi_index_row(info->field_count) + FIELD_BYTES * (uint64_t)info->field_count;
     return !in->failed && !reserved && index->slowest >= MIN_SLOWEST && index->slowest <= MAX_SLOWEST &&
            info->field_count <= MAX_FIELDS && info->level_count && info->level_count <= MAX_LEVELS && least <= in->left;
 }
@@ -458,7 +459,9 @@ static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_byt
     info->lossless = index->scales[0].bits == 0;
     bool named = decode_fields(index, in);
     decode_levels(index, in, &end);
-    const char *wrong = in->failed ? "less than it should" : named ? contradiction(index) : "a field without a name, or with one of more than 255 bytes";
+    const char *wrong = in->failed ? "less than it should"
+                        : named    ? contradiction(index)
+                                   : "a field without a name, or with one of more than 255 bytes";
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
     TETLOD_TRY(decode_sections(index, in, first_offset, end, error));

@@ -577,7 +577,8 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
     if (recorder->log && !tetlodi_field_log_add(recorder, recorder->log, record))
         return tetlodi_no_room(replay->memory, error);
     const int64_t *own = replay->columns[0].codes + (size_t)record->vertex * 3;
-    unsigned at_first = own[0] == recorder->codes[0][0] && own[1] == recorder->codes[1][0] && own[2] == recorder->codes[2][0];
+    unsigned at_first =
+        own[0] == recorder->codes[0][0] && own[1] == recorder->codes[1][0] && own[2] == recorder->codes[2][0];
     TETLOD_TRY(place_children(recorder, record, error));
     replay->stars[record->vertex].leaf = record->leaves & 1;
     for (unsigned i = 1; i < record->children; i++) {

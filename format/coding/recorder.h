@@ -16,7 +16,8 @@ struct tetlodi_step {
 
 /* What the geometry frames of all levels learn together. */
 struct tetlodi_geometry_models {
-    struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2], flip;
+    struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2],
+        flip;
     struct tetlodi_bit seed, across[2], fresh, known[64];
     struct tetlodi_bit leaf[3][3][16];
     struct tetlodi_step step[3];

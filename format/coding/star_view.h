@@ -64,7 +64,8 @@ struct corner2 {
 /* Corners `k` but the vertex of tetrahedra i and i + 1 of the star, its last one twice if it is odd. */
 TETLODI_INLINE struct corner2 corner2(const struct tetlodi_star_view *star, uint32_t i, int k)
 {
-    const double *p = star->positions[star->others[i][k]], *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
+    const double *p = star->positions[star->others[i][k]],
+                 *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
     return (struct corner2){{p[0], q[0]}, {p[1], q[1]}, {p[2], q[2]}};
 }
 

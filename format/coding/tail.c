@@ -265,7 +265,8 @@ static struct numbers code_head(struct tetlodi_coder *coder, struct models *mode
 
 /* An encoder's numbers are chosen, a decoder's are of the column's type. */
 static void code_component(struct tetlodi_coder *coder, struct tail *tail, const struct tetlodi_column *column,
-                           uint32_t vertices, unsigned component, struct numbers numbers, unsigned source, double *exact)
+                           uint32_t vertices, unsigned component, struct numbers numbers, unsigned source,
+                           double *exact)
 {
     size_t n = column->components;
     tail->turn++;

@@ -117,7 +117,8 @@ static int decode_field(struct tetlodi_time_field *field, struct tetlodi_bytes *
     field->type = type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : TETLOD_FLOAT32;
     field->range[0] = tetlodi_get_f64(in);
     field->range[1] = tetlodi_get_f64(in);
-    return type <= TETLOD_FLOAT64 && isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1];
+    return type <= TETLOD_FLOAT64 && isfinite(field->range[0]) && isfinite(field->range[1]) &&
+           field->range[0] <= field->range[1];
 }
 
 /* Errors fall from band to band, and levels do not. */
@@ -159,8 +160,8 @@ enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time, const uint8_t 
                                        struct tetlod_error *error)
 {
     struct tetlodi_bytes in = {bytes, size, false};
-    uint32_t fields = (uint32_t)tetlodi_get(&in, 4), bands = (uint32_t)tetlodi_get(&in,
-                                                                                   4), steps = (uint32_t)tetlodi_get(&in, 4);
+    uint32_t fields = (uint32_t)tetlodi_get(&in, 4), bands = (uint32_t)tetlodi_get(&in, 4),
+             steps = (uint32_t)tetlodi_get(&in, 4);
     uint32_t displacement = (uint32_t)tetlodi_get(&in, 4);
     int good = !in.failed && displacement <= fields && table_size(fields, bands, steps) == size;
     *time = (struct tetlodi_time){0};

@@ -6,7 +6,8 @@ int tetlodi_arithmetic_holds(void)
 {
     volatile double inputs[] = {1 + DBL_EPSILON, 1 - DBL_EPSILON, 1, DBL_EPSILON / 2, DBL_MIN, 1.0 / 3, -1};
     volatile float single;
-    double a = inputs[0], b = inputs[1], one = inputs[2], half = inputs[3], least = inputs[4], third = inputs[5], minus = inputs[6];
+    double a = inputs[0], b = inputs[1], one = inputs[2], half = inputs[3], least = inputs[4], third = inputs[5],
+           minus = inputs[6];
     volatile double product = a * b + minus;            // 0; a fused one is -2^-104
     volatile double sum = (one + half) + half;          // 1; wide or reassociated: more
     volatile double up = one + half * 1.5;              // rounds to nearest

@@ -17,8 +17,8 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__) || \
-    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) ||                         \
+    defined(__NO_SIGNED_ZEROS__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "tetlod must not be compiled with -ffast-math or parts of it: streams would decode wrong"
 #endif
 /* 16, of machines that compute in binary16 (-mavx512fp16): float and double are evaluated in their own precision, as

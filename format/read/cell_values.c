@@ -30,7 +30,9 @@ static bool whole_of(uint64_t bits, unsigned width, double *out)
 enum tetlod_status tetlodi_read_parents(const struct tetlod_file *file, uint32_t **out, struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &file->index;
-    const struct tetlodi_section *map = tetlodi_has_parents(index) ? tetlodi_section_find(index->sections, index->info.section_count, TAG_PARENT_MAP) : NULL;
+    const struct tetlodi_section *map =
+        tetlodi_has_parents(index) ? tetlodi_section_find(index->sections, index->info.section_count, TAG_PARENT_MAP)
+                                   : NULL;
     struct tetlodi_coder coder;
     uint8_t *bytes;
     *out = NULL;

@@ -556,7 +556,8 @@ static void settle(struct tetlod_cursor *cursor)
 /* Is the mesh exactly that of a level? */
 static int at_level(const struct tetlod_cursor *cursor, uint32_t level)
 {
-    return level <= cursor->decoded && cursor->replay.records == cursor->records[level] && cursor->exact == is_tail(cursor, level);
+    return level <= cursor->decoded && cursor->replay.records == cursor->records[level] &&
+           cursor->exact == is_tail(cursor, level);
 }
 
 /* One record up, on the way to a level: from the log, or decoded. */

@@ -300,9 +300,9 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
                                      (unsigned long long)(file->source.size - header->file_size)));
     for (int i = 0; i < DIGEST_SIZE; i++)
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
-    file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
-                        file->index.info.level_count * (1 +
-                                                        (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
+    file->index_bytes =
+        header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
+        file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     TETLOD_TRY_DONE(read_metadata(file, error));
     TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
     TETLOD_TRY_DONE(read_table(file, TAG_PARENTS, tetlodi_parents_decode, error));

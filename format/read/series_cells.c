@@ -43,7 +43,8 @@ static bool has_bytes_for_steps(const struct tetlodi_series_cells *cells)
     for (uint32_t row = 0; row < time->field_count; row++)
         for (uint32_t step = 0; step < time->step_count; step++) {
             uint64_t size = time->sizes[(size_t)row * time->step_count + step];
-            numbers += size ? (uint64_t)tetlodi_cell_rows(index) * index->info.cell_fields[time->fields[row]].components : 0;
+            numbers +=
+                size ? (uint64_t)tetlodi_cell_rows(index) * index->info.cell_fields[time->fields[row]].components : 0;
             bytes += size;
         }
     return is_within(numbers, STEP_ROWS_FREE, STEP_ROWS_PER_BYTE, bytes);

@@ -19,7 +19,8 @@ static bool fits(double value, enum tetlod_cell_type type)
         return true;
     if (type == TETLOD_CELL_FLOAT32)
         return isnan(value) || memcmp(&back, &value, sizeof value) == 0;
-    return fabs(value) <= MAX_WHOLE_CELL && value == floor(value) && value >= -most && value < most && !(value == 0 && signbit(value));
+    return fabs(value) <= MAX_WHOLE_CELL && value == floor(value) && value >= -most && value < most &&
+           !(value == 0 && signbit(value));
 }
 
 static double code_of(const struct tetlodi_write_cells *cells, double value)
@@ -278,9 +279,11 @@ uint32_t tetlodi_cells_list(const struct tetlodi_cell_parts *parts, const struct
                                                            .bytes = parts->map.bytes, .size = parts->map.size};
     for (uint32_t f = 0; f < parts->count; f++) {
         uint32_t row = cells[f].components * cell_width(cells[f].type);
-        sections[count++] = (struct tetlodi_write_section){.tag = parts->in_parents ? TAG_PARENT_VALUES : TAG_CELL_VALUES,
-                                                           .row = cells[f].quantum > 0 ? ROW_CODED : row,
-                                                           .bytes = parts->rows[f].bytes, .size = parts->rows[f].size};
+        sections[count++] =
+            (struct tetlodi_write_section){.tag = parts->in_parents ? TAG_PARENT_VALUES : TAG_CELL_VALUES,
+                                           .row = cells[f].quantum > 0 ? ROW_CODED : row,
+                                           .bytes = parts->rows[f].bytes,
+                                           .size = parts->rows[f].size};
     }
     return count;
 }

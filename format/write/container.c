@@ -61,11 +61,13 @@ static enum tetlod_status add_section(struct tetlodi_section *section, const str
     if (stored->failed)
         return tetlodi_fail_nomem(error, "a section", in->size);
     memcpy(section->tag, in->tag, TAG_SIZE);
-    section->flags = (in->critical ? SECTION_CRITICAL : 0u) | (in->early ? SECTION_EARLY : 0u) | (packed ? SECTION_PACKED : 0u);
+    section->flags =
+        (in->critical ? SECTION_CRITICAL : 0u) | (in->early ? SECTION_EARLY : 0u) | (packed ? SECTION_PACKED : 0u);
     section->plain = in->size;
     if (in->source)
         return frame_of_source(&section->frame, in, error);
-    section->frame = in->row == ROW_CODED ? tetlodi_frame_of(in->bytes, in->size) : tetlodi_frame_of(stored->bytes, stored->size);
+    section->frame =
+        in->row == ROW_CODED ? tetlodi_frame_of(in->bytes, in->size) : tetlodi_frame_of(stored->bytes, stored->size);
     return TETLOD_OK;
 }
 
@@ -156,7 +158,8 @@ static enum tetlod_status put(const struct tetlodi_sink *sink, const void *bytes
 }
 
 static enum tetlod_status put_sections(const struct tetlodi_index *index, const struct tetlodi_write_section *in,
-                                       const struct tetlodi_buffer *stored, uint32_t early, const struct tetlodi_sink *sink)
+                                       const struct tetlodi_buffer *stored, uint32_t early,
+                                       const struct tetlodi_sink *sink)
 {
     for (uint32_t i = 0; i < index->info.section_count; i++)
         if ((index->sections[i].flags & SECTION_EARLY) == early)
@@ -180,8 +183,8 @@ static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t hea
 }
 
 enum tetlod_status tetlodi_container_write(struct tetlodi_index *index, const struct tetlodi_buffer *frames,
-                                           const struct tetlodi_write_section *sections, uint32_t count, const struct tetlodi_sink *sink,
-                                           struct tetlod_error *error)
+                                           const struct tetlodi_write_section *sections, uint32_t count,
+                                           const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     struct tetlodi_buffer *stored = calloc(count ? count : 1, sizeof *stored), head = {0};
     uint8_t header[HEADER_SIZE];

@@ -113,8 +113,8 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
     if (!part->sections || !part->section_bytes)
         return tetlodi_fail_nomem(error, "the directory of sections", most * sizeof *part->sections);
     TETLOD_TRY(mark(info, &part->section_bytes[part->own_count++], &size, error));
-    part->sections[part->section_count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1,
-                                                                           .bytes = part->section_bytes[0], .size = size};
+    part->sections[part->section_count++] =
+        (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = part->section_bytes[0], .size = size};
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlodi_section *from = &file->index.sections[i];
         if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 ||
@@ -126,8 +126,12 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
         if (!bytes)
             return tetlodi_fail_nomem(error, "a section", from->plain);
         TETLOD_TRY(tetlod_section_read(file, i, bytes, error));
-        part->sections[part->section_count++] = (struct tetlodi_write_section){
-            .tag = from->tag, .critical = (from->flags & SECTION_CRITICAL) != 0, .early = 1, .bytes = bytes, .size = (size_t)from->plain};
+        part->sections[part->section_count++] =
+            (struct tetlodi_write_section){.tag = from->tag,
+                                           .critical = (from->flags & SECTION_CRITICAL) != 0,
+                                           .early = 1,
+                                           .bytes = bytes,
+                                           .size = (size_t)from->plain};
     }
     TETLOD_TRY(take_pages(part, error));
     return take_cells(part, file, error);

@@ -29,8 +29,8 @@ struct tetlodi_write_field {
 };
 
 struct tetlodi_write_level {
-    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest. Where fields are exact
-                              later there is one level more, with 0 as well: the exact tail */
+    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest. Where fields
+                              are exact later there is one level more, with 0 as well: the exact tail */
     double domain_error;
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };

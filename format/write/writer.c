@@ -297,7 +297,9 @@ static uint32_t order_children(struct writer *w, uint32_t node)
     memcpy(w->children, lineage_children(&w->lineage, node), count * sizeof *w->children);
     for (uint32_t c = 1; c < count; c++) {
         uint32_t a = w->children[c], b = w->children[first];
-        size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0) ? 0 : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1 : 2;
+        size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0)   ? 0
+                      : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1
+                                                                   : 2;
         if (!same_place(w, b, node) && (same_place(w, a, node) || code_of(w, 0, a, axis) < code_of(w, 0, b, axis)))
             first = c;
     }
@@ -419,7 +421,9 @@ static enum tetlod_status ask(struct writer *w)
     const struct tetlodi_write_input *in = w->in;
     double done = w->begun + w->share * w->replay.vertices / in->vertices;
     w->until_asked = RECORDS_UNASKED;
-    return !in->progress || in->progress(in->progress_opaque, done) ? TETLOD_OK : tetlodi_fail(w->error, TETLOD_ERR_CANCELLED, "cancelled");
+    return !in->progress || in->progress(in->progress_opaque, done)
+               ? TETLOD_OK
+               : tetlodi_fail(w->error, TETLOD_ERR_CANCELLED, "cancelled");
 }
 
 static enum tetlod_status write_record(struct writer *w, uint32_t slot)
@@ -648,8 +652,9 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
                                                                      (const double(*)[3])w->index.info.bounds);
     w->index.pages.group_count = in->group_count;
     if (pages)
-        sections[count++] = (struct tetlodi_write_section){
-            TAG_PAGES, .early = 1, .row = tetlodi_page_row(in->field_count), .bytes = pages->bytes, .size = pages->size};
+        sections[count++] =
+            (struct tetlodi_write_section){TAG_PAGES, .early = 1, .row = tetlodi_page_row(in->field_count),
+                                           .bytes = pages->bytes, .size = pages->size};
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];
     for (uint32_t i = 0; i < late_count; i++)
@@ -701,7 +706,8 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
-    bool done = w->slot_at && w->node_at && w->original_of && w->columns && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
+    bool done = w->slot_at && w->node_at && w->original_of && w->columns && w->encoders && w->stored &&
+                tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
     set_columns(w);

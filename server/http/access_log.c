@@ -45,8 +45,8 @@ static void log_access(const struct site *site, const struct finished *call)
     hide_token(call->target);
     put_json_text(&line, call->target);
     made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}",
-                          call->status,
-                          (unsigned long long)call->bytes, call->seconds * 1e3, call->complete ? "true" : "false") == TETLOD_OK;
+                          call->status, (unsigned long long)call->bytes, call->seconds * 1e3,
+                          call->complete ? "true" : "false") == TETLOD_OK;
     if (made)
         site->access_log(site->access_log_of, (const char *)line.bytes);
     buffer_fini(&line);

@@ -245,8 +245,8 @@ void name_download(struct exchange *exchange, const char *format, ...)
         if (*c < 0x20 || *c > 0x7e || strchr("\"\\/%", *c))
             *c = '_';
     if (encodes)
-        response_header(exchange->response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain,
-                        encoded);
+        response_header(exchange->response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s",
+                        plain, encoded);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)

@@ -88,7 +88,8 @@ static enum tetlod_status make_cells(void *opaque, struct run *run, struct cache
     if (!cells)
         return tetlodi_fail_nomem(error, "values of cells", sizeof *cells);
     cells->tet_count = info->levels[cells_job->level].tets;
-    enum tetlod_status status = cell_choice_add(&cells_job->choice, dataset_file(cells_job->dataset), NULL, cells, error);
+    enum tetlod_status status =
+        cell_choice_add(&cells_job->choice, dataset_file(cells_job->dataset), NULL, cells, error);
     if (status == TETLOD_OK)
         *out = (struct cache_value){cells,
                                     sizeof *cells + (size_t)cell_choice_bytes(&cells_job->choice, info,

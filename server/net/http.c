@@ -201,7 +201,8 @@ static unsigned refuse_framing(const struct call *call, const char *method, cons
         return target ? 414 : 431;
     }
     if (size && framing.end) // the request begins with its method and ends with an empty line
-        framing.bad_value |= method + size->header_size > framing.end + 4 && method + size->header_size < framing.end + LINE;
+        framing.bad_value |=
+            method + size->header_size > framing.end + 4 && method + size->header_size < framing.end + LINE;
     bool one = strcmp(version, "HTTP/1.1") == 0, zero = strcmp(version, "HTTP/1.0") == 0;
     if (!one && !zero)
         *why = "only HTTP/1.0 and HTTP/1.1 are spoken here";
@@ -396,7 +397,8 @@ static struct MHD_Response *make_body(struct call *call, struct response *respon
         return make_pieces_body(call, response);
     if (response->kind == BODY_ABSENT)
         return make_absent_body(response->size);
-    const char *bytes = response->kind == BODY_NONE ? nothing : (const char *)response->bytes + (response->offset - response->held);
+    const char *bytes =
+        response->kind == BODY_NONE ? nothing : (const char *)response->bytes + (response->offset - response->held);
     if (response->kind == BODY_NONE || !response->release)
         return MHD_create_response_from_buffer((size_t)response->size, (void *)(uintptr_t)bytes,
                                                MHD_RESPMEM_PERSISTENT);
@@ -510,8 +512,15 @@ static void on_completed(void *opaque, struct MHD_Connection *connection, void *
         return;
     double now = monotonic_seconds();
     if (call->status) {
-        const struct finished finished = {call->method, call->id, call->remote, call->route, call->target, call->status,
-                                          call->bytes, now - call->started, code == MHD_REQUEST_TERMINATED_COMPLETED_OK};
+        const struct finished finished = {call->method,
+                                          call->id,
+                                          call->remote,
+                                          call->route,
+                                          call->target,
+                                          call->status,
+                                          call->bytes,
+                                          now - call->started,
+                                          code == MHD_REQUEST_TERMINATED_COMPLETED_OK};
         http->options.finished(http->options.opaque, &finished);
     }
     if (call->registered)
@@ -562,11 +571,11 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
         {MHD_OPTION_END, 0, NULL},
     };
     http->daemon = MHD_start_daemon(
-        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
-        on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        4 * options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
-        MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
-        MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL,
+        NULL, on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads,
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, 4 * options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT,
+        options->idle_seconds, MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes,
+        http, MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);
     if (!http->daemon) {
         free(http);

@@ -51,7 +51,8 @@ bool parse_boxes(struct exchange *exchange, struct region_box out[static MAX_BOX
     }
     if (!good)
         response_problem(exchange->response, 400, exchange->request->target,
-                         "box is x0,y0,z0,x1,y1,z1, the least corner first; up to %d boxes are separated by ';'", MAX_BOXES);
+                         "box is x0,y0,z0,x1,y1,z1, the least corner first; up to %d boxes are separated by ';'",
+                         MAX_BOXES);
     return good;
 }
 

@@ -33,7 +33,8 @@ static bool select_fields(struct exchange *exchange, const struct tetlod_info *i
                                                            sizeof *info->fields, info->field_count, &field) : 0;
         if (!size) {
             response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
-                                     "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","), at);
+                                     "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","),
+                                     at);
             return false;
         }
         selected[field] = '1';
@@ -128,7 +129,8 @@ enum outcome handle_stream(struct exchange *exchange)
     const struct tetlod_span whole = {0, info->bytes};
     if (!check_parameters(exchange))
         return ANSWERED;
-    enum outcome outcome = answer_immutable(exchange, respond_stored(exchange, exchange->dataset, &whole, 1, info->cid));
+    enum outcome outcome =
+        answer_immutable(exchange, respond_stored(exchange, exchange->dataset, &whole, 1, info->cid));
     name_download(exchange, ".tetlod");
     return outcome;
 }

@@ -23,8 +23,9 @@ enum outcome handle_ready(struct exchange *exchange)
     }
     char *text = malloc(160);
     int size = text ? snprintf(text, 160,
-                               "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n", catalogue_count(site->catalogue),
-                               catalogue_troubles(site->catalogue), catalogue_open_files(site->catalogue))
+                               "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n",
+                               catalogue_count(site->catalogue), catalogue_troubles(site->catalogue),
+                               catalogue_open_files(site->catalogue))
                     : 0;
     if (!text)
         return respond_no_memory(exchange);

@@ -46,8 +46,13 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
     step_name(&choice->step, of_step);
     snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
-    struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
-                                  .file_bytes = mesh_format_bytes(info, level) + cell_choice_decoding(&choice->cells, info, level), .write = write_mesh, .choice = choice,
+    struct level_answer answer = {.level = level,
+                                  .name = name,
+                                  .media_type = choice->format->media_type,
+                                  .file_bytes = mesh_format_bytes(info, level) +
+                                                cell_choice_decoding(&choice->cells, info, level),
+                                  .write = write_mesh,
+                                  .choice = choice,
                                   .choice_size = sizeof *choice};
     if (choice->step.any)
         step_answer(&answer, info);

@@ -169,15 +169,15 @@ static void show_problem(struct exchange *exchange)
     json_t *problem = response->kind == BODY_BYTES ? json_loadb(response->bytes, (size_t)response->size, 0,
                                                                 NULL) : NULL;
     const char *detail = json_string_value(json_object_get(problem, "detail"));
-    bool made = detail && buffer_printf(&page,
-                                        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta "
-                                        "name=\"viewport\" content=\"width=device-width\">\n"
-                                               "<title>Not found</title>\n<style>body { font: 16px system-ui, "
-                                               "sans-serif; margin: 10vh auto; max-width: 40em; padding: 0 1em "
-                                               "}</style>\n"
-                                               "<h1>Not found</h1>\n<p>") == TETLOD_OK &&
-                buffer_append_escaped(&page, detail) == TETLOD_OK && buffer_printf(&page,
-                                                                                   ".</p>\n<p><a href=\"./") == TETLOD_OK;
+    bool made = detail &&
+                buffer_printf(&page, "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta "
+                                     "name=\"viewport\" content=\"width=device-width\">\n"
+                                     "<title>Not found</title>\n<style>body { font: 16px system-ui, "
+                                     "sans-serif; margin: 10vh auto; max-width: 40em; padding: 0 1em "
+                                     "}</style>\n"
+                                     "<h1>Not found</h1>\n<p>") == TETLOD_OK &&
+                buffer_append_escaped(&page, detail) == TETLOD_OK &&
+                buffer_printf(&page, ".</p>\n<p><a href=\"./") == TETLOD_OK;
     for (const char *c = exchange->path + 1; made && *c && *c != '?'; c++)
         made = *c != '/' || buffer_append(&page, "../", 3) == TETLOD_OK;
     made = made && buffer_printf(&page, "\">What is served here</a></p>\n</html>\n") == TETLOD_OK;

@@ -183,10 +183,8 @@ enum outcome handle_catalogue(struct exchange *exchange)
         return ANSWERED;
     char etag[LIST_TAG], key[LIST_KEY];
     name_list(catalogue_digest(site->catalogue), coding, &page, etag, key);
-    const struct cache_value *value = obtain_cached(exchange,
-                                                    cache_for(site,
-                                                              4096 * (uint64_t)(1 +
-                                                                                catalogue_count(site->catalogue))), key);
+    const struct cache_value *value =
+        obtain_cached(exchange, cache_for(site, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue))), key);
     if (!value)
         outcome = obtain_list(exchange, coding, &page, etag, &value);
     if (value) {

@@ -204,9 +204,12 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
     char name[200 + STEP_NAME];
     const struct tetlod_info *info = dataset_info(dataset);
     print_name(choice, name, sizeof name);
-    struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
-                                  .file_bytes = surface_file_bytes(info,
-                                                                   choice->level), .write = write_surface, .choice = choice,
+    struct level_answer answer = {.level = choice->level,
+                                  .name = name,
+                                  .media_type = choice->format->media_type,
+                                  .file_bytes = surface_file_bytes(info, choice->level),
+                                  .write = write_surface,
+                                  .choice = choice,
                                   .choice_size = sizeof *choice};
     if (choice->step.any)
         step_answer(&answer, info);

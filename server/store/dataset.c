@@ -153,7 +153,8 @@ static enum tetlod_status read_bytes(struct stored *stored, int fd, uint64_t off
         ssize_t got = pread(fd, out, size, (off_t)offset);
         end_look(stored, look);
         if (got <= 0)
-            return got ? tetlodi_fail(error, TETLOD_ERR_IO, "%s", strerror(errno)) : tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it was cut off");
+            return got ? tetlodi_fail(error, TETLOD_ERR_IO, "%s", strerror(errno))
+                       : tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it was cut off");
         out += got;
         offset += (uint64_t)got;
         size -= (size_t)got;
@@ -355,7 +356,8 @@ enum tetlod_status dataset_open(struct dataset **out, const char *id, struct ope
     atomic_init(&stored->references, 1);
     snprintf(stored->id, sizeof stored->id, "%s", id);
     stored->opened = open_file_new(files, path, fd, &stored->identity);
-    enum tetlod_status status = stored->opened ? open_whole(stored, error) : tetlodi_fail_nomem(error, "a stream", sizeof *stored);
+    enum tetlod_status status =
+        stored->opened ? open_whole(stored, error) : tetlodi_fail_nomem(error, "a stream", sizeof *stored);
     for (uint32_t t = 0; status == TETLOD_OK && t < stored->count; t++)
         status = open_topology(stored, t, error);
     if (status == TETLOD_OK)

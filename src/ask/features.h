@@ -36,7 +36,8 @@ struct feature {
     uint32_t vertex, end; /* its place; where it joins a higher (lower) one, or the body's other extreme */
     double at[3];       /* the vertex' place */
     double range[2];    /* proven: of the greatest (least) value; possible: of the value at the place */
-    double persistence; /* proven: at least; possible: what the level makes of it, at most that if the kind is bounded */
+    /* proven: at least; possible: what the level makes of it, at most that if the kind is bounded */
+    double persistence;
     double box[2][3];   /* proven: the feature lies in it */
 };
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * From the finest level to the coarsest, each level k:
- *   1. its sampled and rms errors, measured as the build does, by what changed since level k + 1 (measure_levels.h). They must be
- *      what is stored; if they are not, measure_range.h says what they may be;
+ *   1. its sampled and rms errors, measured as the build does, by what changed since level k + 1 (measure_levels.h).
+ * They must be what is stored; if they are not, measure_range.h says what they may be;
  *   2. the distance of the boundaries (boundary_check.h) must not be above the stored domain error;
  *   3. the exact maximum over the overlay, in the tetrahedra that changed (overlay.h), must not be above `max`.
  * A level's stored error is at least that of the next finer one, so that what is larger there accounts for it.
@@ -114,9 +114,12 @@ static bool is_of_input(const struct against *a, uint32_t f)
 static enum tetlod_status round_mesh(const struct against *a, const struct tetmesh *mesh, struct tetmesh *out)
 {
     struct tetlodi_grid axes[3];
-    *out = (struct tetmesh){.vertex_count = mesh->vertex_count, .tet_count = mesh->tet_count,
+    *out = (struct tetmesh){.vertex_count = mesh->vertex_count,
+                            .tet_count = mesh->tet_count,
                             .position_type = mesh->position_type,
-                            .corners = mesh->corners, .cell_fields = mesh->cell_fields, .cell_field_count = mesh->cell_field_count};
+                            .corners = mesh->corners,
+                            .cell_fields = mesh->cell_fields,
+                            .cell_field_count = mesh->cell_field_count};
     out->positions = array_new(mesh->vertex_count, 3 * sizeof(double));
     if (!out->positions)
         return nomem(a);
@@ -341,7 +344,8 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     const struct tetlod_info *info = tetlod_info(a->file);
     double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure);
     const double *range = info->fields[f].range;
-    double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
+    double low = range_fraction(range, of_measured(least, measure)),
+           high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
     // of a range without scale it is 0 or the whole, by the last bit of a number that has few
@@ -395,8 +399,9 @@ static enum tetlod_status check_domain(const struct against *a, uint32_t k, doub
                                     &found, a->error));
     found = larger(found, measured > stored * a->diagonal * (1 + TIE) + 4e-12 * a->diagonal ? measured : 0);
     if (found > 0)
-        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain error is at least %.9g, stored is %.9g", k,
-                            found / a->diagonal, stored);
+        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
+                            "level %u: its domain error is at least %.9g, stored is %.9g", k, found / a->diagonal,
+                            stored);
     return TETLOD_OK;
 }
 
@@ -488,9 +493,9 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
     for (uint32_t f = 0; f < info->field_count; f++)
         if (a->exact[f] > a->floors[f])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
-                                "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
-                                k, info->fields[f].name, stored_error(info, k, f,
-                                                                      TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
+                                "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g", k,
+                                info->fields[f].name, stored_error(info, k, f, TETLOD_MAX),
+                                range_fraction(info->fields[f].range, a->exact[f]));
     for (uint32_t f = 0; f < info->field_count; f++)
         if (info->fields[f].bounds != TETLOD_NONE)
             TETLOD_TRY(check_local(a, k, f, options));

@@ -108,8 +108,9 @@ static enum tetlod_status begin_ranges(const struct steps_check *check, struct s
         found->ranges[f].name = strdup(info->fields[steps->fields[f]].name);
         found->range_count += found->ranges[f].name != NULL;
     }
-    return found->range_count == steps->field_count ? TETLOD_OK : tetlodi_fail_nomem(check->error, "the ranges",
-                                                                                     steps->field_count * sizeof *found->ranges);
+    return found->range_count == steps->field_count
+               ? TETLOD_OK
+               : tetlodi_fail_nomem(check->error, "the ranges", steps->field_count * sizeof *found->ranges);
 }
 
 /* Of the step that the last band, which is the nearest to the input, is at. */
@@ -182,8 +183,8 @@ enum tetlod_status steps_found_add(struct steps_found *all, const struct steps_f
             continue;
         if (to->declared[0] != from->declared[0] || to->declared[1] != from->declared[1])
             return tetlodi_fail(error, TETLOD_ERR_STREAM,
-                                "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g", to->name,
-                                from->declared[0], from->declared[1], to->declared[0], to->declared[1]);
+                                "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g",
+                                to->name, from->declared[0], from->declared[1], to->declared[0], to->declared[1]);
         to->found[0] = fmin(to->found[0], from->found[0]);
         to->found[1] = fmax(to->found[1], from->found[1]);
         to->room = fmax(to->room, from->room);
@@ -199,8 +200,8 @@ enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_g
             !(fabs(range->declared[0] - range->found[0]) <= range->room &&
               fabs(range->declared[1] - range->found[1]) <= range->room))
             return tetlodi_fail(error, TETLOD_ERR_STREAM,
-                                "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g", range->name,
-                                range->declared[0], range->declared[1], range->found[0], range->found[1]);
+                                "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g",
+                                range->name, range->declared[0], range->declared[1], range->found[0], range->found[1]);
     }
     return TETLOD_OK;
 }
@@ -222,7 +223,8 @@ static uint32_t batch_steps(const struct steps_check *check, const struct steps_
     const struct tetlod_info *info = tetlod_info(check->file);
     uint64_t bytes = 0;
     for (uint32_t f = 0; f < batch->field_count; f++)
-        bytes += 8 * (uint64_t)info->vertices * info->fields[tetlod_series_info(check->bands[0].series)->fields[batch->field + f]].components;
+        bytes += 8 * (uint64_t)info->vertices *
+                 info->fields[tetlod_series_info(check->bands[0].series)->fields[batch->field + f]].components;
     uint64_t fit = bytes ? BATCH_BYTES / bytes : BATCH_STEPS;
     return fit < 1 ? 1 : fit < BATCH_STEPS ? (uint32_t)fit : BATCH_STEPS;
 }
@@ -323,7 +325,9 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
         if (status == TETLOD_OK)
             status = level_mesh_step_cells(check->file, band->series, step, TETLOD_NONE, &mesh, check->error);
         if (status == TETLOD_OK)
-            status = mesh_same(input, &mesh, &inner) == TETLOD_OK ? TETLOD_OK : tetlodi_fail(check->error, inner.status, "step %u: %s", step, inner.message);
+            status = mesh_same(input, &mesh, &inner) == TETLOD_OK
+                         ? TETLOD_OK
+                         : tetlodi_fail(check->error, inner.status, "step %u: %s", step, inner.message);
         tetmesh_fini(&mesh);
     }
     return status;
@@ -423,7 +427,8 @@ static enum tetlod_status compare_band(const struct steps_check *check, const st
     }
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
         if (found[i] > floors[i])
-            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference at a vertex", found[i]);
+            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,
+                               "the difference at a vertex", found[i]);
     if (status == TETLOD_OK)
         status = overlay_max(&batch->exact, fields, mesh, fields, count, &options, found, &report, check->error);
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)

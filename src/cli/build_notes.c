@@ -106,17 +106,22 @@ void build_notes(const struct build_request *request, const struct io_report *re
     reading_notes("build", &notes_read, mesh);
     build_warnings(report, say_warning, NULL);
     for (uint32_t g = 0; g < request->topologies.count; g++)
-        fprintf(stderr, "tetlod build: topology group %" PRIu32 ": steps %" PRIu32 " to %" PRIu32 " over %" PRIu32 " tetrahedra\n", g,
-                request->topologies.groups[g].from, request->topologies.groups[g].from + request->topologies.groups[g].count - 1,
+        fprintf(stderr,
+                "tetlod build: topology group %" PRIu32 ": steps %" PRIu32 " to %" PRIu32 " over %" PRIu32
+                " tetrahedra\n",
+                g, request->topologies.groups[g].from,
+                request->topologies.groups[g].from + request->topologies.groups[g].count - 1,
                 request->topologies.groups[g].tets);
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; "
-                                                                                       "fields that are not "
-                                                                                       "controlled are those of the "
-                                                                                       "first step\n",
-                request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count, report->keys);
+        fprintf(stderr,
+                "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; "
+                "fields that are not "
+                "controlled are those of the "
+                "first step\n",
+                request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count,
+                report->keys);
     for (uint32_t c = 0; request->build.series && c < request->build.series->cell_count; c++)
         if (request->build.series->cells[c].missing)
             fprintf(
@@ -132,7 +137,8 @@ void build_notes(const struct build_request *request, const struct io_report *re
                                                  "not bit for bit\n",
                 request->series.rounded);
     fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
-            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);
+            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count,
+            report->levels);
 }
 
 /* ---- on standard output */

@@ -106,13 +106,13 @@ static char *make_metadata(const struct build_request *request, const struct tet
     json_t *fields = json_array(), *object = NULL;
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
-    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program",
-                       "tetlod " TETLOD_VERSION_STRING,
-                       "input", cli_base_name(request->input), "options", "field", fields, "metric",
-                       build_metric_name(build->metric), "certify", build_certify_name(build->certify), "contract", request->contract,
-                       "candidates", 0, // once an option: streams keep their bytes
-                       "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
-                       build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
+    object =
+        json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program",
+                  "tetlod " TETLOD_VERSION_STRING, "input", cli_base_name(request->input), "options", "field", fields,
+                  "metric", build_metric_name(build->metric), "certify", build_certify_name(build->certify), "contract",
+                  request->contract, "candidates", 0, // once an option: streams keep their bytes
+                  "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
+                  build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
     if (object && build->series && build->series->own_ranges)
         json_object_set_new(json_object_get(object, "options"), SERIES_RANGE, json_string("step"));
     if (object && request->carry)
@@ -122,7 +122,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
     if (object && build->regions)
         json_object_set_new(json_object_get(object, "options"), "region", json_string(build->regions));
     if (object && request->reading.options.nan_fill) {
-        json_t *fill = request->reading.fill.kind == NAN_FILL_VALUE ? json_real(request->reading.fill.value) : json_string("neighbours");
+        json_t *fill = request->reading.fill.kind == NAN_FILL_VALUE ? json_real(request->reading.fill.value)
+                                                                    : json_string("neighbours");
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
@@ -205,8 +206,8 @@ static enum tetlod_status read_first(struct build_request *request, struct tetme
     tetmesh_fini(mesh);
     if (series->begin >= steps)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
-                            "%s: has %" PRIu64 " steps in time, 0 to %" PRIu64 ": --times begins behind them", request->input,
-                            steps, steps - 1);
+                            "%s: has %" PRIu64 " steps in time, 0 to %" PRIu64 ": --times begins behind them",
+                            request->input, steps, steps - 1);
     return series_input_read(series, series->begin, &request->reading, mesh, read, error);
 }
 

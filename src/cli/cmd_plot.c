@@ -207,8 +207,10 @@ static int plot(const char *path, const char *output, const char *name, bool ste
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'}, {"steps", no_argument, NULL, 's'}, {0}};
+    static const struct option options[] = {{"output", required_argument, NULL, 'o'},
+                                            {"field", required_argument, NULL, 'f'},
+                                            {"steps", no_argument, NULL, 's'},
+                                            {0}};
     const char *output = NULL, *field = NULL;
     bool steps = false;
     for (int option; (option = cli_option(&command_plot, argc, argv, "o:", options)) != -1;) {

@@ -65,8 +65,9 @@ static int make(const struct sample *sample, uint32_t size, const char *output)
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'}, {"list", no_argument, NULL, 'l'},
-        {"steps", required_argument, NULL, 't'}, {"remesh", required_argument, NULL, 'r'}, {0}};
+        {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'},
+        {"list", no_argument, NULL, 'l'},         {"steps", required_argument, NULL, 't'},
+        {"remesh", required_argument, NULL, 'r'}, {0}};
     const char *output = NULL, *size_text = NULL;
     uint64_t size = 0, steps = 0, remesh = 0;
     for (int option; (option = cli_option(&command_sample, argc, argv, "o:", options)) != -1;) {
@@ -93,7 +94,8 @@ static int run(int argc, char **argv)
         return cli_usage("sample", "-o OUT is missing: the file to write");
     if (remesh && !steps)
         return cli_usage("sample", "--remesh goes with --steps");
-    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, (uint32_t)remesh, output) : make(sample, (uint32_t)size, output);
+    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, (uint32_t)remesh, output)
+                 : make(sample, (uint32_t)size, output);
 }
 
 const struct command command_sample = {"sample", "make a sample mesh", help, run};

@@ -249,10 +249,9 @@ static enum tetlod_status derive_fields(const struct tetlod_info *info, struct t
         struct build_control ignored;
         if (tetmesh_find_field(input, field->name) != TETLOD_NONE)
             continue;
-        enum tetlod_status status = field->bounds != TETLOD_NONE ? tetmesh_add_field(input, field->name,
-                                                                                     field->components, field->type, error)
-                                                                 : build_control_parse(input, field->name, &ignored,
-                                                                                       error);
+        enum tetlod_status status = field->bounds != TETLOD_NONE
+                                        ? tetmesh_add_field(input, field->name, field->components, field->type, error)
+                                        : build_control_parse(input, field->name, &ignored, error);
         TETLOD_TRY(blame_stream(status, error));
     }
     return TETLOD_OK;
@@ -380,7 +379,8 @@ static enum tetlod_status check_sections(const struct verification *v)
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t i = 0; i < info->section_count && status == TETLOD_OK; i++) {
         void *bytes = info->sections[i].size < SIZE_MAX ? malloc((size_t)info->sections[i].size + 1) : NULL;
-        status = bytes ? tetlod_section_read(v->file, i, bytes, v->error) : tetlodi_fail_nomem(v->error, "a section", info->sections[i].size);
+        status = bytes ? tetlod_section_read(v->file, i, bytes, v->error)
+                       : tetlodi_fail_nomem(v->error, "a section", info->sections[i].size);
         free(bytes);
     }
     return status;
@@ -561,9 +561,8 @@ static int print_result(const struct verification *v, enum tetlod_status status,
     for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
         json_array_append_new(levels, json_integer(v->against.exact[i]));
     object = json_pack("{s:s, s:b, s:s, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK,
-                       "message",
-                       status == TETLOD_OK ? "" : error->message, "quality", v->poor, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
-                       "exact_levels", levels);
+                       "message", status == TETLOD_OK ? "" : error->message, "quality", v->poor, "steps",
+                       (int)v->series.steps, "measured_levels", (int)v->against.measured, "exact_levels", levels);
     int result = cli_print_json(object);
     if (status != TETLOD_OK)
         return cli_fail(error);
@@ -600,11 +599,14 @@ static int verify(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS,
-                                            {"threads", required_argument, NULL, 't'}, {"all-levels", no_argument,
-                                                                                        NULL, 'l'}, {"times", required_argument, NULL, 'T'}, {"json", no_argument, NULL, 'j'},
-                                            {"progress", no_argument, NULL, 'p'},      {"quiet", no_argument, NULL,
-                                                                                        's'},
+    static const struct option options[] = {{"against", required_argument, NULL, 'a'},
+                                            READING_OPTIONS,
+                                            {"threads", required_argument, NULL, 't'},
+                                            {"all-levels", no_argument, NULL, 'l'},
+                                            {"times", required_argument, NULL, 'T'},
+                                            {"json", no_argument, NULL, 'j'},
+                                            {"progress", no_argument, NULL, 'p'},
+                                            {"quiet", no_argument, NULL, 's'},
                                             {0}};
     struct request request = {0};
     const char *inputs[MAX_INPUTS];

@@ -70,7 +70,8 @@ static enum tetlod_status write_json(const struct tree *tree, struct file_output
 {
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
     struct tetlodi_sink sink = file_output_sink(output);
-    enum tetlod_status status = text ? sink.write(sink.opaque, text, strlen(text)) : tetlodi_fail_nomem(tree->error, "JSON", 0);
+    enum tetlod_status status =
+        text ? sink.write(sink.opaque, text, strlen(text)) : tetlodi_fail_nomem(tree->error, "JSON", 0);
     free(text);
     json_decref(object);
     return finish(tree, output, status);

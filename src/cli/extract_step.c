@@ -33,8 +33,8 @@ static void describe(const struct tetlod_series *series, const struct tetlod_inf
                          : steps->step_count) - 1, steps->times[step], steps->bands[band].level);
     for (uint32_t f = 0; f < steps->field_count && used >= 0 && (size_t)used < size; f++)
         used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series",
-                         f ? ", " : ": ",
-                         info->fields[steps->fields[f]].name, promise_percent(tetlod_step_error(series, f, band, step)));
+                         f ? ", " : ": ", info->fields[steps->fields[f]].name,
+                         promise_percent(tetlod_step_error(series, f, band, step)));
 }
 
 /* Moves the points, and says what that turns over. */
@@ -76,7 +76,8 @@ static enum tetlod_status take_cells(const struct tetlod_file *file, struct tetl
 }
 
 static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor,
-                               const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
+                               const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size,
+                               struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     const struct tetlod_series_info *steps = tetlod_series_info(series);

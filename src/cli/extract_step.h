@@ -9,7 +9,7 @@
 
 /* The step as a mesh with the series' fields, and in `about` which it is and what is promised of it. */
 TETLOD_CHECKED enum tetlod_status extract_step(struct tetlod_file *file, const struct step_selection *selection,
-                                               enum level_form form, struct tetmesh *out, char *about, size_t about_size,
-                                               struct tetlod_error *error);
+                                               enum level_form form, struct tetmesh *out, char *about,
+                                               size_t about_size, struct tetlod_error *error);
 
 #endif

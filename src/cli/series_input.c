@@ -145,8 +145,8 @@ enum tetlod_status series_input_blame(const struct series_input *input, uint64_t
 }
 
 static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading,
-                                    const struct tetmesh *first,
-                                    const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
+                                    const struct tetmesh *first, const struct build_control *controls, uint32_t count,
+                                    struct progress *progress, struct tetlod_error *error)
 {
     forget(input);
     TETLOD_TRY(spool_open(&input->spool, error));
@@ -222,7 +222,8 @@ enum tetlod_status series_input_count(struct series_input *input, uint64_t steps
 }
 
 enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading, struct tetmesh *first,
-                                     struct build_control *controls, uint32_t *count, struct progress *progress, struct tetlod_error *error)
+                                     struct build_control *controls, uint32_t *count, struct progress *progress,
+                                     struct tetlod_error *error)
 {
     uint32_t most = input->wanted - input->from;
     input->times = array_new(most, sizeof *input->times);

@@ -41,8 +41,8 @@ uint64_t series_input_number(const struct series_input *input, uint64_t step);
 
 /* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */
 TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step,
-                                                    const struct reading *reading,
-                                                    struct tetmesh *out, struct io_report *report, struct tetlod_error *error);
+                                                    const struct reading *reading, struct tetmesh *out,
+                                                    struct io_report *report, struct tetlod_error *error);
 
 /* Counts what --times chooses of the `steps` that there are. ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status series_input_count(struct series_input *input, uint64_t steps,
@@ -52,8 +52,8 @@ TETLOD_CHECKED enum tetlod_status series_input_count(struct series_input *input,
  * `first`, their first. Where points move, how far becomes a field of `first` and the last of `controls`, which has
  * room for it. The message names the step. */
 TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading,
-                                                    struct tetmesh *first,
-                                                    struct build_control *controls, uint32_t *count, struct progress *progress,
+                                                    struct tetmesh *first, struct build_control *controls,
+                                                    uint32_t *count, struct progress *progress,
                                                     struct tetlod_error *error);
 
 /* Are there steps behind those that were loaded? */

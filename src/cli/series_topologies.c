@@ -114,14 +114,16 @@ static enum tetlod_status scan_steps(struct scan *scan, const struct reading *re
 }
 
 enum tetlod_status series_topologies_find(struct series_topologies *out, struct series_input *input,
-                                          const struct reading *reading,
-                                          const char *const *names, uint32_t count, struct progress *progress, struct tetlod_error *error)
+                                          const struct reading *reading, const char *const *names, uint32_t count,
+                                          struct progress *progress, struct tetlod_error *error)
 {
     struct scan scan = {.out = out, .input = input, .names = names, .name_count = count, .error = error};
     *out = (struct series_topologies){.ranges = array_new(count, sizeof *out->ranges),
                                       .times = array_new(input->wanted, sizeof *out->times)};
     scan.components = array_zero(count, sizeof *scan.components);
-    enum tetlod_status status = out->ranges && out->times && scan.components ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields", count * sizeof *out->ranges);
+    enum tetlod_status status = out->ranges && out->times && scan.components
+                                    ? TETLOD_OK
+                                    : tetlodi_fail_nomem(error, "the fields", count * sizeof *out->ranges);
     if (status == TETLOD_OK)
         status = scan_steps(&scan, reading, progress);
     for (uint32_t s = 0; s < input->wanted && input->numbered && status == TETLOD_OK; s++)

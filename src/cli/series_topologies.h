@@ -21,8 +21,8 @@ struct series_topologies {
 /* Reads all steps, one at a time: the fields with these names have to be at each. `numbered` is set if the times do not
  * rise. ERR_MESH for steps that are not of one series; the message names the step. */
 TETLOD_CHECKED enum tetlod_status series_topologies_find(struct series_topologies *out, struct series_input *input,
-                                                         const struct reading *reading,
-                                                         const char *const *names, uint32_t count, struct progress *progress,
+                                                         const struct reading *reading, const char *const *names,
+                                                         uint32_t count, struct progress *progress,
                                                          struct tetlod_error *error);
 void series_topologies_fini(struct series_topologies *topologies);
 

@@ -18,7 +18,8 @@ struct given {
 
 struct settings {
     struct server_options server;
-    const char *addresses[MAX_ADDRESSES], *origins[MAX_LISTED], *cors[MAX_LISTED], *hosts[MAX_LISTED], *proxies[MAX_LISTED];
+    const char *addresses[MAX_ADDRESSES], *origins[MAX_LISTED], *cors[MAX_LISTED], *hosts[MAX_LISTED],
+        *proxies[MAX_LISTED];
     bool access_log, quiet;
     struct given line[MAX_GIVEN], file[MAX_GIVEN]; /* of the command line; of the file */
     size_t line_count, file_count;

@@ -85,8 +85,8 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
         const double *p[4];
         for (size_t c = 0; c < 4; c++)
             p[c] = mesh->positions + 3 * (size_t)corners[4 * t + c];
-        double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2],
-                                                                                       p[3]), cube = size2 * sqrt(size2);
+        double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]),
+               cube = size2 * sqrt(size2);
         bool degenerate = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
         out->degenerate += degenerate;
         out->inverted += !sheets.promised[t] && !degenerate;
@@ -184,7 +184,8 @@ static enum tetlod_status compare_sums(const struct tetlod_info *info, const str
             if (!is_sum(a[0], b[0], sqrt(b[1] * found->volume)) || !is_sum(a[1], b[1], b[1]))
                 return tetlodi_fail(error, TETLOD_ERR_STREAM,
                                     "section SUMS says that component %u of %.60s has the integrals %.9g "
-                                    "and %.9g, the finest level has %.9g and %.9g", c, info->fields[f].name, a[0], a[1], b[0], b[1]);
+                                    "and %.9g, the finest level has %.9g and %.9g",
+                                    c, info->fields[f].name, a[0], a[1], b[0], b[1]);
         }
     return TETLOD_OK;
 }
@@ -238,7 +239,8 @@ static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f
     const struct tetlod_cell_field *field = &info->cell_fields[f];
     size_t count = (size_t)info->tets * field->components;
     double *values = array_new(count, sizeof *values), found[2] = {INFINITY, -INFINITY};
-    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
+    enum tetlod_status status =
+        values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
     if (status == TETLOD_OK)
         widen(found, values, count);
     free(values);

@@ -13,7 +13,8 @@ struct web_source;
 bool web_source_is(const char *text);
 
 /* A stream on any host, or that of a tetlod server by the address of its mesh or of the page that shows it.
- * `out_source` borrows from *out, which is to be freed after the file; it is for one thread at a time. ERR_IO, ERR_NOMEM. */
+ * `out_source` borrows from *out, which is to be freed after the file; it is for one thread at a time. ERR_IO,
+ * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status web_source_open(struct web_source **out, const char *url,
                                                   struct tetlod_source *out_source, struct tetlod_error *error);
 /* Fetches parts that will be read, in requests at the same time. ERR_IO, ERR_NOMEM. */

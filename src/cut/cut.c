@@ -132,7 +132,8 @@ static bool add_zero(const struct tetmesh *mesh, const double *values, struct cu
     const uint8_t *below = out->below;
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         const uint32_t *c = mesh->corners + 4 * (size_t)t;
-        unsigned mask = below[c[0]] | (unsigned)below[c[1]] << 1 | (unsigned)below[c[2]] << 2 | (unsigned)below[c[3]] << 3;
+        unsigned mask =
+            below[c[0]] | (unsigned)below[c[1]] << 1 | (unsigned)below[c[2]] << 2 | (unsigned)below[c[3]] << 3;
         if (mask != 0 && mask != 15 && !cut_tet(mesh, values, t, mask, out))
             return false;
     }

@@ -25,7 +25,8 @@ void cut_line_fini(struct cut_line *line);
  * tetrahedra over one stretch the one that begins first gives the values; degenerate ones give none. ERR_NOMEM. Costs
  * O(tetrahedra). */
 TETLOD_CHECKED enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets,
-                                            const double from[3], const double to[3], struct cut_line *out, struct tetlod_error *error);
+                                            const double from[3], const double to[3], struct cut_line *out,
+                                            struct tetlod_error *error);
 
 /* Does the segment pass through a tetrahedron? Then from at[0] to at[1] of it (0 to 1), where the corners have these
  * barycentric weights. */

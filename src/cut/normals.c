@@ -17,7 +17,8 @@ void cut_normals(const struct cut *cut, const float *points, float *normals)
         const uint32_t *triangle = cut->triangles + 3 * t;
         const float *a = points + 3 * (size_t)triangle[0], *b = points + 3 * (size_t)triangle[1],
                     *c = points + 3 * (size_t)triangle[2];
-        float ux = b[0] - a[0], uy = b[1] - a[1], uz = b[2] - a[2], vx = c[0] - a[0], vy = c[1] - a[1], vz = c[2] - a[2];
+        float ux = b[0] - a[0], uy = b[1] - a[1], uz = b[2] - a[2], vx = c[0] - a[0], vy = c[1] - a[1],
+              vz = c[2] - a[2];
         float n[3] = {uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx}; // twice the area long
         for (int i = 0; i < 3; i++)
             add_to(normals + 3 * (size_t)triangle[i], n);

@@ -39,9 +39,8 @@ static void list_faces(const struct tetmesh *mesh, const struct cut_rays *rays, 
         for (int d = 0; d < 3; d++) {
             middles[3 * count + (size_t)d] = 0;
             for (int c = 0; c < 3; c++)
-                middles[3 * count + (size_t)d] += mesh->positions[3 *
-                                                                  (size_t)mesh->corners[(slot & ~3u) +
-                                                                                        tet_faces[slot & 3][c]] + (size_t)d] / 3;
+                middles[3 * count + (size_t)d] +=
+                    mesh->positions[3 * (size_t)mesh->corners[(slot & ~3u) + tet_faces[slot & 3][c]] + (size_t)d] / 3;
         }
         slots[count++] = slot;
     }

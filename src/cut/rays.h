@@ -18,10 +18,10 @@ struct cut_rays {
     float *vertices;         /* [4 * vertex_count] place and value */
     const uint32_t *corners; /* [4 * tet_count] the mesh's */
     uint32_t *neighbours;    /* [4 * tet_count] as adjacency_build makes them */
-    uint32_t *faces;         /* [4 * face_count] of the boundary: corners, counter-clockwise seen from outside, and 4 * tet + face.
-                              * A multiple of RAYS_LEAF: the last ones may be TETLOD_NONE. */
-    float *nodes;            /* [8 * node_count] low corner, node to go on with behind this one's; high corner, leaf or -1. A
-                              * node's first child is the next one; leaf i has faces RAYS_LEAF * i and on. */
+    uint32_t *faces; /* [4 * face_count] of the boundary: corners, counter-clockwise seen from outside, and 4 * tet +
+                      * face. A multiple of RAYS_LEAF: the last ones may be TETLOD_NONE. */
+    float *nodes;    /* [8 * node_count] low corner, node to go on with behind this one's; high corner, leaf or -1. A
+                      * node's first child is the next one; leaf i has faces RAYS_LEAF * i and on. */
     /* [tet_count, and as many as make a multiple of 4] values of tetrahedra, if `has_of_tets` */
     float *of_tets;
     uint32_t has_of_tets;
@@ -37,7 +37,7 @@ TETLOD_CHECKED enum tetlod_status cut_rays_connect(const struct tetmesh *mesh, s
 /* Places relative to `centre`, and the boxes of the tree, of the mesh that was connected, with its vertices anywhere.
  * `of_tets`: NULL, or the values of the tetrahedra that were connected. */
 TETLOD_CHECKED enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values,
-                                                 const double *of_tets,
-                                                 const double centre[3], struct cut_rays *out, struct tetlod_error *error);
+                                                 const double *of_tets, const double centre[3], struct cut_rays *out,
+                                                 struct tetlod_error *error);
 
 #endif

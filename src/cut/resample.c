@@ -45,8 +45,8 @@ void cut_grid_cover(struct cut_grid *grid, const double low[3], const double hig
  * know. */
 static bool is_degenerate(const double *const p[4], double edges[3][3], double volume6)
 {
-    double square = TET_DEGENERATE * TET_DEGENERATE, size2 = 4 * larger(larger(dot(edges[0], edges[0]),
-                                                                               dot(edges[1], edges[1])), dot(edges[2], edges[2]));
+    double square = TET_DEGENERATE * TET_DEGENERATE,
+           size2 = 4 * larger(larger(dot(edges[0], edges[0]), dot(edges[1], edges[1])), dot(edges[2], edges[2]));
     if (volume6 * volume6 > square * size2 * size2 * size2)
         return false;
     size2 = tet_size_squared(p[0], p[1], p[2], p[3]);

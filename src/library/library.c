@@ -120,7 +120,8 @@ static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_bu
     mesh->tet_count = given->tets;
     mesh->position_type = given->position_type;
     for (size_t i = 0; i < points; i++)
-        mesh->positions[i] = given->position_type == TETLOD_FLOAT32 ? ((const float *)given->positions)[i] : ((const double *)given->positions)[i];
+        mesh->positions[i] = given->position_type == TETLOD_FLOAT32 ? ((const float *)given->positions)[i]
+                                                                    : ((const double *)given->positions)[i];
     if (corners)
         memcpy(mesh->corners, given->corners, corners * sizeof *mesh->corners);
     TETLOD_TRY(copy_fields(mesh, given, error));
@@ -178,7 +179,8 @@ static struct build_options options_of(const struct tetlod_build_options *option
                                                options->field_error};
     build.threads = options->threads ? options->threads : parallel_cores();
     build.memory = options->memory;
-    build.metadata = options->metadata ? options->metadata : "{\"program\":\"libtetlod-build " TETLOD_VERSION_STRING "\"}";
+    build.metadata =
+        options->metadata ? options->metadata : "{\"program\":\"libtetlod-build " TETLOD_VERSION_STRING "\"}";
     if (options->certify_exact) {
         build.certify = CERTIFY_EXACT;
         build.metric = METRIC_FIELD_QUADRIC;

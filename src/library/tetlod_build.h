@@ -125,7 +125,8 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_bu
 struct tetlod_build_series;
 
 /* The texts of the options are borrowed until the series is freed. domain_error counts as 0. TETLOD_ERR_ARGUMENT:
- * certify_exact, certify_all, local_bound, keep_features and rounding are for one mesh. *out is to be freed also after a failure. */
+ * certify_exact, certify_all, local_bound, keep_features and rounding are for one mesh. *out is to be freed also after
+ * a failure. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build_series_new(struct tetlod_build_series **out,
                                                                      const struct tetlod_build_options *options,
                                                                      struct tetlod_error *error);

@@ -70,8 +70,8 @@ enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct t
                                       .slot_of = array_new(log ? log->count : 0, sizeof(uint32_t)),
                                       .log_values = array_new(mesh->field_count, sizeof(double *))};
     bool room = coarsening->positions && coarsening->corners && coarsening->neighbours && coarsening->states &&
-                coarsening->slots && coarsening->into && coarsening->touched && coarsening->tet_of && coarsening->slot_of &&
-                coarsening->log_values && copy_fields(coarsening, mesh);
+                coarsening->slots && coarsening->into && coarsening->touched && coarsening->tet_of &&
+                coarsening->slot_of && coarsening->log_values && copy_fields(coarsening, mesh);
     enum tetlod_status status = TETLOD_OK;
     if (!room)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the levels' mesh", coarsening_bytes(mesh)));
@@ -306,7 +306,8 @@ enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coar
         coarsening->states[count] = coarsening->states[t];
         for (int i = 0; i < 4; i++) {
             uint32_t across = coarsening->neighbours[4 * t + i];
-            coarsening->neighbours[4 * count + i] = across == TETLOD_NONE ? across : 4 * coarse_number(out, across / 4) + across % 4;
+            coarsening->neighbours[4 * count + i] =
+                across == TETLOD_NONE ? across : 4 * coarse_number(out, across / 4) + across % 4;
         }
         count++;
     }

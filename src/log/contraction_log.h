@@ -8,12 +8,12 @@
  * mark names such an m and says what the errors are there.
  *
  * How to fill it:
- *   log_init, log_control        once, before the first contraction; log_keep_bounds behind them, where local bounds are asked for
- *   log_extend(log, n)           makes room for n records and returns the first; it never fails and allocates nothing, as a mesh
- *                                has fewer contractions than vertices and the memory of records that are not written is not used
- *   children, positions, values  are written directly, each record once, in any order and by any thread
- *   log_mark                     between rounds, when all records before it are written
- *   log_finish                   gives back the room that was not used
+ *   log_init, log_control        once, before the first contraction; log_keep_bounds behind them, where local bounds
+ * are asked for log_extend(log, n)           makes room for n records and returns the first; it never fails and
+ * allocates nothing, as a mesh has fewer contractions than vertices and the memory of records that are not written is
+ * not used children, positions, values  are written directly, each record once, in any order and by any thread log_mark
+ * between rounds, when all records before it are written log_finish                   gives back the room that was not
+ * used
  *
  * A parallel round counts its contractions, extends the log once, and gives each contraction the record first + (its
  * place in the round by a prefix sum): the places decide the bytes, so they must not depend on threads. Within a round
@@ -93,7 +93,8 @@ uint32_t log_extend(struct contraction_log *log, uint32_t count);
 /* Adds a mark of all records so far. `certified` and `predicted` have component_count running maxima. A mark with as
  * many contractions as the last one adds nothing. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint32_t tets, double moved,
-                                           const double *certified, const double *predicted, struct tetlod_error *error);
+                                           const double *certified, const double *predicted,
+                                           struct tetlod_error *error);
 
 /* Puts a mark in the place of another one. */
 void log_move_mark(struct contraction_log *log, uint32_t from, uint32_t to);

@@ -65,11 +65,10 @@ static double exact_distance(const struct look *look, const double p[3])
     for (size_t f = 0; f < to->count; f++) {
         const uint32_t *v = to->triangles + 3 * f;
         if (!to->bodies || to->bodies[v[0]] == look->body)
-            best = smaller(best,
-                           exact_triangle_distance2(p,
-                                                    (const double *const[3]){to->positions + 3 * (size_t)v[0],
-                                                                             to->positions + 3 * (size_t)v[1],
-                                                                                      to->positions + 3 * (size_t)v[2]}));
+            best =
+                smaller(best, exact_triangle_distance2(p, (const double *const[3]){to->positions + 3 * (size_t)v[0],
+                                                                                   to->positions + 3 * (size_t)v[1],
+                                                                                   to->positions + 3 * (size_t)v[2]}));
     }
     return sqrt(best);
 }

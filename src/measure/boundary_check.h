@@ -14,7 +14,8 @@ struct boundary_check;
 /* Prepares to hold levels against a mesh (borrowed), whose bodies [vertex] (borrowed, sheets_bodies) are also those of
  * the levels' vertices; NULL: all is one. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status boundary_check_new(struct boundary_check **out, const struct tetmesh *original,
-                                                     const uint32_t *bodies, unsigned threads, struct tetlod_error *error);
+                                                     const uint32_t *bodies, unsigned threads,
+                                                     struct tetlod_error *error);
 void boundary_check_free(struct boundary_check *check);
 
 /* *out_distance: a distance of the boundaries above `limit`, or 0: none was found. From one level to the next coarser

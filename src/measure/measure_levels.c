@@ -3,8 +3,8 @@
  * A level comes as a step of the coarsening. For each sample, in the order of their numbers:
  *   its tetrahedron did not change: its error is what it was;
  *   else a walk from there, or from where a tetrahedron that died has gone, finds the one that holds it now;
- *   where the walk leaves the mesh, the closest point of the boundary decides: the sample is inside if the straight line from there
- *   leads to it through the mesh, else its error is the difference from the value at the closest point.
+ *   where the walk leaves the mesh, the closest point of the boundary decides: the sample is inside if the straight
+ * line from there leads to it through the mesh, else its error is the difference from the value at the closest point.
  * Errors are kept per sample; sums are exact (tally.h). The domain error is the largest distance of a boundary vertex
  * of either mesh from the other's boundary; only vertices that are new, or whose nearest face changed, are looked at.
  */
@@ -434,8 +434,9 @@ static void search_distances(void *context, unsigned worker, size_t begin, size_
     (void)worker;
     for (size_t i = begin; i < end; i++)
         if (!(m->distances[i] <= m->enough))
-            m->distances[i] = mesh_surface_distance(&m->surface, m->bodies[m->bound[i]],
-                                                    m->original->positions + 3 * (size_t)m->bound[i], m->enough, &m->nearest[i]);
+            m->distances[i] =
+                mesh_surface_distance(&m->surface, m->bodies[m->bound[i]],
+                                      m->original->positions + 3 * (size_t)m->bound[i], m->enough, &m->nearest[i]);
 }
 
 static void made_distances(void *context, unsigned worker, size_t begin, size_t end)

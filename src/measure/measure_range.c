@@ -142,7 +142,8 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
             add_place(r, worker, sample, &corner, 0);
             sample->held = true;
         }
-        double volume6 = fabs(tet_volume6(q[0], q[1], q[2], q[3])), size2 = tet_size_squared(q[0], q[1], q[2], q[3]), least = INFINITY;
+        double volume6 = fabs(tet_volume6(q[0], q[1], q[2], q[3])), size2 = tet_size_squared(q[0], q[1], q[2], q[3]),
+               least = INFINITY;
         if (!(volume6 > 0))
             continue;
         exact_map_set(&map, q);

@@ -17,7 +17,7 @@ struct measured_range {
  * the original] (sheets_bodies), by the number of their vertices; a body is compared with itself. out [field_count].
  * The result does not depend on `threads`. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t *bodies,
-                                                const struct tetmesh *level,
-                                                unsigned threads, struct measured_range *out, struct tetlod_error *error);
+                                                const struct tetmesh *level, unsigned threads,
+                                                struct measured_range *out, struct tetlod_error *error);
 
 #endif

@@ -427,8 +427,11 @@ static void weigh_cluster(const struct overlay *overlay, const struct reach *rea
     const struct clusters *clusters = overlay->clusters;
     const struct weights_map *map = &reach->map;
     const double *positions = overlay->meshes[overlay->finer]->positions;
-    const uint32_t *vertices = clusters->vertices + clusters->begin[cluster], last = clusters->begin[cluster + 1] - clusters->begin[cluster] - 1;
-    double most[4], least = THIN - weights_in(reach, clusters->tree.boxes + 6 * ((size_t)clusters->tree.leaf_first + cluster), most);
+    const uint32_t *vertices = clusters->vertices + clusters->begin[cluster],
+                   last = clusters->begin[cluster + 1] - clusters->begin[cluster] - 1;
+    double most[4],
+        least =
+            THIN - weights_in(reach, clusters->tree.boxes + 6 * ((size_t)clusters->tree.leaf_first + cluster), most);
     for (uint32_t v = 0; v <= last; v += 4) {
         four r[3], w[4];
         four_bits behind = {0, 0, 0, 0};
@@ -497,7 +500,8 @@ static void compare_cluster(const struct overlay *overlay, struct worker *worker
     tets[!finer] = tet;
     for (uint32_t i = first; i < end; i++) {
         const uint8_t *corners = clusters->corners[i];
-        if (weighed.behind[corners[0]] & weighed.behind[corners[1]] & weighed.behind[corners[2]] & weighed.behind[corners[3]])
+        if (weighed.behind[corners[0]] & weighed.behind[corners[1]] & weighed.behind[corners[2]] &
+            weighed.behind[corners[3]])
             continue; // most
         tets[finer] = clusters->tree.order[i];
         if (looked_at(overlay, finer, tets[finer]) && same_body(overlay, tets[0], tets[1]))
@@ -579,7 +583,8 @@ static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t
     if (!overlay->compared)
         return tetlodi_fail_nomem(error, "the overlay", components * sizeof *overlay->compared);
     for (uint32_t f = 0; f < overlay->field_count; f++) {
-        const struct point_field *a = &overlay->meshes[0]->fields[a_fields[f]], *b = &overlay->meshes[1]->fields[b_fields[f]];
+        const struct point_field *a = &overlay->meshes[0]->fields[a_fields[f]],
+                                 *b = &overlay->meshes[1]->fields[b_fields[f]];
         if (overlay->options->floors && overlay->options->floors[f] == INFINITY)
             continue; // nothing is above that
         for (uint32_t k = 0; k < a->components; k++)

@@ -33,8 +33,9 @@ struct overlay_options {
     /* b may overlap itself: tetrahedra of a whose differences are small on one sheet of it are found quickly */
     bool overlaps;
     const double *floors;      /* [count] in the field's units: differences up to that are not looked for; NULL: 0 */
-    double *each;              /* [tet of b][count] of each tetrahedron its own: a floor, raised to a bound of the differences in it; NULL: none.
-                                  Also where b covers a place more than once; `floors` and the results do not count then */
+    /* [tet of b][count] of each tetrahedron its own: a floor, raised to a bound of the differences in it; NULL: none.
+     * Also where b covers a place more than once; `floors` and the results do not count then */
+    double *each;
 };
 
 /* out[i]: the largest |field a_fields[i] of a - field b_fields[i] of b| over its components and the common domain, in

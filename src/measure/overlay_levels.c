@@ -27,8 +27,8 @@ struct overlay_levels {
 
 uint64_t overlay_levels_bytes(const struct tetmesh *original)
 {
-    return (uint64_t)original->tet_count * (16 + 3 + 48 +
-                                            2) + clusters_bytes(original->tet_count) + (uint64_t)original->vertex_count * 4;
+    return (uint64_t)original->tet_count * (16 + 3 + 48 + 2) + clusters_bytes(original->tet_count) +
+           (uint64_t)original->vertex_count * 4;
 }
 
 void overlay_levels_free(struct overlay_levels *levels)

@@ -79,7 +79,8 @@ static enum tetlod_status list_vertices(struct measuring *m, struct tetlod_error
 static void guess_at(struct measuring *m, const uint32_t *corners, const struct grid_tet *tet, uint32_t vertex)
 {
     const struct transition *t = m->transition;
-    const double *p = t->finest.positions + 3 * (size_t)vertex, *row = t->finest.values + (size_t)t->fields.width * vertex;
+    const double *p = t->finest.positions + 3 * (size_t)vertex,
+                 *row = t->finest.values + (size_t)t->fields.width * vertex;
     double weights[4] = {1, 0, 0, 0};
     for (int k = 1; k < 4; k++) {
         for (int i = 0; i < 3; i++)

@@ -136,7 +136,9 @@ static enum tetlod_status check_fields(const struct tetmesh *a, const struct tet
     for (uint32_t f = 0; f < count; f++) {
         const struct point_field *field = cell ? &b->cell_fields[f] : &b->fields[f];
         uint32_t found = cell ? tetmesh_find_cell_field(a, field->name) : tetmesh_find_field(a, field->name);
-        const struct point_field *other = found == TETLOD_NONE ? NULL : cell ? &a->cell_fields[found] : &a->fields[found];
+        const struct point_field *other = found == TETLOD_NONE ? NULL
+                                          : cell               ? &a->cell_fields[found]
+                                                               : &a->fields[found];
         if (!other || other->components != field->components ||
             (field->is_integer ? !other->is_integer : other->type != field->type))
             return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the input has no field '%.100s'%s of that type",

@@ -18,9 +18,9 @@ void finest_part_fini(struct finest_part *part)
 
 void transition_fini(struct transition *t)
 {
-    void *const owned[] = {t->fields.fields, t->fields.places, t->fields.of,      t->tets.corners,   t->near.corners,
-                           t->wanted,
-                           t->bodies,        t->finest.cells,  t->finest.corners, t->finest.bodies, t->finest.values, t->finest.positions};
+    void *const owned[] = {t->fields.fields,  t->fields.places, t->fields.of,     t->tets.corners,
+                           t->near.corners,   t->wanted,        t->bodies,        t->finest.cells,
+                           t->finest.corners, t->finest.bodies, t->finest.values, t->finest.positions};
     value_grid_fini(&t->grid);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);

@@ -11,8 +11,8 @@
 #include "src/util/array.h"
 
 enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double *positions, const uint32_t *corners,
-                                const uint32_t *neighbours, uint32_t tet_count, const uint8_t *states, uint8_t least, uint8_t most,
-                                struct tetlod_error *error)
+                                     const uint32_t *neighbours, uint32_t tet_count, const uint8_t *states,
+                                     uint8_t least, uint8_t most, struct tetlod_error *error)
 {
     size_t slots = 4 * (size_t)tet_count, count = 0;
     *surface = (struct mesh_surface){.positions = positions};

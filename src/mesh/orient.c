@@ -144,7 +144,8 @@ enum tetlod_status orient(struct oriented *out, const double *positions, const u
     *out = (struct oriented){0};
     if (!has_both_signs(positions, corners, tet_count))
         return TETLOD_OK;
-    uint32_t *own = neighbours ? NULL : array_new(tet_count, 4 * sizeof *own), *queue = array_new(tet_count, sizeof *queue);
+    uint32_t *own = neighbours ? NULL : array_new(tet_count, 4 * sizeof *own),
+             *queue = array_new(tet_count, sizeof *queue);
     enum tetlod_status status = TETLOD_OK;
     out->turned = array_new(tet_count, 1);
     if (!out->turned || !queue || (!neighbours && !own))

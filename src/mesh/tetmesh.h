@@ -46,10 +46,10 @@ struct tetmesh {
     struct point_field *fields; /* owned */
     struct point_field *cell_fields; /* owned: values of tetrahedra */
     uint32_t cell_field_count;
-    uint32_t *parents;         /* owned, [tet_count]: alike where tetrahedra were made of one cell; NULL: none was split */
+    uint32_t *parents; /* owned, [tet_count]: alike where tetrahedra were made of one cell; NULL: none was split */
     /* Owned, or NULL: these cells in the file's order. Of a mesh that was read, beside the tetrahedra, and parents
-     * number them; their points are the mesh's, then the further ones, which no tetrahedron has. Of one that is to be written,
-     * in place of the tetrahedra: tet_count counts them, cell fields have their values, corners are NULL. */
+     * number them; their points are the mesh's, then the further ones, which no tetrahedron has. Of one that is to be
+     * written, in place of the tetrahedra: tet_count counts them, cell fields have their values, corners are NULL. */
     struct cells *cells;
     struct tetmesh *further;  /* owned, or NULL: their positions and values */
     uint32_t *further_places; /* owned: their numbers in the original, rising */

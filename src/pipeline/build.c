@@ -654,7 +654,8 @@ static enum tetlod_status orient_mesh(struct build *build, const struct tetmesh 
 }
 
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
-                                const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
+                                const struct tetlodi_sink *sink, struct build_report *report,
+                                struct tetlod_error *error)
 {
     struct build build = {.mesh = mesh,
                           .original = mesh,

@@ -37,8 +37,8 @@ static size_t control_bytes(const struct series_build *series, uint32_t control)
 enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,
                                struct tetlod_error *error)
 {
-    size_t count = (size_t)series_components(series,
-                                             control) * series->mesh->vertex_count, size = control_bytes(series, control);
+    size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count,
+           size = control_bytes(series, control);
     uint64_t offset = 0, row = 0;
     for (uint32_t i = 0; i < series->options->control_count; i++) {
         offset += i < control ? control_bytes(series, i) : 0;
@@ -106,7 +106,8 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
             return tetlodi_fail(error, TETLOD_ERR_MESH,
                                 "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to "
                                 "it",
-                                series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
+                                series->mesh->fields[series->options->controls[c].field].name, range[0], range[1],
+                                width > 1 ? "wide" : "narrow");
         choose_units(series, c);
     }
     return TETLOD_OK;
@@ -160,8 +161,8 @@ uint32_t series_key_count(const struct series_build *series)
  * of steps. */
 static uint64_t left_over(const struct series_build *series)
 {
-    uint64_t group = retrace_bytes(series->mesh,
-                                   STEP_GROUP * series->component_count) + (uint64_t)series->mesh->vertex_count * ENCODING_BYTES;
+    uint64_t group = retrace_bytes(series->mesh, STEP_GROUP * series->component_count) +
+                     (uint64_t)series->mesh->vertex_count * ENCODING_BYTES;
     uint64_t base = build_bytes(series->mesh, series->options) + group, memory = series->options->memory;
     return !memory ? UINT64_MAX : memory > base ? memory - base : 0;
 }
@@ -170,7 +171,8 @@ static uint64_t left_over(const struct series_build *series)
  * the first. */
 static enum tetlod_status choose_keys(struct series_build *series, struct tetlod_error *error)
 {
-    uint64_t star = (uint64_t)STAR_BYTES * series->component_count, one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count + star;
+    uint64_t star = (uint64_t)STAR_BYTES * series->component_count,
+             one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count + star;
     uint64_t left = left_over(series), fit = left / one;
     uint32_t steps = series->input->step_count, least = steps < MIN_KEYS ? steps : MIN_KEYS;
     series->key_count = fit < steps ? (uint32_t)fit : steps;
@@ -277,7 +279,8 @@ static double units_in_last_place(const struct series_build *series, uint32_t co
 bool series_is_within_rounding(const struct series_build *series, uint32_t control, uint32_t band)
 {
     double tolerance = series->input->bands[band] * series_width(series, control);
-    return series_is_displacement(series, control) && units_in_last_place(series, control, band) > (1 - HALF_STEP / 2) * tolerance;
+    return series_is_displacement(series, control) &&
+           units_in_last_place(series, control, band) > (1 - HALF_STEP / 2) * tolerance;
 }
 
 double series_rounding(const struct series_build *series, uint32_t control, uint32_t band)
@@ -291,7 +294,8 @@ double series_rounding(const struct series_build *series, uint32_t control, uint
  * rounding. */
 static double level_share(const struct series_build *series, uint32_t control, uint32_t band)
 {
-    double tolerance = series->input->bands[band] * series_width(series, control), rounding = series_rounding(series, control, band);
+    double tolerance = series->input->bands[band] * series_width(series, control),
+           rounding = series_rounding(series, control, band);
     if (series_is_within_rounding(series, control, band))
         return 0;
     return rounding > HALF_STEP / 2 * tolerance ? 1 - HALF_STEP / 2 - rounding / tolerance : LEVEL_SHARE;
@@ -327,7 +331,8 @@ static double step_weight(const struct tetmesh *mesh, uint32_t field, double uni
 
 static void raise_worst(struct series_build *series, uint32_t mark, uint32_t step, uint32_t control, double bound)
 {
-    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], unit = series_unit(series, step, control);
+    double *worst = &series->worst[(size_t)mark * series->options->control_count + control],
+           unit = series_unit(series, step, control);
     *worst = larger(*worst, unit > 0 ? smaller(bound / unit, 1) : 0);
 }
 
@@ -438,8 +443,8 @@ static void choose_marks(struct series_build *series)
         for (uint32_t m = series->log->mark_count; m-- > 0;) {
             bool within = true;
             for (uint32_t c = 0; c < controls; c++)
-                within &= series->worst[(size_t)m * controls + c] <= level_share(series, c,
-                                                                                 b) * series->input->bands[b] * (1 + 1e-9);
+                within &= series->worst[(size_t)m * controls + c] <=
+                          level_share(series, c, b) * series->input->bands[b] * (1 + 1e-9);
             if (!within && m)
                 continue;
             series->band_marks[b] = m;
@@ -448,7 +453,8 @@ static void choose_marks(struct series_build *series)
 }
 
 enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh,
-                                   const double *weights, const struct simplify_options *options, struct tetlod_error *error)
+                                   const double *weights, const struct simplify_options *options,
+                                   struct tetlod_error *error)
 {
     series->simplify = *options;
     series->simplify.rungs = series->input->bands;

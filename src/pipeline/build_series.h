@@ -27,8 +27,8 @@ void series_free(struct series_build *series);
  * is that of `mesh`: it says of its marks what the first step's errors are. ERR_LIMIT if fewer steps fit than have to
  * drive. */
 TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log,
-                                                  const struct tetmesh *mesh,
-                                                  const double *weights, const struct simplify_options *options, struct tetlod_error *error);
+                                                  const struct tetmesh *mesh, const double *weights,
+                                                  const struct simplify_options *options, struct tetlod_error *error);
 
 /* The writer's late sections (struct tetlodi_write_input): `opaque` is the series. */
 enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,

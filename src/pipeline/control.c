@@ -155,7 +155,8 @@ static enum tetlod_status unit_limit(const char *text, struct tetlod_error *erro
     int length = (int)(colon - text);
     return tetlodi_fail(error, TETLOD_ERR_FIELD,
                         "'%.60s' has no component %.20s; a limit in its units is --field %.*s --abs-error %.20s, "
-                        "one in the range %.*s:0.01 or %.*s:1%%", text, colon + 1, length, text, colon + 1, length, text, length, text);
+                        "one in the range %.*s:0.01 or %.*s:1%%",
+                        text, colon + 1, length, text, colon + 1, length, text, length, text);
 }
 
 /* ---- coordinates */
@@ -248,7 +249,8 @@ enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *
         return TETLOD_OK;
     if (name && field == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: no values of cells are named '%.60s'%s%.60s", name,
-                            mesh->cell_field_count ? "; there is " : "; there are none", mesh->cell_field_count ? mesh->cell_fields[0].name : "");
+                            mesh->cell_field_count ? "; there is " : "; there are none",
+                            mesh->cell_field_count ? mesh->cell_fields[0].name : "");
     if (name && (!mesh->cell_fields[field].is_integer || mesh->cell_fields[field].components != 1))
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: '%.60s' is not one integer for each cell", name);
     *out = field == TETLOD_NONE ? NULL : mesh->cell_fields[field].name;

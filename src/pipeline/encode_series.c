@@ -2,8 +2,8 @@
 /*
  * In batches of whole groups the steps are retraced. At the mark of each band the living nodes have L and U of every
  * step: the values that are stored lie where both are within the band's error, on the band's grid, and cost least to
- * tell (format/coding/step_code.h). Frames wait in a file for each control and band, so that memory does not grow with the
- * steps.
+ * tell (format/coding/step_code.h). Frames wait in a file for each control and band, so that memory does not grow with
+ * the steps.
  */
 #include <float.h>
 #include <math.h>
@@ -186,7 +186,8 @@ static void allow(const struct row *row, const double bounds[2], int64_t out[2])
     out[0] = code_up(scale, larger(middle - half, greatest - row->tolerance));
     out[1] = code_down(scale, smaller(middle + half, least + row->tolerance));
     if (out[0] > out[1]) // no code is that near: the nearest to the middle
-        out[0] = out[1] = scale->quantum > 0 ? (int64_t)floor(middle / scale->quantum + 0.5) : float_code(scale->type, middle);
+        out[0] = out[1] =
+            scale->quantum > 0 ? (int64_t)floor(middle / scale->quantum + 0.5) : float_code(scale->type, middle);
 }
 
 /* How far a value is off at most. */
@@ -254,7 +255,8 @@ static void bounds_at(const struct row *row, uint32_t step, uint32_t component, 
     else if (range[1] - range[0] <= row->tolerance)
         memcpy(out, range, 2 * sizeof *out);
     else
-        retrace_bounds(row->mark->state, level->nodes[v], (step - row->batch->first) * series->component_count + row->first + component, out);
+        retrace_bounds(row->mark->state, level->nodes[v],
+                       (step - row->batch->first) * series->component_count + row->first + component, out);
 }
 
 /* Appends zero bytes to a frame, which change nothing, if all frames so far have fewer bytes than decoding them asks

@@ -63,11 +63,10 @@ TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series,
                                               struct tetlod_error *error);
 
 /* Retraces `count` steps, whose numbers are listed: components are counted step by step, control by control. */
-TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps,
-                                                 uint32_t count,
-                                                 enum tetlod_status (*visit)(void *opaque,
-                                                                             const struct retrace_mark *mark), void *opaque,
-                                                 struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status
+series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
+               enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
+               struct tetlod_error *error);
 
 /* Steps that are retraced together: groups of steps. */
 uint32_t series_batch(const struct series_build *series);
@@ -84,7 +83,8 @@ struct series_cells_encoding {
 };
 
 /* Encodes all steps; `rows` as of series_sections. To be freed also after a failure. */
-TETLOD_CHECKED enum tetlod_status series_cells_encode(const struct series_build *series, const struct tetlodi_late_rows *rows,
+TETLOD_CHECKED enum tetlod_status series_cells_encode(const struct series_build *series,
+                                                      const struct tetlodi_late_rows *rows,
                                                       struct series_cells_encoding *out, struct tetlod_error *error);
 void series_cells_encoding_fini(struct series_cells_encoding *encoding);
 

@@ -20,9 +20,8 @@ static json_t *field_json(const struct tetlod_info *info, uint32_t f)
 {
     const struct tetlod_field *field = &info->fields[f];
     json_t *object = json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components",
-                               (int)field->components, "type",
-                               field->type == TETLOD_FLOAT64 ? "float64" : "float32", "range", field->range[0], field->range[1],
-                               "controlled", field->controlled);
+                               (int)field->components, "type", field->type == TETLOD_FLOAT64 ? "float64" : "float32",
+                               "range", field->range[0], field->range[1], "controlled", field->controlled);
     if (object && field->bounds != TETLOD_NONE)
         json_object_set_new(object, "bounds", json_string(info->fields[field->bounds].name));
     return object;
@@ -94,9 +93,9 @@ static bool add_topologies(json_t *object, const struct tetlod_info *info)
         bool whole = json_array_size(times) == topology->step_count;
         json_array_append_new(topologies,
                               whole ? json_pack("{s:i, s:o, s:s, s:I, s:I}", "steps", (int)topology->step_count,
-                                                "times", times,
-                                                            "cid", topology->cid, "offset", (json_int_t)topology->offset, "bytes",
-                                                            (json_int_t)topology->size) : NULL);
+                                                "times", times, "cid", topology->cid, "offset",
+                                                (json_int_t)topology->offset, "bytes", (json_int_t)topology->size)
+                                    : NULL);
     }
     return json_array_size(topologies) == info->topology_count && !json_object_set_new(object, "topologies",
                                                                                        topologies);
@@ -112,14 +111,14 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
     const double(*b)[3] = info->bounds;
-    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, "
-                               "s:o}", "id",
-                               id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
-                               (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
-                               b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
-                               (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
-                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "cell_fields", cells, "levels", levels,
-                               "metadata", metadata_json(info));
+    json_t *object =
+        json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, "
+                  "s:o}",
+                  "id", id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets", (json_int_t)info->tets,
+                  "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1], b[0][2], b[1][0], b[1][1], b[1][2],
+                  "lossless", info->lossless, "degenerate_tets", (json_int_t)info->degenerate_tets, "inverted_tets",
+                  (json_int_t)info->inverted_tets, "unused_points", (json_int_t)info->unused_points, "fields", fields,
+                  "cell_fields", cells, "levels", levels, "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
                    json_array_size(cells) != info->cell_field_count || (info->topology_count &&

@@ -248,7 +248,8 @@ static double time_place(const struct plot_steps *steps, double time)
 static void put_times(struct plot *plot, const struct axis *y)
 {
     const struct plot_steps *steps = plot->steps;
-    double first = steps->times[0], last = steps->times[steps->step_count - 1], decade = pow(10, floor(log10((last - first) / 8)));
+    double first = steps->times[0], last = steps->times[steps->step_count - 1],
+           decade = pow(10, floor(log10((last - first) / 8)));
     double step = last > first ? decade * ((last - first) / 8 > 5 * decade ? 10 : (last - first) / 8 > 2 * decade ? 5
                                            : 2) : 1;
     for (double k = ceil(first / step - 1e-9); k * step <= last + 1e-9 * step; k++) {

@@ -98,7 +98,6 @@ void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f
                  info->fields[field->bounds].name);
     else
         snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name,
-                 isnan(max) ? "about" : "\u2264", 100 * fraction,
-             fraction * (field->range[1] -
-                         field->range[0]), isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
+                 isnan(max) ? "about" : "\u2264", 100 * fraction, fraction * (field->range[1] - field->range[0]),
+                 isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
 }

@@ -40,8 +40,8 @@ static json_t *band_json(const struct tetlod_series *series, const struct tetlod
     double error;
     sum_band(series, b, &bytes, &error);
     return json_pack("{s:f, s:i, s:I, s:I, s:I, s:f}", "error", band->error, "level", (int)band->level, "vertices",
-                     (json_int_t)info->levels[band->level].vertices, "tets", (json_int_t)info->levels[band->level].tets, "bytes", (json_int_t)bytes,
-                     "largest_error", error);
+                     (json_int_t)info->levels[band->level].vertices, "tets", (json_int_t)info->levels[band->level].tets,
+                     "bytes", (json_int_t)bytes, "largest_error", error);
 }
 
 /* False: memory is out. */
@@ -63,7 +63,8 @@ json_t *series_json(const struct tetlod_series *series, const struct tetlod_info
         room = add_field(cells, info->cell_fields[steps->cell_fields[f]].name, steps->cell_ranges[f]);
     for (uint32_t b = 0; b < steps->band_count && room; b++)
         room = !json_array_append_new(bands, band_json(series, info, b));
-    const char *displacement = steps->displacement == TETLOD_NONE ? NULL : info->fields[steps->fields[steps->displacement]].name;
+    const char *displacement =
+        steps->displacement == TETLOD_NONE ? NULL : info->fields[steps->fields[steps->displacement]].name;
     json_t *object = json_pack("{s:i, s:s, s:s?, s:o, s:o, s:o, s:o}", "steps", (int)steps->step_count, "relative_to",
                                series_own_ranges(info) ? "step" : "series", "displacement", displacement, "times",
                                times, "fields", fields, "cell_fields", cells, "bands", bands);

@@ -34,7 +34,8 @@ static struct flow flow_at(const double p[3])
 {
     double square = p[0] * p[0] + p[1] * p[1], r = sqrt(square), from_post = r - 1;
     double from_plate = p[2] < height - p[2] ? p[2] : height - p[2];
-    double at_post = from_post / sqrt(from_post * from_post + 0.0004), at_plate = from_plate / sqrt(from_plate * from_plate + 0.001);
+    double at_post = from_post / sqrt(from_post * from_post + 0.0004),
+           at_plate = from_plate / sqrt(from_plate * from_plate + 0.001);
     double behind = sample_step((p[0] - 0.2) / 0.3), shear = (p[1] - 1 - 0.08 * p[0]) / (0.05 + 0.03 *
                                                                                          (p[0] > 0 ? p[0] : 0));
     double wake = behind * (1 - sample_step(shear)) / (1 + p[0] * p[0] / 60), vortices = 0, turned[2] = {0, 0};

@@ -115,7 +115,8 @@ static uint32_t make_cones(struct cone *cones, const struct question *question, 
 {
     uint32_t count = 0;
     for (uint32_t i = 0; i < question->star->tet_count; i++) {
-        const uint32_t *corners = question->working->corners[question->star->tets[i]], moving = question->star->moving[i];
+        const uint32_t *corners = question->working->corners[question->star->tets[i]],
+                       moving = question->star->moving[i];
         double e[3][3];
         if (moving == STAR_REMOVED)
             continue;

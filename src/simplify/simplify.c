@@ -5,7 +5,8 @@
 
 bool simplify_in_rounds(const struct simplify_options *options)
 {
-    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST &&
+           options->contract == CONTRACT_EDGES;
 }
 
 enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,

@@ -116,7 +116,8 @@ uint64_t forest_estimate(const struct tetlod_info *info, uint32_t level)
         components += info->fields[f].components;
     }
     /* versions, parents and newest twice; stages; the cursor, which holds doubles, stars and what undoes records */
-    return stage->vertices * (2 * (row + 8) + 12 + 8 * components + 64) + stage->tets * (uint64_t)(22 + 64) + ((uint64_t)1 << 16);
+    return stage->vertices * (2 * (row + 8) + 12 + 8 * components + 64) + stage->tets * (uint64_t)(22 + 64) +
+           ((uint64_t)1 << 16);
 }
 
 static bool choose_fields(struct forest *forest, const uint32_t *fields, uint32_t count)
@@ -297,8 +298,8 @@ static const struct stage *stage_of(const struct forest *forest, uint32_t level)
 
 uint64_t forest_view_bytes(const struct forest *forest, uint32_t level)
 {
-    return sizeof(struct forest_view) + 4 * ((uint64_t)stage_of(forest,
-                                                                level)->vertices + tetlod_info(forest->file)->levels[level].vertices);
+    return sizeof(struct forest_view) +
+           4 * ((uint64_t)stage_of(forest, level)->vertices + tetlod_info(forest->file)->levels[level].vertices);
 }
 
 void forest_view_free(struct forest_view *view)

@@ -250,8 +250,10 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
     const struct tetlod_info *info = tetlod_info(file);
     if (mesh->vertex_count != info->vertices || mesh->tet_count != info->tets)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "the original order is that of the finest level, not of one of %u tetrahedra", mesh->tet_count);
-    uint32_t *vertices = array_new(mesh->vertex_count, sizeof *vertices), *tets = array_new(mesh->tet_count, sizeof *tets);
+                            "the original order is that of the finest level, not of one of %u tetrahedra",
+                            mesh->tet_count);
+    uint32_t *vertices = array_new(mesh->vertex_count, sizeof *vertices),
+             *tets = array_new(mesh->tet_count, sizeof *tets);
     uint8_t *places = array_new(mesh->tet_count, 4);
     enum tetlod_status status;
     if (vertices && tets && places)
@@ -337,8 +339,8 @@ enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const str
                                        const struct tetmesh *original,
                                        struct tetmesh *out, struct tetlod_error *error)
 {
-    uint32_t n = finest->vertex_count, m = finest->tet_count, *vertices = array_new(n,
-                                                                                    sizeof *vertices), *tets = array_new(m, sizeof *tets);
+    uint32_t n = finest->vertex_count, m = finest->tet_count, *vertices = array_new(n, sizeof *vertices),
+             *tets = array_new(m, sizeof *tets);
     uint8_t *places = array_new(m, 4);
     enum tetlod_status status;
     *out = (struct tetmesh){.vertex_count = n, .tet_count = m, .position_type = original->position_type};

@@ -68,6 +68,7 @@ TETLOD_CHECKED enum tetlod_status level_mesh_gather(const struct tetmesh *finest
 /* The other way round: the original (with the stream's fields, found by their names) in the numbering of the stream's
  * finest level, `finest`. ERR_MISMATCH if its tetrahedra are others. */
 TETLOD_CHECKED enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest,
-                                                      const struct tetmesh *original, struct tetmesh *out, struct tetlod_error *error);
+                                                      const struct tetmesh *original, struct tetmesh *out,
+                                                      struct tetlod_error *error);
 
 #endif

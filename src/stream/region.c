@@ -440,8 +440,8 @@ static void want_tets(struct cut *cut, unsigned char *sides, unsigned char *want
         bool near = false;
         corners_of(cut, t, slots);
         for (size_t b = 0; b < boxes && !near; b++)
-            near = !(sides[slots[0] * boxes + b] & sides[slots[1] * boxes + b] & sides[slots[2] * boxes +
-                                                                                       b] & sides[slots[3] * boxes + b]);
+            near = !(sides[slots[0] * boxes + b] & sides[slots[1] * boxes + b] & sides[slots[2] * boxes + b] &
+                     sides[slots[3] * boxes + b]);
         for (int c = 0; c < 4 && near && (c || meets_any(cut, slots)); c++)
             wanted[slots[c]] = 2;
     }
@@ -665,7 +665,8 @@ static void sort_three(uint32_t a[3])
 
 static struct face *find_face(struct face *table, size_t places, const uint32_t corners[3])
 {
-    uint64_t hash = corners[0] * 0x9e3779b97f4a7c15u ^ corners[1] * 0xc2b2ae3d27d4eb4fu ^ corners[2] * 0x165667b19e3779f9u;
+    uint64_t hash =
+        corners[0] * 0x9e3779b97f4a7c15u ^ corners[1] * 0xc2b2ae3d27d4eb4fu ^ corners[2] * 0x165667b19e3779f9u;
     size_t place = (size_t)((hash ^ hash >> 29) % places);
     while (table[place].tets && memcmp(table[place].corners, corners, sizeof table[place].corners) != 0)
         place = place + 1 < places ? place + 1 : 0;

@@ -4,10 +4,9 @@
  * for the nearest of its ancestors that are living, and tetrahedra with two equal corners are dropped. Which vertices
  * are split is chosen so that, of the fine level,
  *   1. every tetrahedron that meets a box is there as it is;
- *   2. no tetrahedron is flipped or degenerate that is not so in a level, and no face has more than two: while there is one, its
- *      corner that was contracted last is split.
- * A tetrahedron is one of the fine level, of the coarse level, or of the transition between them, where no certificate
- * holds.
+ *   2. no tetrahedron is flipped or degenerate that is not so in a level, and no face has more than two: while there is
+ * one, its corner that was contracted last is split. A tetrahedron is one of the fine level, of the coarse level, or of
+ * the transition between them, where no certificate holds.
  */
 #ifndef TETLOD_REGION_H
 #define TETLOD_REGION_H

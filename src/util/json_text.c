@@ -129,7 +129,8 @@ static bool take_value(struct json_text *text, int depth)
     else if (text->at < text->end && *text->at == '"')
         good = json_take_string(text);
     else
-        good = json_take_word(text, "true") || json_take_word(text, "false") || json_take_word(text, "null") || json_take_number(text);
+        good = json_take_word(text, "true") || json_take_word(text, "false") || json_take_word(text, "null") ||
+               json_take_number(text);
     json_skip_space(text);
     return good;
 }

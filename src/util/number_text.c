@@ -13,7 +13,8 @@ bool text_take_number(const char **at, double *out)
 {
     char *end;
     size_t sign = strspn(*at, "+-");
-    if (sign > 1 || !strchr(".0123456789", (*at)[sign]) || !(*at)[sign] || tolower((unsigned char)(*at)[sign + 1]) == 'x')
+    if (sign > 1 || !strchr(".0123456789", (*at)[sign]) || !(*at)[sign] ||
+        tolower((unsigned char)(*at)[sign + 1]) == 'x')
         return false; // strtod also knows blanks, nan, inf and 0x
     double value = strtod(*at, &end);
     if (end == *at || !isfinite(value))

@@ -46,7 +46,8 @@ static inline unsigned wide_count_at_most(wide a, wide b) { return (unsigned)__b
 static inline void wide_columns(const double *const row[4], wide out[4])
 {
     wide a = wide_load(row[0]), b = wide_load(row[1]), c = wide_load(row[2]), d = wide_load(row[3]);
-    wide e = _mm256_unpacklo_pd(a, b), f = _mm256_unpackhi_pd(a, b), g = _mm256_unpacklo_pd(c, d), h = _mm256_unpackhi_pd(c, d);
+    wide e = _mm256_unpacklo_pd(a, b), f = _mm256_unpackhi_pd(a, b), g = _mm256_unpacklo_pd(c, d),
+         h = _mm256_unpackhi_pd(c, d);
     out[0] = _mm256_permute2f128_pd(e, g, 0x20);
     out[1] = _mm256_permute2f128_pd(f, h, 0x20);
     out[2] = _mm256_permute2f128_pd(e, g, 0x31);
@@ -73,10 +74,10 @@ typedef struct {
     double at[4];
 } wide;
 
-#define WIDE_EACH(expression)                                                                                               \
-    wide out;                                                                                                               \
-    for (int i = 0; i < WIDE; i++)                                                                                          \
-        out.at[i] = (expression);                                                                                           \
+#define WIDE_EACH(expression)                                                                                          \
+    wide out;                                                                                                          \
+    for (int i = 0; i < WIDE; i++)                                                                                     \
+        out.at[i] = (expression);                                                                                      \
     return out
 
 static inline wide wide_of(double a, double b, double c, double d) { return (wide){{a, b, c, d}}; }

@@ -199,8 +199,8 @@ static bool build(struct attack *a)
     if (status == 0)
         return true;
     const char *text = said(a);
-    bool refused = status == 3 ? strstr(text, "too wide for") || strstr(text,
-                                                                        "too narrow for") : status == 2 && strstr(text, "rounding alone");
+    bool refused = status == 3 ? strstr(text, "too wide for") || strstr(text, "too narrow for")
+                               : status == 2 && strstr(text, "rounding alone");
     if (!refused)
         found(a, "build", "exit status %d: %s", status, text);
     return false;
@@ -449,9 +449,9 @@ static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *le
         bool partner = a->info->levels[k].domain_error > 1e-9 &&
                        has_partner(a, k, level, worst[i].tet, worst[i].position, i, worst[i].value);
         found(a, partner ? "max beside its partner" : "max",
-              "level %u of %u, %s: stored %.9g, true %.9g of tet %u at (%.17g, %.17g, %.17g)",
-              k, a->info->level_count, a->info->fields[f].name, stored, truth / range, worst[i].tet, worst[i].position[0],
-              worst[i].position[1], worst[i].position[2]);
+              "level %u of %u, %s: stored %.9g, true %.9g of tet %u at (%.17g, %.17g, %.17g)", k, a->info->level_count,
+              a->info->fields[f].name, stored, truth / range, worst[i].tet, worst[i].position[0], worst[i].position[1],
+              worst[i].position[2]);
     }
 }
 
@@ -659,8 +659,8 @@ static void check_stream(struct attack *a)
 {
     uint32_t levels = a->info->level_count;
     falsehood_begin(&a->falsehood, a->info);
-    a->falsehood.definite = strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind,
-                                                                        "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
+    a->falsehood.definite =
+        strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind, "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
     check_index(a);
     for (uint32_t i = 0; i < 6 && a->shape.marks; i++)
         check_region(a);

@@ -53,7 +53,10 @@ static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what,
         size_t i = (size_t)*level * f->fields + *field;
         if (*what == LIE_LARGE && !f->definite)
             continue;
-        *truth = *what == LIE_LARGE ? f->sampled[i] : *what == LIE_MAX ? f->max[i] : *what == LIE_SAMPLED ? f->sampled[i] : f->domain[*level];
+        *truth = *what == LIE_LARGE     ? f->sampled[i]
+                 : *what == LIE_MAX     ? f->max[i]
+                 : *what == LIE_SAMPLED ? f->sampled[i]
+                                        : f->domain[*level];
         if (*truth > 1e-6)
             return true;
     }

@@ -44,8 +44,8 @@ static void overfill(struct shape *s, struct dice *dice)
 {
     uint32_t count = 1 + dice_below(dice, 4);
     for (uint32_t i = 0; i < count && s->vertices < SHAPE_MAX_VERTICES && s->tets < SHAPE_MAX_TETS; i++) {
-        uint32_t t = dice_below(dice, s->tets), c = dice_below(dice,
-                                                               4), *to = s->corners + 4 * s->tets++, from = s->corners[4 * t + c];
+        uint32_t t = dice_below(dice, s->tets), c = dice_below(dice, 4), *to = s->corners + 4 * s->tets++,
+                 from = s->corners[4 * t + c];
         memcpy(to, s->corners + 4 * t, 4 * sizeof *to);
         to[c] = shape_copy_vertex(s, from);
         for (uint32_t d = 0; d < 3; d++) {

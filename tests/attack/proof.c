@@ -5,9 +5,8 @@
  * The certificate itself under attack, before anything is measured: seeds FIRST .. FIRST + COUNT - 1 make a mesh
  * (shapes.h) and options, simplify() contracts it, and at marks of the log the oracle says what is true. A line for
  * each finding; exit status 1 if there is one. What must hold at every mark:
- *   max         the difference at every point of the domain, or at a partner within the distance that the boundary moved, is within
- *               what is certified
- *   partner     so it is for the original's vertices that are outside the level
+ *   max         the difference at every point of the domain, or at a partner within the distance that the boundary
+ * moved, is within what is certified partner     so it is for the original's vertices that are outside the level
  *   distance    the boundary has moved by no more than that
  *   mesh        no tetrahedron flips, the topology stays
  * This is what mutants of the proof are held against (tests/mutants): files, streams and measuring would only hide
@@ -82,7 +81,8 @@ static bool make_mesh(struct proof *p)
 
 static void choose_options(struct proof *p)
 {
-    static const double domains[] = {1e-12, 1e-3, 1e-3, 1e-2, 0.03, 0.1, 0.3}, angles[] = {30, 30, 30, 0, 10, 60, 90}, growths[] = {1.05, 1.3, 2, 5};
+    static const double domains[] = {1e-12, 1e-3, 1e-3, 1e-2, 0.03, 0.1, 0.3}, angles[] = {30, 30, 30, 0, 10, 60, 90},
+                        growths[] = {1.05, 1.3, 2, 5};
     struct dice *dice = &p->dice;
     double diagonal = mesh_diagonal(&p->mesh);
     bool exact = dice_once_in(dice, 5), rounds = !exact && !dice_once_in(dice, 3);
@@ -209,7 +209,8 @@ static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh
         double most = slot_bounds(p, mark, c, bounds), scale = p->log.components[c].scale, far = 0;
         original.value_count = both.value_count = 2;
         for (size_t i = 0; i < 2 * n; i++)
-            shifted[i / n][i % n] = level->values[c][i % n * level->strides[c]] + (i < n ? 1 : -1) * (most - bounds[i % n]);
+            shifted[i / n][i % n] =
+                level->values[c][i % n * level->strides[c]] + (i < n ? 1 : -1) * (most - bounds[i % n]);
         for (size_t i = 0; i < 2 * n; i++)
             far = fmax(far, fabs(shifted[i / n][i % n]));
         for (int side = 0; side < 2; side++) {

@@ -167,8 +167,9 @@ static void close_ring(struct shape *s, struct dice *dice)
     double rise = dice_once_in(dice, 2) ? power_of_ten(dice, -6, 0) : 0, waist = dice_once_in(dice, 2) ? 0 : 0.4;
     find_bounds(s, low, size);
     for (uint32_t v = 0; v < s->vertices; v++) {
-        double *p = s->positions + 3 * v, angle = 2 * PI * (p[0] - low[0]) / size[0] * (1 - gap), y = (p[1] - low[1]) / size[1],
-               z = (p[2] - low[2]) / size[2], r = size[0] * (1 + 0.4 * y + 0.1 * waist * sin(3 * angle));
+        double *p = s->positions + 3 * v, angle = 2 * PI * (p[0] - low[0]) / size[0] * (1 - gap),
+               y = (p[1] - low[1]) / size[1], z = (p[2] - low[2]) / size[2],
+               r = size[0] * (1 + 0.4 * y + 0.1 * waist * sin(3 * angle));
         p[0] = r * cos(angle);
         p[1] = r * sin(angle);
         p[2] = size[0] * (0.4 * z + rise * angle / PI);
@@ -225,7 +226,8 @@ static double value_of(uint32_t kind, double value, uint32_t v, uint32_t peak, d
 static void replace_values(struct shape *s, struct dice *dice)
 {
     struct shape_field *field = &s->fields[dice_below(dice, s->field_count)];
-    uint32_t kind = dice_below(dice, 6), peak = dice_below(dice, s->vertices), only = dice_below(dice, field->components);
+    uint32_t kind = dice_below(dice, 6), peak = dice_below(dice, s->vertices),
+             only = dice_below(dice, field->components);
     double size = 0, exponent = (field->wide ? 290 : 36) * (2 * dice_unit(dice) - 1);
     for (uint32_t i = 0; i < s->vertices * field->components; i++)
         size = fmax(size, fabs(field->values[i]));

@@ -435,7 +435,8 @@ static void drop_collapsed(struct shape *s)
 /* Stretches, turns, scales and moves the whole, and rounds it. */
 static void place(struct shape *s, struct dice *dice)
 {
-    double scale = dice_once_in(dice, 3) ? pow(10, between(dice, -6, 6)) : 1, stretch[3] = {1, 1, 1}, offset[3] = {0, 0, 0};
+    double scale = dice_once_in(dice, 3) ? pow(10, between(dice, -6, 6)) : 1, stretch[3] = {1, 1, 1},
+           offset[3] = {0, 0, 0};
     double angle = dice_once_in(dice, 2) ? 2 * PI * dice_unit(dice) : 0;
     s->wide = dice_once_in(dice, 2);
     if (dice_once_in(dice, 5))

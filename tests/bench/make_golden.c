@@ -45,7 +45,10 @@ static double *add_cells(struct tetlodi_write_input *input, struct tetlodi_write
                                : 0) * tets, most = f < 3 ? 0x1p7 : f == 3 ? 0x1p15 : f == 4 ? 0x1p31 : 0x1p52;
         for (size_t i = 0; i < components * tets; i++) {
             double value = (double)(int64_t)(gen_random(&seed) >> 11) / 0x1p52 - 1; // -1 .. 1
-            at[i] = f == 0 ? (double)(float)value : f == 1 ? value * 1e300 : f == 2 ? (double)(i * 8 / tets) - 4 : floor(value * most);
+            at[i] = f == 0   ? (double)(float)value
+                    : f == 1 ? value * 1e300
+                    : f == 2 ? (double)(i * 8 / tets) - 4
+                             : floor(value * most);
         }
         cells[f] = (struct tetlodi_write_cells){names[f], components, (enum tetlod_cell_type)f, f == 2, at,
                                                0, 0};
@@ -104,7 +107,8 @@ int main(int argc, char **argv)
         struct tetlodi_write_cells cells[CELL_FIELDS] = {0};
         double *values = NULL;
         uint32_t *parents = NULL;
-        bool joins = strcmp(golden[i].name, "parents_float32") == 0, has_cells = strcmp(golden[i].name, "cells_float32") == 0;
+        bool joins = strcmp(golden[i].name, "parents_float32") == 0,
+             has_cells = strcmp(golden[i].name, "cells_float32") == 0;
         if ((joins || has_cells) && !(values = add_cells(&recode.input, cells)))
             return 1;
         if (joins && !(parents = join_cells(&recode.input, cells, values)))

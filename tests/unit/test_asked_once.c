@@ -52,18 +52,18 @@ static void note(const struct working *working, const struct star *star, const d
 /* What the builder calls in place of exact_examine (Makefile). Searches between candidates (`whole`) begin with one of
  * these on purpose. */
 enum tetlod_status __wrap_exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
-                                        const struct working *working,
-                                        const struct star *star, const double p[3], double limit, double cutoff, bool whole,
-                                        struct finding *out, struct tetlod_error *error);
+                                        const struct working *working, const struct star *star, const double p[3],
+                                        double limit, double cutoff, bool whole, struct finding *out,
+                                        struct tetlod_error *error);
 enum tetlod_status __real_exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
-                                        const struct working *working,
-                                        const struct star *star, const double p[3], double limit, double cutoff, bool whole,
-                                        struct finding *out, struct tetlod_error *error);
+                                        const struct working *working, const struct star *star, const double p[3],
+                                        double limit, double cutoff, bool whole, struct finding *out,
+                                        struct tetlod_error *error);
 
 enum tetlod_status __wrap_exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
-                                        const struct working *working,
-                                        const struct star *star, const double p[3], double limit, double cutoff, bool whole,
-                                        struct finding *out, struct tetlod_error *error)
+                                        const struct working *working, const struct star *star, const double p[3],
+                                        double limit, double cutoff, bool whole, struct finding *out,
+                                        struct tetlod_error *error)
 {
     if (!whole)
         note(working, star, p, limit);

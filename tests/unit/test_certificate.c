@@ -211,10 +211,19 @@ static void check_mesh(const char *name, struct tetmesh *mesh, const struct way 
     struct tetlod_file *file;
     struct build_report report;
     const struct build_control control = {0};
-    const struct build_options options = {.controls = &control, .control_count = 1, .metric = way->metric,
+    const struct build_options options = {.controls = &control,
+                                          .control_count = 1,
+                                          .metric = way->metric,
                                           .certify = way->certify,
-                                          .contract = way->contract, .max_error = whole ? 0.1 : 1, .min_tets = 1,
-                                          .boundary_angle = 30, .domain_error = 1e-3, .growth = whole ? 1.05 : 1.2, .compression = 1, .threads = 2, .metadata = "{}"};
+                                          .contract = way->contract,
+                                          .max_error = whole ? 0.1 : 1,
+                                          .min_tets = 1,
+                                          .boundary_angle = 30,
+                                          .domain_error = 1e-3,
+                                          .growth = whole ? 1.05 : 1.2,
+                                          .compression = 1,
+                                          .threads = 2,
+                                          .metadata = "{}"};
     char text[64];
     snprintf(text, sizeof text, "%s, %s", name, way->name);
     REQUIRE(build_stream(mesh, &options, &sink, &report, NULL) == TETLOD_OK);

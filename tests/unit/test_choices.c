@@ -31,7 +31,9 @@ static bool read_table(struct table *table)
     table->json = json_load_file(path, 0, NULL);
     json_t *fields = json_object_get(table->json, "fields"), *levels = json_object_get(table->json, "levels");
     table->info = (struct tetlod_info){.field_count = (uint32_t)json_array_size(fields),
-                                       .level_count = (uint32_t)json_array_size(levels), .fields = table->fields, .levels = table->levels};
+                                       .level_count = (uint32_t)json_array_size(levels),
+                                       .fields = table->fields,
+                                       .levels = table->levels};
     for (uint32_t f = 0; f < table->info.field_count; f++) {
         const json_t *field = json_array_get(fields, f), *range = json_object_get(field, "range");
         table->fields[f] = (struct tetlod_field){.name = json_string_value(json_object_get(field, "name")),

@@ -78,12 +78,14 @@ static void test_step(void)
                 tetlod_cursor_mesh(a, &before);
                 status = tetlod_cursor_step(a, targets[i], 1 + i, NULL);
                 tetlod_cursor_mesh(a, &after);
-                uint32_t moved = after.vertices > before.vertices ? after.vertices - before.vertices : before.vertices - after.vertices;
+                uint32_t moved = after.vertices > before.vertices ? after.vertices - before.vertices
+                                                                  : before.vertices - after.vertices;
                 wrong += moved > 3 * (1 + i);
                 if (++calls == 5) // elsewhere in between
                     wrong += tetlod_cursor_step(a, 0, 5, NULL) > TETLOD_MORE;
             } while (status == TETLOD_MORE);
-            wrong += status != TETLOD_OK || tetlod_cursor_seek(b, targets[i], NULL) != TETLOD_OK || differences(&s, a, b);
+            wrong +=
+                status != TETLOD_OK || tetlod_cursor_seek(b, targets[i], NULL) != TETLOD_OK || differences(&s, a, b);
         }
         CHECK_INT(wrong, 0);
         CHECK_INT(tetlod_cursor_step(a, s.info->level_count, 1, NULL), TETLOD_ERR_ARGUMENT);
@@ -106,16 +108,19 @@ static void test_add_field(void)
                 struct tetlod_mesh mesh;
                 REQUIRE(tetlod_cursor_new(&all, s.file, NULL, 0, NULL) == TETLOD_OK);
                 REQUIRE(tetlod_cursor_new(&some, s.file, &first, 1, NULL) == TETLOD_OK);
-                wrong += tetlod_cursor_seek(some, level, NULL) != TETLOD_OK || tetlod_cursor_seek(all, level, NULL) != TETLOD_OK;
+                wrong += tetlod_cursor_seek(some, level, NULL) != TETLOD_OK ||
+                         tetlod_cursor_seek(all, level, NULL) != TETLOD_OK;
                 for (unsigned i = 0; i < more; i++)
-                    wrong += tetlod_cursor_refine(some, NULL) > TETLOD_END || tetlod_cursor_refine(all, NULL) > TETLOD_END;
+                    wrong +=
+                        tetlod_cursor_refine(some, NULL) > TETLOD_END || tetlod_cursor_refine(all, NULL) > TETLOD_END;
                 wrong += tetlod_cursor_add_field(some, 0, NULL) != TETLOD_OK;
                 tetlod_cursor_mesh(some, &mesh);
                 wrong += !mesh.fields[0] || differences(&s, all, some);
                 wrong += tetlod_cursor_add_field(some, s.info->field_count,
                                                  NULL) != TETLOD_ERR_ARGUMENT || differences(&s, all, some);
                 wrong += tetlod_cursor_seek(some, s.info->level_count - 1, NULL) != TETLOD_OK;
-                wrong += tetlod_cursor_seek(all, s.info->level_count - 1, NULL) != TETLOD_OK || differences(&s, all, some);
+                wrong +=
+                    tetlod_cursor_seek(all, s.info->level_count - 1, NULL) != TETLOD_OK || differences(&s, all, some);
                 tetlod_cursor_free(all);
                 tetlod_cursor_free(some);
             }

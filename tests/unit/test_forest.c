@@ -106,8 +106,12 @@ static void test_lossless(void)
     for (int kind = 0; kind < GEN_KINDS; kind++)
         for (unsigned arity = 2; arity <= 4; arity++)
             for (uint64_t seed = 1; seed <= 4; seed++)
-                check_sequence(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = seed, .size = 3, .levels = 9,
-                                                     .arity = arity, .type = seed % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64});
+                check_sequence(&(struct gen_options){.kind = (enum gen_kind)kind,
+                                                     .seed = seed,
+                                                     .size = 3,
+                                                     .levels = 9,
+                                                     .arity = arity,
+                                                     .type = seed % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64});
 }
 
 static void test_quantised(void)

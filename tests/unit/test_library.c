@@ -179,9 +179,14 @@ static void test_cancelled_while_encoding(void)
     static float at[SIDE * SIDE * SIDE];
     static uint32_t tets[6 * CUBES * CUBES * CUBES][4];
     struct tetlod_build_array array = {"p", 1, TETLOD_CELL_FLOAT32, at};
-    struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = SIDE * SIDE * SIDE,
+    struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh,
+                                     .vertices = SIDE * SIDE * SIDE,
                                      .tets = 6 * CUBES * CUBES * CUBES,
-                                     .position_type = TETLOD_FLOAT64, .positions = points, .corners = tets[0], .field_count = 1, .fields = &array};
+                                     .position_type = TETLOD_FLOAT64,
+                                     .positions = points,
+                                     .corners = tets[0],
+                                     .field_count = 1,
+                                     .fields = &array};
     struct tetlod_build_options options;
     struct tetlod_error error = {0};
     struct heard heard = {0};

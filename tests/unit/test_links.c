@@ -213,9 +213,14 @@ static void test_cavities_stay(void)
         struct tetmesh mesh;
         struct contraction_log log;
         if (make_cavity(&mesh, &random)) {
-            const struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES,
-                                                     .max_error = 1, .min_tets = 1,
-                                                     .boundary_angle = 180, .boundary_limit = mesh_diagonal(&mesh), .growth = 1.2, .threads = 1};
+            const struct simplify_options options = {.metric = METRIC_ENVELOPE,
+                                                     .contract = CONTRACT_EDGES,
+                                                     .max_error = 1,
+                                                     .min_tets = 1,
+                                                     .boundary_angle = 180,
+                                                     .boundary_limit = mesh_diagonal(&mesh),
+                                                     .growth = 1.2,
+                                                     .threads = 1};
             REQUIRE(rounds_simplify(&log, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
             check_topology(&mesh, &log);
             log_fini(&log);

@@ -174,7 +174,8 @@ static void test_order_does_not_matter(void)
     }
     for (uint32_t t = 0; t < a.tet_count; t++)
         for (uint32_t c = 0; c < 4; c++) // turned around corner 3
-            b.corners[4 * (a.tet_count - 1 - t) + (c == 3 ? 3 : (c + 1) % 3)] = a.vertex_count - 1 - a.corners[4 * t + c];
+            b.corners[4 * (a.tet_count - 1 - t) + (c == 3 ? 3 : (c + 1) % 3)] =
+                a.vertex_count - 1 - a.corners[4 * t + c];
     struct measured first = compare(&a, &level, 1, &domain[0]), second = compare(&b, &level, 1, &domain[1]);
     CHECK(first.sampled > 1);
     CHECK_NEAR(first.sampled, second.sampled, 1e-12 * first.sampled);

@@ -122,7 +122,8 @@ static void test_limits_of_their_own(void)
     REQUIRE(world_open(&world, &mesh, &(struct world_options){.controlled = (uint32_t[]){0, 1}, .controlled_count = 2,
                                                               .limits = (double[]){1, 0.1}, .angle = 30}));
     CHECK_INT(world.working.component_count, 2);
-    double *upper = numbers_of(&world.run, &world.worker, NUMBERS_UPPER), *lower = numbers_of(&world.run, &world.worker, NUMBERS_LOWER);
+    double *upper = numbers_of(&world.run, &world.worker, NUMBERS_UPPER),
+           *lower = numbers_of(&world.run, &world.worker, NUMBERS_LOWER);
     for (int c = 0; c < 2; c++) {
         double middle = (world.working.fields[c].component_range[0][0] +
                          world.working.fields[c].component_range[0][1]) / 2;
@@ -159,7 +160,8 @@ static void test_the_map_demands(void)
         for (uint32_t v = 0; v < 6; v++)
             world.run.border.most[v] = 0.9; // as if there were no other part of the boundary near
         struct join join = {.simplex = {world_slot(&world, 0), world_slot(&world, 1)}, .count = 2, .p = {1, 1, 0}};
-        double *upper = numbers_of(&world.run, &world.worker, NUMBERS_UPPER), *lower = numbers_of(&world.run, &world.worker, NUMBERS_LOWER);
+        double *upper = numbers_of(&world.run, &world.worker, NUMBERS_UPPER),
+               *lower = numbers_of(&world.run, &world.worker, NUMBERS_LOWER);
         REQUIRE(outcome_list(&world.run, &world.worker, &join) && outcome_weigh(&world.run, &world.worker, &join));
         outcome_bounds(&world.run, &world.worker, &join);
         double middle = (upper[0] + lower[0]) / 2;

@@ -155,8 +155,8 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
         stored->errors[TETLOD_SAMPLED] > stored->errors[TETLOD_MAX])
         TEST_FAIL("%s, level %u of %u tetrahedra: max is %.10g, sampled %.10g; at points %.10g, by the overlay %.10g, "
                   "measured %.10g",
-                  c->name, k, level->tet_count, stored->errors[TETLOD_MAX], stored->errors[TETLOD_SAMPLED], found / c->range,
-                  exact / c->range, measured.sampled / c->range);
+                  c->name, k, level->tet_count, stored->errors[TETLOD_MAX], stored->errors[TETLOD_SAMPLED],
+                  found / c->range, exact / c->range, measured.sampled / c->range);
     domain = larger(domain, boundary_distance(locators, &random));
     if (domain > stored->domain_error * c->diagonal * (1 + 1e-9) + 1e-13 * c->diagonal)
         TEST_FAIL("%s, level %u: its domain error is %g, stored is %g", c->name, k, domain / c->diagonal,
@@ -168,10 +168,18 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
 
 static struct build_options usual(const struct build_control *control)
 {
-    return (struct build_options){.controls = control, .control_count = 1, .metric = METRIC_ENVELOPE,
+    return (struct build_options){.controls = control,
+                                  .control_count = 1,
+                                  .metric = METRIC_ENVELOPE,
                                   .contract = CONTRACT_EDGES,
-                                  .max_error = 1, .min_tets = 1, .boundary_angle = 30, .domain_error = 1e-3, .growth = 1.3,
-                                  .compression = 1, .threads = 2, .metadata = "{}"};
+                                  .max_error = 1,
+                                  .min_tets = 1,
+                                  .boundary_angle = 30,
+                                  .domain_error = 1e-3,
+                                  .growth = 1.3,
+                                  .compression = 1,
+                                  .threads = 2,
+                                  .metadata = "{}"};
 }
 
 /* Builds, and holds every level against the promise. *out_tets, unless NULL: how many tetrahedra the coarsest has. */

@@ -73,7 +73,9 @@ static void test_generalised_quadric(void)
     const double matrix[6] = {1.4, -0.8, -2.1, 2.6, -3.3, 12.9}; // the matrix that the thesis gives, over (v', s', 1)
     for (double v = -1; v < 4; v += 0.5)
         CHECK_NEAR(quadric_at(quadric, (const double[3]){v, 0.3, -0.7}, 1.7),
-                   matrix[0] * v * v + 2 * matrix[1] * v * 1.7 + 2 * matrix[2] * v + matrix[3] * 1.7 * 1.7 + 2 * matrix[4] * 1.7 + matrix[5], 1e-12);
+                   matrix[0] * v * v + 2 * matrix[1] * v * 1.7 + 2 * matrix[2] * v + matrix[3] * 1.7 * 1.7 +
+                       2 * matrix[4] * 1.7 + matrix[5],
+                   1e-12);
     for (int i = 0; i < 2; i++) // y and z, of which the line says nothing
         quadric_add_distance(quadric, across[i], 1);
     REQUIRE(quadric_optimum(quadric, p));

@@ -154,7 +154,8 @@ static void contract_at_random(const struct tetmesh *mesh, uint64_t seed, uint32
     REQUIRE(world_open_plain(&world, mesh));
     bool well = check_working(&world.working, &start);
     for (uint32_t tries = 0; well && tries < 40 * mesh->tet_count; tries++) {
-        uint32_t tet = (uint32_t)(gen_random(&seed) % world.working.tet_count), count = 2 + (uint32_t)(gen_random(&seed) % 5) / 2;
+        uint32_t tet = (uint32_t)(gen_random(&seed) % world.working.tet_count),
+                 count = 2 + (uint32_t)(gen_random(&seed) % 5) / 2;
         bool room;
         count = count > 4 ? 4 : count;
         if (!world_pick(&world, tet, (uint32_t)(gen_random(&seed) % 4), count, simplex))

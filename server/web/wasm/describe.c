@@ -84,7 +84,8 @@ static void put_cell_fields(struct tetlodi_buffer *out, const struct tetlod_info
 {
     for (uint32_t f = 0; f < info->cell_field_count; f++) {
         const struct tetlod_cell_field *field = &info->cell_fields[f];
-        uint32_t section = tetlod_cell_section(info, f), map = info->cell_rows ? tetlod_section_index(info, "PMAP") : TETLOD_NONE;
+        uint32_t section = tetlod_cell_section(info, f),
+                 map = info->cell_rows ? tetlod_section_index(info, "PMAP") : TETLOD_NONE;
         put(out, f ? ",{\"name\":" : "{\"name\":");
         put_string(out, field->name);
         put_member(out, "components", field->components);

@@ -210,7 +210,8 @@ void view_unclip(struct view *view)
 static void blend_floats(const struct cut *trimmed, const float *from, uint32_t components, float *out)
 {
     for (size_t v = 0; v < trimmed->vertex_count; v++) {
-        const float *a = from + (size_t)trimmed->ends[2 * v] * components, *b = from + (size_t)trimmed->ends[2 * v + 1] * components;
+        const float *a = from + (size_t)trimmed->ends[2 * v] * components,
+                    *b = from + (size_t)trimmed->ends[2 * v + 1] * components;
         for (uint32_t i = 0; i < components; i++)
             out[v * components + i] = a[i] + (float)trimmed->along[v] * (b[i] - a[i]);
     }

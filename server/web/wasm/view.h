@@ -138,7 +138,7 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     struct view_function defined;
-    double *warped;                  /* points of the mesh, moved by `warp_scale` times a field of vectors; 0: none is */
+    double *warped; /* points of the mesh, moved by `warp_scale` times a field of vectors; 0: none is */
     size_t warped_cap;
     uint32_t warp_field;
     double warp_scale;

@@ -10,8 +10,21 @@
 
 /* What a step does with the numbers on top of the stack; formula.js writes these. A tensor is xx yy zz xy yz xz. */
 enum operation {
-    PUSH_NUMBER, PUSH_INPUT, ADD, SUBTRACT, MULTIPLY, DIVIDE, SQUARE_ROOT, ABSOLUTE, NEGATE, LEAST, GREATEST, NORM, MISES,
-    PRINCIPAL, OPERATIONS
+    PUSH_NUMBER,
+    PUSH_INPUT,
+    ADD,
+    SUBTRACT,
+    MULTIPLY,
+    DIVIDE,
+    SQUARE_ROOT,
+    ABSOLUTE,
+    NEGATE,
+    LEAST,
+    GREATEST,
+    NORM,
+    MISES,
+    PRINCIPAL,
+    OPERATIONS
 };
 
 /* Eigenvalues of a symmetric tensor, the largest first: rotations that take the largest element beside the diagonal. */

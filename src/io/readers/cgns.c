@@ -364,7 +364,8 @@ static enum tetlod_status read_field(struct zone *z, const struct solution *s, i
     if (status == TETLOD_OK)
         status = s->cell ? assemble_cell_field(mesh, said, width, TETLOD_FLOAT64, rows, z->error)
                          : assemble_field(mesh, said, width, TETLOD_FLOAT64, z->error);
-    struct point_field *field = s->cell ? mesh->cell_fields + mesh->cell_field_count - 1 : mesh->fields + mesh->field_count - 1;
+    struct point_field *field =
+        s->cell ? mesh->cell_fields + mesh->cell_field_count - 1 : mesh->fields + mesh->field_count - 1;
     for (uint32_t d = 0; d < width && status == TETLOD_OK; d++) {
         CGNS_ENUMT(DataType_t) type = CGNS_ENUMV(RealDouble);
         char name[33];

@@ -527,7 +527,9 @@ static enum tetlod_status read_part_values(struct ensight *e, const struct ensig
         const struct section *section = v->cell ? find_section(e, part) : NULL;
         if (!section && !ensight_starts(e->line, "block") && (v->cell || !ensight_starts(e->line, "coordinates")))
             return ensight_fail(e->file, "there should be a type of elements of this part here");
-        uint64_t first = section ? section->first : 0, count = section ? section->count : v->cell ? part->cells : part->points;
+        uint64_t first = section ? section->first : 0, count = section   ? section->count
+                                                               : v->cell ? part->cells
+                                                                         : part->points;
         if (part->block != NO_BLOCK && !values)
             TETLOD_TRY(add_field(e, v, part, &values));
         TETLOD_TRY(read_values(e, v, count, values ? values + first * v->components : NULL));

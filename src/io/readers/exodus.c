@@ -55,8 +55,8 @@ static bool find_variable(const struct exodus *e, const char *name, struct varia
     int dims[NC_MAX_VAR_DIMS];
     *out = (struct variable){0};
     if (nc_inq_varid(e->file, name, &out->id) != NC_NOERR ||
-        nc_inq_varndims(e->file, out->id, &out->rank) != NC_NOERR ||
-        out->rank > 3 || nc_inq_vardimid(e->file, out->id, dims) != NC_NOERR || nc_inq_vartype(e->file, out->id, &out->type) != NC_NOERR)
+        nc_inq_varndims(e->file, out->id, &out->rank) != NC_NOERR || out->rank > 3 ||
+        nc_inq_vardimid(e->file, out->id, dims) != NC_NOERR || nc_inq_vartype(e->file, out->id, &out->type) != NC_NOERR)
         return false;
     for (int d = 0; d < out->rank; d++)
         if (nc_inq_dimlen(e->file, dims[d], &out->dims[d]) != NC_NOERR)
@@ -165,9 +165,9 @@ static const struct element elements[] = {
 /* The points of an element that VTK's type has: they come first. */
 static size_t kept_points(unsigned char type)
 {
-    static const uint8_t counts[] = {[VTK_TYPE_TET] = 4, [VTK_TYPE_HEXAHEDRON] = 8, [VTK_TYPE_WEDGE] = 6,
-                                     [VTK_TYPE_PYRAMID] = 5,
-                                     [VTK_TYPE_TET10] = 10, [VTK_TYPE_HEXAHEDRON20] = 20, [VTK_TYPE_WEDGE15] = 15, [VTK_TYPE_PYRAMID13] = 13};
+    static const uint8_t counts[] = {
+        [VTK_TYPE_TET] = 4,    [VTK_TYPE_HEXAHEDRON] = 8,    [VTK_TYPE_WEDGE] = 6,    [VTK_TYPE_PYRAMID] = 5,
+        [VTK_TYPE_TET10] = 10, [VTK_TYPE_HEXAHEDRON20] = 20, [VTK_TYPE_WEDGE15] = 15, [VTK_TYPE_PYRAMID13] = 13};
     return counts[type];
 }
 
@@ -366,7 +366,8 @@ static const struct {
 
 static bool joins_to(const char names[MAX_JOINED][MAX_NAME + 1], size_t join, char out[MAX_NAME + 1])
 {
-    size_t length = strlen(names[0]), ending = strlen(joins[join].endings[0]), stem = length > ending ? length - ending : 0;
+    size_t length = strlen(names[0]), ending = strlen(joins[join].endings[0]),
+           stem = length > ending ? length - ending : 0;
     for (uint32_t d = 0; d < joins[join].count; d++)
         if (!stem || strlen(names[d]) != length || strncmp(names[d], names[0], stem) != 0 ||
             strcasecmp(names[d] + stem, joins[join].endings[d]) != 0)

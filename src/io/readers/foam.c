@@ -128,7 +128,8 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     }
     TETLOD_TRY_DONE(internal_values(&file, width, rows, &values, unit));
     TETLOD_TRY_DONE(foam_end(&file));
-    TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
+    TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error)
+                         : assemble_field(mesh, name, width, type, f->error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
                                                           1] : &mesh->fields[mesh->field_count - 1];
     free(field->values);

@@ -121,7 +121,8 @@ static enum tetlod_status open_compact(struct face_reader *reader)
     bool good = ends > 0 && reader->ends[0] == 0;
     for (uint64_t i = 0; good && i < reader->count; i++)
         good = reader->ends[i] <= reader->ends[i + 1];
-    return good && reader->ends[reader->count] <= reader->list.count ? TETLOD_OK : foam_fail(&reader->file, "its faces do not fit");
+    return good && reader->ends[reader->count] <= reader->list.count ? TETLOD_OK
+                                                                     : foam_fail(&reader->file, "its faces do not fit");
 }
 
 /* To be closed also after a failure. */

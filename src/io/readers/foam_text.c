@@ -177,7 +177,8 @@ static enum tetlod_status read_header(struct foam_file *file)
     if (!text_is(foam_token(file), "FoamFile") || !text_is(foam_token(file), "{"))
         return foam_fail(file, "there should be a FoamFile header");
     for (struct text key = foam_token(file); !text_is(key, "}"); key = foam_token(file)) {
-        bool is_format = text_is(key, "format"), is_class = text_is(key, "class"), is_arch = text_is(key, "arch"), is_end = key.at == key.end;
+        bool is_format = text_is(key, "format"), is_class = text_is(key, "class"), is_arch = text_is(key, "arch"),
+             is_end = key.at == key.end;
         struct text value = foam_token(file);
         if (is_end || value.at == value.end)
             return foam_fail(file, "its header has no end; is it truncated?");

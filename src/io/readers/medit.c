@@ -178,9 +178,9 @@ static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
         const char *name;
         unsigned char type;
         uint8_t corners;
-    } cells[] = {{"Tetrahedra", VTK_TYPE_TET, 4},     {"Hexahedra", VTK_TYPE_HEXAHEDRON, 8},
-                 {"Prisms", VTK_TYPE_WEDGE, 6},
-                 {"Pyramids", VTK_TYPE_PYRAMID, 5},   {"Triangles", VTK_TYPE_FLAT, 3},       {"Edges", VTK_TYPE_FLAT, 2},
+    } cells[] = {{"Tetrahedra", VTK_TYPE_TET, 4},      {"Hexahedra", VTK_TYPE_HEXAHEDRON, 8},
+                 {"Prisms", VTK_TYPE_WEDGE, 6},        {"Pyramids", VTK_TYPE_PYRAMID, 5},
+                 {"Triangles", VTK_TYPE_FLAT, 3},      {"Edges", VTK_TYPE_FLAT, 2},
                  {"Quadrilaterals", VTK_TYPE_FLAT, 4}, {"Hexaedra", VTK_TYPE_HEXAHEDRON, 8}};
     if (text_is(keyword, "MeshVersionFormatted"))
         return read_version(m);

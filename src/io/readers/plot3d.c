@@ -137,7 +137,8 @@ static void read_column(const unsigned char *bytes, const struct layout *layout,
 
 static void fill_pressure(struct tetmesh *mesh)
 {
-    const double *density = mesh->fields[0].values, *momentum = mesh->fields[1].values, *energy = mesh->fields[2].values;
+    const double *density = mesh->fields[0].values, *momentum = mesh->fields[1].values,
+                 *energy = mesh->fields[2].values;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         const double *m = momentum + 3 * (size_t)v;
         double pressure = 0.4 * (energy[v] - (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / (2 * density[v]));

@@ -25,7 +25,8 @@ bool vtkxml_sniff(const unsigned char *bytes, size_t size)
 
 static bool is_structured(const struct vtkxml_document *document)
 {
-    return document->kind == VTKXML_STRUCTURED || document->kind == VTKXML_RECTILINEAR || document->kind == VTKXML_IMAGE;
+    return document->kind == VTKXML_STRUCTURED || document->kind == VTKXML_RECTILINEAR ||
+           document->kind == VTKXML_IMAGE;
 }
 
 static enum tetlod_status read_piece(const struct vtkxml_document *document, const struct vtkxml_piece *piece,
@@ -68,7 +69,8 @@ static enum tetlod_status read_grid(const struct vtkxml_document *document, stru
 }
 
 static enum tetlod_status read_pieces(const struct vtkxml_document *document, struct blocks *out,
-                                      const struct io_input *input, struct io_report *report, struct tetlod_error *error)
+                                      const struct io_input *input, struct io_report *report,
+                                      struct tetlod_error *error)
 {
     if (document->piece_count == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no Piece in it");

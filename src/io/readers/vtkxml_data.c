@@ -383,7 +383,8 @@ static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml
     threads = threads < PARALLEL_MAX_THREADS ? threads : PARALLEL_MAX_THREADS;
     // a size that no block has may be anything
     uint64_t size = blocks->count == 1 ? block_size(blocks, 0) : blocks->size;
-    bool reads = job->document->file && !job->decoded, inflates = job->document->compressor != VTKXML_UNCOMPRESSED, good = true;
+    bool reads = job->document->file && !job->decoded, inflates = job->document->compressor != VTKXML_UNCOMPRESSED,
+         good = true;
     for (unsigned t = 0; t < threads; t++) {
         job->stored[t] = reads ? array_new((size_t)blocks->most, 1) : NULL;
         job->plain[t] = inflates ? array_new((size_t)size, 1) : NULL;
@@ -460,13 +461,15 @@ static enum tetlod_status read_binary(const struct vtkxml_document *document, co
     struct source s = source_of(document, array);
     struct data_blocks blocks = {0};
     uint64_t needed = (uint64_t)count * value_size(array->type);
-    enum tetlod_status status = document->compressor == VTKXML_UNCOMPRESSED ? read_plain_header(&s, array, needed, &blocks, error)
-                                                                           : read_block_header(&s, array, needed, &blocks, error);
+    enum tetlod_status status = document->compressor == VTKXML_UNCOMPRESSED
+                                    ? read_plain_header(&s, array, needed, &blocks, error)
+                                    : read_block_header(&s, array, needed, &blocks, error);
     if (status == TETLOD_OK)
         status = add_sizes(&s, array, &blocks, needed, error);
     bool is_plain_base64 = s.base64 && document->compressor == VTKXML_UNCOMPRESSED;
     if (status == TETLOD_OK)
-        status = is_plain_base64 ? convert_base64(&s, array, target, &blocks, error) : convert_blocks(&s, array, target, &blocks, error);
+        status = is_plain_base64 ? convert_base64(&s, array, target, &blocks, error)
+                                 : convert_blocks(&s, array, target, &blocks, error);
     free(blocks.stored);
     return status;
 }

@@ -315,7 +315,8 @@ static void start_appended(struct parse *parse, const char **attributes)
 {
     struct vtkxml_document *document = parse->document;
     const char *encoding = attribute(attributes, "encoding");
-    document->appended = (size_t)XML_GetCurrentByteIndex(parse->parser) + (size_t)XML_GetCurrentByteCount(parse->parser);
+    document->appended =
+        (size_t)XML_GetCurrentByteIndex(parse->parser) + (size_t)XML_GetCurrentByteCount(parse->parser);
     document->appended_raw = encoding && strcmp(encoding, "raw") == 0;
     XML_StopParser(parse->parser, XML_FALSE);
 }

@@ -224,7 +224,8 @@ static enum tetlod_status take_faces(struct reader *r, const struct faces *faces
     enum tetlod_status status = TETLOD_OK;
     for (uint64_t c = 0; c < old->count && status == TETLOD_OK; c++) {
         bool is_poly = old->types[c] == VTK_TYPE_POLYHEDRON;
-        uint64_t from = is_poly ? begin : old->offsets[c], end = is_poly ? (uint64_t)faces->ends[c] : old->offsets[c + 1];
+        uint64_t from = is_poly ? begin : old->offsets[c],
+                 end = is_poly ? (uint64_t)faces->ends[c] : old->offsets[c + 1];
         const uint32_t *stream = is_poly ? faces->stream : old->connectivity;
         if (end < from || end > (is_poly ? faces->size : old->connectivity_count))
             status = tetlodi_fail(r->error, TETLOD_ERR_MESH, "cell %llu: its faces do not fit", (unsigned long long)c);

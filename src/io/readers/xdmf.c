@@ -47,18 +47,27 @@ struct topology {
 };
 
 static const struct topology topologies[] = {
-    {"Polyvertex", 1, VTK_TYPE_FLAT, 0},    {"Polyline", 2, VTK_TYPE_FLAT, 0},        {"Polygon", 3, VTK_TYPE_FLAT, 0},
-    {"Triangle", 4, VTK_TYPE_FLAT, 3},      {"Quadrilateral", 5, VTK_TYPE_FLAT, 4},   {"Tetrahedron", 6, VTK_TYPE_TET,
-                                                                                       4},
-    {"Pyramid", 7, VTK_TYPE_PYRAMID, 5},    {"Wedge", 8, VTK_TYPE_WEDGE, 6},          {"Hexahedron", 9,
-                                                                                       VTK_TYPE_HEXAHEDRON, 8},
-    {"Edge_3", 34, VTK_TYPE_FLAT, 3},       {"Triangle_6", 36, VTK_TYPE_FLAT, 6},     {"Quadrilateral_8", 37,
-                                                                                       VTK_TYPE_FLAT, 8},
-    {"Tetrahedron_10", 38, VTK_TYPE_TET10, 10}, {"Tet_10", 38, VTK_TYPE_TET10, 10},   {"Pyramid_13", 39,
-                                                                                       VTK_TYPE_PYRAMID13, 13},
-    {"Wedge_15", 40, VTK_TYPE_WEDGE15, 15}, {"Wedge_18", 41, VTK_TYPE_WEDGE18, 18},   {"Hexahedron_20", 48,
-                                                                                       VTK_TYPE_HEXAHEDRON20, 20},
-    {"Hex_20", 48, VTK_TYPE_HEXAHEDRON20, 20}, {"Hexahedron_27", 50, VTK_TYPE_HEXAHEDRON27, 27}, {"Quad", 5, VTK_TYPE_FLAT, 4},
+    {"Polyvertex", 1, VTK_TYPE_FLAT, 0},
+    {"Polyline", 2, VTK_TYPE_FLAT, 0},
+    {"Polygon", 3, VTK_TYPE_FLAT, 0},
+    {"Triangle", 4, VTK_TYPE_FLAT, 3},
+    {"Quadrilateral", 5, VTK_TYPE_FLAT, 4},
+    {"Tetrahedron", 6, VTK_TYPE_TET, 4},
+    {"Pyramid", 7, VTK_TYPE_PYRAMID, 5},
+    {"Wedge", 8, VTK_TYPE_WEDGE, 6},
+    {"Hexahedron", 9, VTK_TYPE_HEXAHEDRON, 8},
+    {"Edge_3", 34, VTK_TYPE_FLAT, 3},
+    {"Triangle_6", 36, VTK_TYPE_FLAT, 6},
+    {"Quadrilateral_8", 37, VTK_TYPE_FLAT, 8},
+    {"Tetrahedron_10", 38, VTK_TYPE_TET10, 10},
+    {"Tet_10", 38, VTK_TYPE_TET10, 10},
+    {"Pyramid_13", 39, VTK_TYPE_PYRAMID13, 13},
+    {"Wedge_15", 40, VTK_TYPE_WEDGE15, 15},
+    {"Wedge_18", 41, VTK_TYPE_WEDGE18, 18},
+    {"Hexahedron_20", 48, VTK_TYPE_HEXAHEDRON20, 20},
+    {"Hex_20", 48, VTK_TYPE_HEXAHEDRON20, 20},
+    {"Hexahedron_27", 50, VTK_TYPE_HEXAHEDRON27, 27},
+    {"Quad", 5, VTK_TYPE_FLAT, 4},
 };
 
 static const struct topology *find_topology(const char *name, int64_t mixed)
@@ -153,7 +162,8 @@ static enum tetlod_status three_items(const struct xdmf *x, const struct xml_nod
     uint64_t points = 1;
     for (int d = 0; d < 3 && status == TETLOD_OK; d++) {
         child = xml_child(x->source.tree, node, "DataItem", child);
-        status = child ? xdmf_load(&x->source, child, false, &items[d], x->error) : fail_at(x, node, "should have three DataItems");
+        status = child ? xdmf_load(&x->source, child, false, &items[d], x->error)
+                       : fail_at(x, node, "should have three DataItems");
         if (status == TETLOD_OK && axes && items[d].count != block->dims[d])
             status = fail_at(x, node, "has coordinates that do not match the Dimensions");
         if (status == TETLOD_OK && !axes && items[d].count != items[0].count)
@@ -188,7 +198,8 @@ static enum tetlod_status origin_points(const struct xdmf *x, const struct xml_n
     uint64_t points = 1;
     for (int i = 0; i < 2 && status == TETLOD_OK; i++) {
         child = xml_child(x->source.tree, node, "DataItem", child);
-        status = child ? xdmf_load(&x->source, child, false, &items[i], x->error) : fail_at(x, node, "should have two DataItems");
+        status = child ? xdmf_load(&x->source, child, false, &items[i], x->error)
+                       : fail_at(x, node, "should have two DataItems");
         if (status == TETLOD_OK && items[i].count != 3)
             status = fail_at(x, node, "should have three numbers in each DataItem");
     }
@@ -200,7 +211,8 @@ static enum tetlod_status origin_points(const struct xdmf *x, const struct xml_n
         const uint64_t at[3] = {p % block->dims[0], p / block->dims[0] % block->dims[1],
                                 p / block->dims[0] / block->dims[1]};
         for (int d = 0; d < 3; d++)
-            block->mesh.positions[3 * p + (uint64_t)d] = items[0].doubles[2 - d] + (double)at[d] * items[1].doubles[2 - d];
+            block->mesh.positions[3 * p + (uint64_t)d] =
+                items[0].doubles[2 - d] + (double)at[d] * items[1].doubles[2 - d];
     }
     xdmf_item_fini(&items[0]);
     xdmf_item_fini(&items[1]);
@@ -266,8 +278,8 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
     enum tetlod_status status = TETLOD_OK;
     if (width == 0 || width * rows != item.count)
         status = tetlodi_fail(x->error, TETLOD_ERR_MESH, "line %llu: Attribute %.60s has %llu numbers for %llu %s",
-                              (unsigned long long)node->line, name, (unsigned long long)item.count, (unsigned long long)rows,
-                              cell ? "cells" : "points");
+                              (unsigned long long)node->line, name, (unsigned long long)item.count,
+                              (unsigned long long)rows, cell ? "cells" : "points");
     if (status == TETLOD_OK)
         status = cell ? assemble_cell_field(mesh, name, width, item.type, rows, x->error)
                       : assemble_field(mesh, name, width, item.type, x->error);

@@ -134,7 +134,8 @@ static enum tetlod_status load_raw(const struct xml_node *node, const char *path
 
 /* Of a data set that is larger than what is asked for, only some rows of the first dimension. */
 static enum tetlod_status load_set(const struct xml_node *node, const char *path, const char *set_name, uint64_t count,
-                                   const struct rows *rows, bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
+                                   const struct rows *rows, bool as_numbers, struct xdmf_item *item,
+                                   struct tetlod_error *error)
 {
     hid_t file;
     struct h5_set set;
@@ -163,8 +164,8 @@ static enum tetlod_status load_set(const struct xml_node *node, const char *path
 }
 
 static enum tetlod_status load_file(const struct xdmf_source *source, const struct xml_node *node, bool is_hdf,
-                                    uint64_t count,
-                                    const struct rows *rows, bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
+                                    uint64_t count, const struct rows *rows, bool as_numbers, struct xdmf_item *item,
+                                    struct tetlod_error *error)
 {
     char *name = copy_text(source, node), *path = NULL, *colon = name ? strrchr(name, ':') : NULL;
     enum tetlod_status status = name ? TETLOD_OK : tetlodi_fail_nomem(error, "a file's name", 0);
@@ -365,8 +366,8 @@ static const char *take_predicate(const char *path, struct step *out)
 {
     size_t skip = strcspn(path, "]");
     if (path[1] == '@') {
-        const char *name = path + 2, *equals = strchr(name,
-                                                      '='), *quote = equals ? equals + 1 : "", *end = *quote ? strchr(quote + 1, *quote) : NULL;
+        const char *name = path + 2, *equals = strchr(name, '='), *quote = equals ? equals + 1 : "",
+                   *end = *quote ? strchr(quote + 1, *quote) : NULL;
         if (!end || end > path + skip || (size_t)(end - quote) > sizeof out->value ||
             (size_t)(equals - name) >= sizeof out->attribute)
             return NULL;
@@ -439,8 +440,8 @@ const struct xml_node *xdmf_referred(const struct xdmf_source *source, const str
 static const struct xml_node *included(const struct xdmf_source *source, const struct xml_node *node)
 {
     static const char begin[] = "xpointer(";
-    const char *colon = strchr(node->name, ':'), *pointer = xml_attribute(node,
-                                                                          "xpointer"), *path = pointer ? strstr(pointer, begin) : NULL;
+    const char *colon = strchr(node->name, ':'), *pointer = xml_attribute(node, "xpointer"),
+               *path = pointer ? strstr(pointer, begin) : NULL;
     bool is_include = strcmp(colon ? colon + 1 : node->name, "include") == 0;
     return is_include && path ? follow_path(source->tree, path + sizeof begin - 1) : NULL;
 }

@@ -269,7 +269,10 @@ enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, co
 
 void cells_middles_to_vtk(unsigned char type, int64_t *points)
 {
-    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
+    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12
+                     : type == VTK_TYPE_WEDGE15    ? 9
+                                                   : 0,
+             count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
     for (unsigned i = first; first && i < first + count; i++) {
         int64_t swap = points[i];
         points[i] = points[i + count];
@@ -390,7 +393,8 @@ enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_r
                                      struct tetlod_error *error)
 {
     struct tetmesh *mesh = &block->mesh;
-    struct point_field *field = cell ? &mesh->cell_fields[--mesh->cell_field_count] : &mesh->fields[--mesh->field_count];
+    struct point_field *field =
+        cell ? &mesh->cell_fields[--mesh->cell_field_count] : &mesh->fields[--mesh->field_count];
     bool levels = strcmp(field->name,
                          "vtkGhostLevels") == 0; // older versions gave levels of ghosts instead, all from 1 on
     enum tetlod_status status = TETLOD_OK;

@@ -77,7 +77,8 @@ TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const cha
 
 /* The same for a field of `cells` cells. */
 TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
-                                                      enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
+                                                      enum tetlod_type type, uint64_t cells,
+                                                      struct tetlod_error *error);
 
 /* Notes the unit of an array: UTF-8 without white space about it; what is longer than a unit is none. */
 void unit_set(char unit[UNIT_SIZE], const char *text, size_t length);

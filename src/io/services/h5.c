@@ -138,7 +138,8 @@ static enum tetlod_status read_rows(const struct h5_set *set, uint64_t first, ui
         size[d] = d ? set->dims[d] : rows;
     if (set->rank && (first > set->dims[0] || rows > set->dims[0] - first))
         return tetlodi_fail(error, TETLOD_ERR_MESH, "a data set has %llu rows, but rows %llu to %llu are needed",
-                            (unsigned long long)set->dims[0], (unsigned long long)first, (unsigned long long)(first + rows));
+                            (unsigned long long)set->dims[0], (unsigned long long)first,
+                            (unsigned long long)(first + rows));
     if (rows == 0)
         return TETLOD_OK;
     hid_t space = H5Dget_space(set->id), memory = set->rank ? H5Screate_simple(set->rank, size,

@@ -299,7 +299,8 @@ static size_t polyhedron_points(const uint32_t *stream, uint32_t *points)
 
 static double area_squared(const double *positions, const uint32_t *face, uint32_t a, uint32_t b, uint32_t c)
 {
-    const double *p = positions + 3 * (size_t)face[a], *q = positions + 3 * (size_t)face[b], *r = positions + 3 * (size_t)face[c];
+    const double *p = positions + 3 * (size_t)face[a], *q = positions + 3 * (size_t)face[b],
+                 *r = positions + 3 * (size_t)face[c];
     double u[3], v[3], cross[3];
     for (int d = 0; d < 3; d++) {
         u[d] = q[d] - p[d];

@@ -59,7 +59,8 @@ static bool same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b)
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
         for (size_t c = 0; c < field->components; c++) {
-            double x = field->values[(size_t)a * field->components + c], y = field->values[(size_t)b * field->components + c];
+            double x = field->values[(size_t)a * field->components + c],
+                   y = field->values[(size_t)b * field->components + c];
             if (!(x == y || (isnan(x) && isnan(y))))
                 return false;
         }
@@ -125,7 +126,8 @@ static void redirect(struct block *block, const uint32_t *target)
 {
     struct cells *cells = &block->cells;
     for (uint64_t c = 0; c < cells->count; c++) {
-        uint64_t begin = cells->offsets ? cells->offsets[c] : 4 * c, end = cells->offsets ? cells->offsets[c + 1] : begin + 4;
+        uint64_t begin = cells->offsets ? cells->offsets[c] : 4 * c,
+                 end = cells->offsets ? cells->offsets[c + 1] : begin + 4;
         uint64_t count_at = cells->types && cells->types[c] == VTK_TYPE_POLYHEDRON ? begin : UINT64_MAX;
         for (uint64_t i = begin; i < end && i < cells->connectivity_count; i++) {
             uint32_t *corner = &cells->connectivity[i];

@@ -44,8 +44,14 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
     }
     size_t begin = (size_t)XML_GetCurrentByteIndex(p->parser) + (size_t)XML_GetCurrentByteCount(p->parser);
     uint32_t number = (uint32_t)tree->count++;
-    tree->nodes[number] = (struct xml_node){strdup(name), copy_attributes(attributes), begin, begin,
-                                            (uint64_t)XML_GetCurrentLineNumber(p->parser), p->at, TETLOD_NONE, TETLOD_NONE,
+    tree->nodes[number] = (struct xml_node){strdup(name),
+                                            copy_attributes(attributes),
+                                            begin,
+                                            begin,
+                                            (uint64_t)XML_GetCurrentLineNumber(p->parser),
+                                            p->at,
+                                            TETLOD_NONE,
+                                            TETLOD_NONE,
                                             TETLOD_NONE};
     if (!tree->nodes[number].name || !tree->nodes[number].attributes) {
         p->nomem = true;

@@ -46,7 +46,8 @@ enum tetlod_status meshb_write(const struct tetmesh *mesh, const struct tetlodi_
     struct put put;
     uint32_t region = tetmesh_find_region(mesh);
     const double *ids = region == TETLOD_NONE ? NULL : mesh->cell_fields[region].values;
-    bool narrow = mesh->position_type == TETLOD_FLOAT32 && HEAD + 16 * (uint64_t)mesh->vertex_count + 20 * (uint64_t)mesh->tet_count < INT32_MAX;
+    bool narrow = mesh->position_type == TETLOD_FLOAT32 &&
+                  HEAD + 16 * (uint64_t)mesh->vertex_count + 20 * (uint64_t)mesh->tet_count < INT32_MAX;
     enum tetlod_type type = narrow ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
     size_t place = narrow ? 4 : 8;
     uint64_t vertices = 16 + place, tets = vertices + 8 + place + (narrow ? 16 : 28) * (uint64_t)mesh->vertex_count;

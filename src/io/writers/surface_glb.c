@@ -57,16 +57,20 @@ static void put_accessors(struct put *put, const struct tetmesh *mesh, const str
             least[d] = value < least[d] ? value : least[d];
             most[d] = value > most[d] ? value : most[d];
         }
-    put_format(put, ",\"accessors\":[{\"bufferView\":0,\"componentType\":5125,\"count\":%" PRIu64 ",\"type\":\"SCALAR\"}",
+    put_format(put,
+               ",\"accessors\":[{\"bufferView\":0,\"componentType\":5125,\"count\":%" PRIu64 ",\"type\":\"SCALAR\"}",
                3 * (uint64_t)surface->triangle_count);
     put_format(put, ",{\"bufferView\":1,\"componentType\":5126,\"count\":%" PRIu32 ",\"type\":\"VEC3\"", vertices);
     put_format(put, ",\"min\":[%.9g,%.9g,%.9g]", (double)least[0], (double)least[1], (double)least[2]);
     put_format(put, ",\"max\":[%.9g,%.9g,%.9g]}", (double)most[0], (double)most[1], (double)most[2]);
-    put_format(put, ",{\"bufferView\":2,\"componentType\":5121,\"normalized\":true,\"count\":%" PRIu32 ",\"type\":\"VEC4\"}", vertices);
+    put_format(put,
+               ",{\"bufferView\":2,\"componentType\":5121,\"normalized\":true,\"count\":%" PRIu32 ",\"type\":\"VEC4\"}",
+               vertices);
     for (uint32_t f = 0; f < mesh->field_count; f++)
         if (has_attribute(&mesh->fields[f]))
-            put_format(put, ",{\"bufferView\":%" PRIu32 ",\"componentType\":5126,\"count\":%" PRIu32 ",\"type\":\"%s\"}", view++, vertices,
-                       types[mesh->fields[f].components]);
+            put_format(put,
+                       ",{\"bufferView\":%" PRIu32 ",\"componentType\":5126,\"count\":%" PRIu32 ",\"type\":\"%s\"}",
+                       view++, vertices, types[mesh->fields[f].components]);
     put_text(put, "]");
 }
 
@@ -95,7 +99,8 @@ static void put_mesh(struct put *put, const struct tetmesh *mesh)
 {
     const char *separator = "";
     uint32_t accessor = 3;
-    put_text(put, ",\"meshes\":[{\"primitives\":[{\"mode\":4,\"indices\":0,\"material\":0,\"attributes\":{\"POSITION\":1,\"COLOR_0\":2");
+    put_text(put, ",\"meshes\":[{\"primitives\":[{\"mode\":4,\"indices\":0,\"material\":0,\"attributes\":{\"POSITION\":"
+                  "1,\"COLOR_0\":2");
     for (uint32_t f = 0; f < mesh->field_count; f++)
         if (has_attribute(&mesh->fields[f])) {
             put_text(put, ",");
@@ -124,7 +129,8 @@ static uint64_t put_json(struct put *put, const struct tetmesh *mesh, const stru
         return 0;
     }
     put_text(put, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
-                  "\"materials\":[{\"doubleSided\":true,\"pbrMetallicRoughness\":{\"metallicFactor\":0,\"roughnessFactor\":0.8}}],");
+                  "\"materials\":[{\"doubleSided\":true,\"pbrMetallicRoughness\":{\"metallicFactor\":0,"
+                  "\"roughnessFactor\":0.8}}],");
     uint64_t size = put_views(put, mesh, surface);
     put_accessors(put, mesh, surface);
     put_mesh(put, mesh);

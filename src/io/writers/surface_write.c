@@ -121,7 +121,9 @@ static void put_element(struct put *put, const char *type, const char *name, uin
                         const char *unit,
                         uint64_t *offset)
 {
-    put_format(put, "<DataArray type=\"%s\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\" Name=\"",
+    put_format(put,
+               "<DataArray type=\"%s\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64
+               "\" Name=\"",
                type, components, *offset);
     put_escaped(put, name);
     put_text(put, "\">");

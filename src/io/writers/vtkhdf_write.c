@@ -26,7 +26,8 @@ static void put_set(struct writer *w, const char *name, int rank, const hsize_t 
     hsize_t chunk[2] = {dims[0] < CHUNK_ROWS ? dims[0] : CHUNK_ROWS, rank > 1 ? dims[1] : 1};
     hid_t space = H5Screate_simple(rank, dims,
                                    NULL), list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
-    w->good = w->good && H5Pset_create_intermediate_group(links, 1) >= 0 && H5Pset_char_encoding(links, H5T_CSET_UTF8) >= 0;
+    w->good =
+        w->good && H5Pset_create_intermediate_group(links, 1) >= 0 && H5Pset_char_encoding(links, H5T_CSET_UTF8) >= 0;
     w->good = w->good && H5Pset_obj_track_times(list, false) >= 0; // the same mesh, the same bytes
     if (dims[0] > 1)
         w->good = w->good && H5Pset_chunk(list, rank, chunk) >= 0 && H5Pset_deflate(list, 4) >= 0;

@@ -32,7 +32,12 @@ static void put_attribute(struct put *put, const struct point_field *field, bool
     put_text(put, "<Attribute Name=\"");
     put_escaped(put, field->name);
     put_format(put, "\" AttributeType=\"%s\" Center=\"%s\"",
-               n == 1 ? "Scalar" : n == 3 ? "Vector" : n == 6 ? "Tensor6" : n == 9 ? "Tensor" : "Matrix", cell ? "Cell" : "Node");
+               n == 1   ? "Scalar"
+               : n == 3 ? "Vector"
+               : n == 6 ? "Tensor6"
+               : n == 9 ? "Tensor"
+                        : "Matrix",
+               cell ? "Cell" : "Node");
     if (field->unit[0]) {
         put_text(put, " Units=\"");
         put_escaped(put, field->unit);
@@ -68,8 +73,10 @@ enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_s
     TETLOD_TRY(put_init(&put, sink, false, error));
     put_text(&put, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"2.0\"><Domain><Grid Name=\"mesh\" "
                    "GridType=\"Uniform\">\n");
-    put_format(&put, "<Topology TopologyType=\"Tetrahedron\" NumberOfElements=\"%" PRIu32 "\">\n<DataItem Dimensions=\"%" PRIu32
-                     " 4\" NumberType=\"Int\" Precision=\"8\" Format=\"XML\">\n", mesh->tet_count, mesh->tet_count);
+    put_format(&put,
+               "<Topology TopologyType=\"Tetrahedron\" NumberOfElements=\"%" PRIu32
+               "\">\n<DataItem Dimensions=\"%" PRIu32 " 4\" NumberType=\"Int\" Precision=\"8\" Format=\"XML\">\n",
+               mesh->tet_count, mesh->tet_count);
     for (size_t i = 0; i < 4 * (size_t)mesh->tet_count; i++)
         put_format(&put, "%" PRIu32 "%c", mesh->corners[i], (i + 1) % 4 ? ' ' : '\n');
     put_text(&put, "</DataItem></Topology>\n<Geometry GeometryType=\"XYZ\">\n");

@@ -328,7 +328,8 @@ static bool set_cone(struct cover *cover, const struct working *working, uint32_
     subtract(p[2], p[0], b);
     cross(a, b, cone->normal);
     cone->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * cover->reach;
-    double height = cone_height(cone, cover, working, cover->apex), size2 = tet_size_squared(cover->apex, p[0], p[1], p[2]);
+    double height = cone_height(cone, cover, working, cover->apex),
+           size2 = tet_size_squared(cover->apex, p[0], p[1], p[2]);
     if (height < 0) {
         height = -height;
         for (int i = 0; i < 3; i++)

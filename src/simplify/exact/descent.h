@@ -25,7 +25,8 @@ void descent_fini(struct descent *descent);
 /* After exact_examine has refused a position and looked at all corners: the step from there, and the error that is
  * expected where it leads. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status descent_step(struct descent *descent, const struct examiner *examiner,
-                                               const struct border *border, const struct working *working, const struct star *star, double out_step[3],
-                                               double *out_error, struct tetlod_error *error);
+                                               const struct border *border, const struct working *working,
+                                               const struct star *star, double out_step[3], double *out_error,
+                                               struct tetlod_error *error);
 
 #endif

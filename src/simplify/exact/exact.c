@@ -54,8 +54,8 @@ static void exact_free(void *state)
 
 /* Asks about one position. */
 static enum tetlod_status examine(struct exact *exact, struct thread *thread, const struct question *question,
-                                  const double p[3],
-                                  double cutoff, bool whole, struct answer *answer, struct finding *finding, struct tetlod_error *error)
+                                  const double p[3], double cutoff, bool whole, struct answer *answer,
+                                  struct finding *finding, struct tetlod_error *error)
 {
     size_t size = question->working->component_count * sizeof(double);
     TETLOD_TRY(exact_examine(&thread->examiner, &exact->overlaps, question->working, question->star, p,

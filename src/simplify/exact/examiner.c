@@ -289,8 +289,9 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     s = 1 - t;
     for (int k = 0; k < 3; k++) {
         uint32_t other = cone->walls[k];
-        weights[k] = other == w ? 0 : cone->scale[k] * (s * cover_distance(cover, other,
-                                                                           from) + t * cover_distance(cover, other, to));
+        weights[k] = other == w ? 0
+                                : cone->scale[k] *
+                                      (s * cover_distance(cover, other, from) + t * cover_distance(cover, other, to));
         if (weights[k] < -cover->beyond)
             return true;
         sum += weights[k];

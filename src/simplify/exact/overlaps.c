@@ -97,7 +97,8 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
             overlaps->watches[overlaps->sentinels[sentinel->tet]].point = *point;
         return;
     }
-    for (uint32_t last = same < count ? same : count - 1; last > 0; last--) // moved towards the end, over the one that goes
+    for (uint32_t last = same < count ? same : count - 1; last > 0;
+         last--) // moved towards the end, over the one that goes
         overlaps->watches[chain[last]].point = overlaps->watches[chain[last - 1]].point;
     overlaps->watches[chain[0]].point = *point;
 }

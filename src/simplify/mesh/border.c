@@ -127,7 +127,8 @@ static void freeze_folded(const struct finder *finder)
 static bool folded_at(const struct working *working, uint32_t tet, unsigned opposite)
 {
     const uint32_t *own = working->corners[tet];
-    uint32_t first = own[tet_faces[opposite][0]], second = own[tet_faces[opposite][1]], third = own[tet_faces[opposite][2]];
+    uint32_t first = own[tet_faces[opposite][0]], second = own[tet_faces[opposite][1]],
+             third = own[tet_faces[opposite][2]];
     const struct span *star = &working->stars[first];
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t other = working->pool[star->begin + i];
@@ -272,7 +273,8 @@ void border_classify(struct border *border, const struct working *working, uint3
         for (unsigned f = 0; faces >> f; f++)
             if (faces >> f & 1 && corners[f] != slot)
                 normals_add(&normals, border->cosine, working_row(working, corners[tet_faces[f][0]]),
-                                     working_row(working, corners[tet_faces[f][1]]), working_row(working, corners[tet_faces[f][2]]));
+                            working_row(working, corners[tet_faces[f][1]]),
+                            working_row(working, corners[tet_faces[f][2]]));
     }
     border->kinds[slot] = normals_kind(&normals, border->directions + 3 * (size_t)slot);
 }
@@ -340,7 +342,8 @@ enum tetlod_status border_resume(struct border *border, const struct working *wo
 }
 
 enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
-                                double angle_degrees, double limit, double least, unsigned threads, struct tetlod_error *error)
+                               double angle_degrees, double limit, double least, unsigned threads,
+                               struct tetlod_error *error)
 {
     TETLOD_TRY(open_border(border, working, angle_degrees, limit, error));
     return find_most(border, working, mesh, least, threads, error);

@@ -346,7 +346,8 @@ static inline void weights_of(const struct weighing *weighing, uint32_t i, wide 
 
 static void bound(const struct weighing *weighing, uint32_t column, struct bounds *out)
 {
-    wide upper = wide_all(-INFINITY), lower = wide_all(INFINITY), mean = wide_all(0), rounding = wide_all(32 * DBL_EPSILON);
+    wide upper = wide_all(-INFINITY), lower = wide_all(INFINITY), mean = wide_all(0),
+         rounding = wide_all(32 * DBL_EPSILON);
     for (uint32_t i = 0; i < weighing->count; i++) {
         wide weights[3], share, first = wide_load(weighing->rows[0][i] + column), value = first, spread = wide_all(0);
         weights_of(weighing, i, weights, &share);
@@ -367,8 +368,8 @@ static void bound(const struct weighing *weighing, uint32_t column, struct bound
     wide_store(out->mean, mean);
 }
 
-static inline void say_some(const struct weighing *weighing, const double *values, size_t stride, uint32_t count,
-                            struct said *out)
+static inline void values_some(const struct weighing *weighing, const double *values, size_t stride, uint32_t count,
+                            struct star_values *out)
 {
     wide least = wide_all(INFINITY), greatest = wide_all(-INFINITY), low = least, high = greatest, mean = wide_all(0);
     for (uint32_t i = 0; i < weighing->count; i++) {
@@ -393,18 +394,19 @@ static inline void say_some(const struct weighing *weighing, const double *value
     wide_store(out->high, high);
 }
 
-static void say(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out)
+static void values_at(const struct weighing *weighing, const double *values, size_t stride, uint32_t count,
+                      struct star_values *out)
 {
     if (count == WIDE)
-        say_some(weighing, values, stride, WIDE, out);
+        values_some(weighing, values, stride, WIDE, out);
     else
-        say_some(weighing, values, stride, count, out);
+        values_some(weighing, values, stride, count, out);
 }
 
 #if defined(KERNELS)
-const struct kernels KERNELS = {prepare, query_edge, doubt, halfway, weigh, bound, say};
+const struct kernels KERNELS = {prepare, query_edge, doubt, halfway, weigh, bound, values_at};
 #else
-const struct kernels kernels_plain = {prepare, query_edge, doubt, halfway, weigh, bound, say};
+const struct kernels kernels_plain = {prepare, query_edge, doubt, halfway, weigh, bound, values_at};
 
 const struct kernels *kernels_choose(void)
 {

@@ -58,7 +58,7 @@ struct bounds {
 };
 
 /* The same of values that stand together, without rounding; and the least and the greatest at the star's vertices. */
-struct said {
+struct star_values {
     double least[WIDE], greatest[WIDE], mean[WIDE], low[WIDE], high[WIDE];
 };
 
@@ -79,7 +79,8 @@ struct kernels {
     /* Of WIDE columns of the rows. */
     void (*bound)(const struct weighing *weighing, uint32_t column, struct bounds *out);
     /* Of `count` values, up to WIDE, which each slot has at `values` + stride * slot. */
-    void (*say)(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out);
+    void (*values_at)(const struct weighing *weighing, const double *values, size_t stride, uint32_t count,
+                      struct star_values *out);
 };
 
 extern const struct kernels kernels_plain, kernels_avx2;

@@ -72,8 +72,8 @@ static bool allocate(struct working *working, const struct tetmesh *mesh)
     working->node = array_new(n, sizeof(uint32_t));
     working->stars = array_new(n, sizeof *working->stars);
     working->pool = array_new(working->pool_capacity, sizeof(uint32_t));
-    return working->rows && working->corners && working->boundary_faces && working->flags && working->node && working->stars &&
-           working->pool;
+    return working->rows && working->corners && working->boundary_faces && working->flags && working->node &&
+           working->stars && working->pool;
 }
 
 bool working_is_turned(const struct tetmesh *mesh)
@@ -97,7 +97,8 @@ static uint32_t least_slot(const uint32_t *slot, const uint32_t corners[4])
 static enum tetlod_status renumber(struct working *working, const struct tetmesh *mesh, bool turned,
                                    struct tetlod_error *error)
 {
-    uint32_t n = mesh->vertex_count, *slot = array_new(n, sizeof *slot), *first = array_zero((size_t)n + 1, sizeof *first);
+    uint32_t n = mesh->vertex_count, *slot = array_new(n, sizeof *slot),
+             *first = array_zero((size_t)n + 1, sizeof *first);
     if (!slot || !first) {
         free(slot);
         free(first);
@@ -444,8 +445,8 @@ static bool is_of(const uint32_t *simplex, uint32_t count, uint32_t slot)
 static bool pass_boundary_on(struct working *working, uint32_t tet, const uint32_t *simplex, uint32_t count)
 {
     const uint32_t *corners = working->corners[tet];
-    unsigned inside[2] = {0, 0}, outside[2] = {0,
-                                               0}, inside_count = 0, outside_count = 0, faces = working->boundary_faces[tet];
+    unsigned inside[2] = {0, 0}, outside[2] = {0, 0}, inside_count = 0, outside_count = 0,
+             faces = working->boundary_faces[tet];
     for (unsigned c = 0; c < 4; c++) {
         if (is_of(simplex, count, corners[c]))
             inside[inside_count++ & 1] = c;

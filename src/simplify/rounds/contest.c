@@ -148,7 +148,8 @@ static void claim_range(void *context, unsigned worker, size_t begin, size_t end
     struct contest *contest = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = contest->proposing.slots[i], simplex[4], vertices = proposed_simplex(contest->run, slot, simplex);
+        uint32_t slot = contest->proposing.slots[i], simplex[4],
+                 vertices = proposed_simplex(contest->run, slot, simplex);
         for (uint32_t s = 0; s < vertices; s++)
             claim(&contest->claims[simplex[s]], contest->run->proposals[slot].priority);
     }

@@ -63,8 +63,8 @@ bool worker_init(struct worker *worker, const struct working *working)
 {
     worker->numbers = array_zero(NUMBERS * (size_t)working->component_count, sizeof(double));
     worker->trials = trials_new();
-    worker->said = array_new((working->value_count + WIDE - 1) / WIDE, sizeof *worker->said);
-    return worker->numbers && worker->said && worker->trials;
+    worker->star_values = array_new((working->value_count + WIDE - 1) / WIDE, sizeof *worker->star_values);
+    return worker->numbers && worker->star_values && worker->trials;
 }
 
 void worker_fini(struct worker *worker)
@@ -85,7 +85,7 @@ void worker_fini(struct worker *worker)
     free(worker->candidates);
     free(worker->list);
     free(worker->numbers);
-    free(worker->said);
+    free(worker->star_values);
     free(worker->open);
     free(worker->unfreezing);
 }
@@ -185,7 +185,8 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
     const struct working *working = run->working;
     const struct star_data *data = &worker->data;
     uint32_t other = data->slots[candidate->neighbour], components = working->component_count;
-    const double *reach = data->reach + 2 * (size_t)candidate->neighbour * components, *own = working_row(working, data->vertex);
+    const double *reach = data->reach + 2 * (size_t)candidate->neighbour * components,
+                 *own = working_row(working, data->vertex);
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     double part = candidate->middle ? 0.5 : 1;
     for (uint32_t c = 0; c < components; c++) {

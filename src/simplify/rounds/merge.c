@@ -50,7 +50,8 @@ static double better_value(const struct run *run, const struct worker *worker, c
     const struct component *component = &working->components[c];
     const struct working_field *field = &working->fields[component->field];
     double there[4], error = component->scale > 0 ? run->certified[c] / component->scale : 0;
-    double least = numbers_of(run, worker, NUMBERS_UPPER)[c] - error, greatest = numbers_of(run, worker, NUMBERS_LOWER)[c] + error;
+    double least = numbers_of(run, worker, NUMBERS_UPPER)[c] - error,
+           greatest = numbers_of(run, worker, NUMBERS_LOWER)[c] + error;
     if (!(component->scale > 0))
         return value;
     uint32_t count = free_values(working, join, component->field, component->component, there);
@@ -67,13 +68,13 @@ static void choose_values(const struct run *run, const struct worker *worker, co
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct component *component = &working->components[c];
         uint32_t at = working->firsts[component->field] + component->component;
-        const struct said *said = outcome_said(worker, at);
+        const struct star_values *at_star = outcome_star_values(worker, at);
         if (run->metric == METRIC_ENVELOPE)
             values[c] = better_value(run, worker, join, c, values[c]);
         predicted[c] = component->predicted[join_kept(join)];
         for (uint32_t s = join->count - 1; s-- > 0;)
             predicted[c] += component->predicted[join->simplex[s]];
-        predicted[c] += larger(said->greatest[at % WIDE] - values[c], values[c] - said->least[at % WIDE]);
+        predicted[c] += larger(at_star->greatest[at % WIDE] - values[c], values[c] - at_star->least[at % WIDE]);
     }
 }
 
@@ -93,14 +94,14 @@ static double carried_value(const struct worker *worker, const struct working *w
 {
     const struct working_field *field = &working->fields[f];
     uint32_t at = working->firsts[f] + component, i = at % WIDE;
-    const struct said *said = outcome_said(worker, at);
-    double there[4], spread = (said->greatest[i] - said->least[i]) / 2;
+    const struct star_values *at_star = outcome_star_values(worker, at);
+    double there[4], spread = (at_star->greatest[i] - at_star->least[i]) / 2;
     if (field->is_ids)
         return working_values(working, staying_vertex(working, join), f)[component];
-    double value = field_round(field, component, smaller(larger(said->mean[i], said->low[i]), said->high[i]));
+    double value = field_round(field, component, smaller(larger(at_star->mean[i], at_star->low[i]), at_star->high[i]));
     uint32_t count = free_values(working, join, f, component, there);
-    return field_cheap(field, component, there, count, value, larger(said->low[i], value - spread),
-                       smaller(said->high[i], value + spread), spread / CHEAP_PART);
+    return field_cheap(field, component, there, count, value, larger(at_star->low[i], value - spread),
+                       smaller(at_star->high[i], value + spread), spread / CHEAP_PART);
 }
 
 static bool is_controlled(const struct working *working, uint32_t field)
@@ -279,8 +280,11 @@ static void find_errors(const struct run *run, const struct worker *worker, cons
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct component *component = &working->components[c];
-        double worst = answer && run->asked->certifies ? answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);
-        double named = component->factor > 0 && limits_certified(run) ? run->limit / component->factor * component->scale : INFINITY;
+        double worst =
+            answer && run->asked->certifies ? answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);
+        double named = component->factor > 0 && limits_certified(run)
+                           ? run->limit / component->factor * component->scale
+                           : INFINITY;
         // within rounding of the limit is the limit
         certified[c] = smaller(smaller(worst * component->scale, named), 1);
         if (working->log->components[c].bounds)

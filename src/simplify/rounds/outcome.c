@@ -141,7 +141,8 @@ void outcome_bounds(const struct run *run, struct worker *worker, const struct j
 
 /* ---- values */
 
-static void say_ends(const struct join *join, const double *values, size_t stride, uint32_t count, struct said *out)
+static void values_of_ends(const struct join *join, const double *values, size_t stride, uint32_t count,
+                           struct star_values *out)
 {
     for (uint32_t c = 0; c < count; c++) {
         double least = INFINITY, greatest = -INFINITY, sum = 0;
@@ -157,7 +158,7 @@ static void say_ends(const struct join *join, const double *values, size_t strid
     }
 }
 
-/* Has one of the values from this on, of those that are said at once, a controlled component? */
+/* Has one of the values from this on, of those that are evaluated together, a controlled component? */
 static bool has_controlled(const struct working *working, uint32_t first)
 {
     for (uint32_t c = 0; c < working->component_count; c++)
@@ -172,13 +173,13 @@ void outcome_say(const struct run *run, const struct worker *worker, const struc
     uint32_t stride = working->value_count;
     for (uint32_t first = 0; first < stride; first += WIDE) {
         uint32_t count = stride - first < WIDE ? stride - first : WIDE;
-        struct said *said = &worker->said[first / WIDE];
+        struct star_values *star_values = &worker->star_values[first / WIDE];
         if (controlled_only && !has_controlled(working, first))
             continue;
         if (join->at_one_point)
-            say_ends(join, working->values + first, stride, count, said);
+            values_of_ends(join, working->values + first, stride, count, star_values);
         else
-            run->kernels->say(&worker->weighing, working->values + first, stride, count, said);
+            run->kernels->values_at(&worker->weighing, working->values + first, stride, count, star_values);
     }
 }
 
@@ -199,7 +200,8 @@ double outcome_middles(const struct run *run, const struct worker *worker, doubl
     double worst = 0;
     for (uint32_t c = 0; c < run->working->component_count; c++) {
         const struct component *component = &run->working->components[c];
-        double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);
+        double value =
+            field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);
         worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);
         if (values)
             values[c] = value;
@@ -215,8 +217,8 @@ static double assign_middle(const struct run *run, const struct worker *worker, 
     const struct component *component = &run->working->components[c];
     const struct working_field *field = &run->working->fields[component->field];
     uint32_t at = run->working->firsts[component->field] + component->component;
-    const struct said *said = outcome_said(worker, at);
-    double least = said->least[at % WIDE], greatest = said->greatest[at % WIDE], before = 0;
+    const struct star_values *at_star = outcome_star_values(worker, at);
+    double least = at_star->least[at % WIDE], greatest = at_star->greatest[at % WIDE], before = 0;
     for (uint32_t s = 0; s < join->count; s++)
         before += component->predicted[join->simplex[s]];
     *value = field_round(field, component->component, (least + greatest) / 2);

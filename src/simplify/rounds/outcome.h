@@ -33,9 +33,9 @@ void outcome_bounds(const struct run *run, struct worker *worker, const struct j
 void outcome_say(const struct run *run, const struct worker *worker, const struct join *join, bool controlled_only);
 
 /* What it says of the value with this number, at [number % WIDE]. */
-static inline const struct said *outcome_said(const struct worker *worker, uint32_t number)
+static inline const struct star_values *outcome_star_values(const struct worker *worker, uint32_t number)
 {
-    return &worker->said[number / WIDE];
+    return &worker->star_values[number / WIDE];
 }
 
 /* Widens U and L of the result by the map's demands. */

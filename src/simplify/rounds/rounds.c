@@ -543,7 +543,8 @@ static enum tetlod_status climb(struct rounds *rounds, double from)
 /* Edges by their envelope, many at one look at a star. */
 static bool in_edges_alone(const struct simplify_options *options)
 {
-    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST &&
+           options->contract == CONTRACT_EDGES;
 }
 
 /* A limit that is asked goes by quadrics. */
@@ -560,7 +561,8 @@ static bool has_quadrics(enum metric order)
 
 uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
 {
-    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t), edges = (uint64_t)mesh->vertex_count + mesh->tet_count;
+    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t),
+             edges = (uint64_t)mesh->vertex_count + mesh->tet_count;
     uint64_t bytes = evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
     unsigned threads = options->threads ? options->threads : parallel_cores();
     if (in_edges_alone(options))
@@ -676,8 +678,8 @@ static enum tetlod_status close_rounds(struct rounds *rounds, struct contraction
 }
 
 enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
-                                   uint32_t controlled_count, const double *limits, const struct simplify_options *options,
-                                   struct tetlod_error *error)
+                                   uint32_t controlled_count, const double *limits,
+                                   const struct simplify_options *options, struct tetlod_error *error)
 {
     struct rounds rounds = {.options = options, .error = error};
     enum tetlod_status status;

@@ -16,8 +16,9 @@
 
 /* Contracts the mesh by its envelope, edges only. As simplify(). */
 TETLOD_CHECKED enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh,
-                                                  const uint32_t *controlled, uint32_t controlled_count, const double *limits,
-                                                  const struct simplify_options *options, struct tetlod_error *error);
+                                                  const uint32_t *controlled, uint32_t controlled_count,
+                                                  const double *limits, const struct simplify_options *options,
+                                                  struct tetlod_error *error);
 
 /* The same of a piece, from a first limit to options->max_error. The piece is then what is left of it; its nodes are
  * those of the log, whose vertices are those that the piece had. Of the options `regions` and `boundary_least` do not

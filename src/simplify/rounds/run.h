@@ -67,7 +67,7 @@ struct worker {
     struct weighing weighing;
     struct star star;
     struct trials *trials; /* of simplices.c */
-    struct said *said; /* [value_count / WIDE, rounded up] what a contraction's star says of the fields' values */
+    struct star_values *star_values; /* [value_count / WIDE, rounded up] the fields' values at a position in the star */
     struct candidate *candidates;
     size_t candidate_room;
     uint32_t *list; /* tetrahedra of two stars */

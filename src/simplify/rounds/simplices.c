@@ -517,8 +517,8 @@ enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, uns
                                struct answer *answer, struct tetlod_error *error)
 {
     struct join join = join_proposed(run, slot);
-    double positions[MAX_CANDIDATES][3], keys[MAX_CANDIDATES], limit = run->limit * (1 +
-                                                                                     LIMIT_TIE), least = INFINITY, expected, key = 0;
+    double positions[MAX_CANDIDATES][3], keys[MAX_CANDIDATES], limit = run->limit * (1 + LIMIT_TIE), least = INFINITY,
+                                                               expected, key = 0;
     uint32_t count = 0;
     if (!star_gather(&worker->star, run->working, join.simplex, join.count)) {
         worker->failed = true;
