@@ -32,7 +32,7 @@ static const char help[] =
     "      --above V, --below V  instead: the parts of the domain where the field is above or below V,\n"
     "                         and reaches further than the persistence\n"
     "      --level K          this level of the stream; 0 is the coarsest\n"
-    "      --error E          the coarsest level whose certified error is within E, a fraction of the range\n"
+    "      --error E          the coarsest level whose certified error is within E, part of the range\n"
     "      --step N, --time T  of a series, a step by its number or by its time; of a file with several\n"
     "                         steps --step\n"
     "  -o, --output OUT       also writes the features as points: .vtu or .csv\n"
