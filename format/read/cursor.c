@@ -177,8 +177,9 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t leve
     const struct tetlodi_group *group = cursor->group;
     size_t known = cursor->left_out_capacity, tets = cursor->tets[level];
     if (!cursor->chosen)
-        return tetlodi_page_lists_make(&cursor->lists, &cursor->replay, group) ? TETLOD_OK
-                                                                                : tetlodi_no_room(&cursor->memory, error);
+        return tetlodi_page_lists_make(&cursor->lists, &cursor->replay, group)
+                   ? TETLOD_OK
+                   : tetlodi_no_room(&cursor->memory, error);
     if (!TETLODI_ROOM(&cursor->memory, cursor->left_out, cursor->left_out_capacity, tets))
         return tetlodi_no_room(&cursor->memory, error);
     for (; known < cursor->left_out_capacity; known++)

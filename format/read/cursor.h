@@ -16,7 +16,8 @@ struct tetlod_cursor {
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
     uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
-    uint32_t *vertices, *tets; /* [level] that it has, as far as it is known: only with some pages others than the index's */
+    uint32_t *vertices,
+        *tets; /* [level] that it has, as far as it is known: only with some pages others than the index's */
     uint32_t loading, loading_page; /* the level whose frames are being read, and its page; TETLOD_NONE: all of it */
     int unread; /* the frames that were asked for last could not be read */
     uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */

@@ -113,7 +113,8 @@ bool fits_cache(const struct site *site, const struct tetlod_info *info, const s
 
 /* The value is NULL if it is not there yet, or the response says why it will not be. */
 static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
-                                  enum coding coding, struct cache *cache, const char *key, const struct cache_value **out)
+                                  enum coding coding, struct cache *cache, const char *key,
+                                  const struct cache_value **out)
 {
     struct cache_entry *forest = NULL;
     uint32_t level = answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level;

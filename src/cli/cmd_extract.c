@@ -126,7 +126,8 @@ static enum tetlod_status choose_here(const struct tetlod_info *info, uint32_t h
 {
     const struct selection *selection = &request->selection;
     TETLOD_TRY(choose(info, selection, level, error));
-    if (selection->box_count && !page_region_is(info, selection_box_level(info, selection)) && here != TETLOD_NONE && here + 1 < info->level_count)
+    if (selection->box_count && !page_region_is(info, selection_box_level(info, selection)) && here != TETLOD_NONE &&
+        here + 1 < info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
                             "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
                             "against which it measures", here, info->level_count - 1);

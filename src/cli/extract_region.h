@@ -6,8 +6,8 @@
 #include "src/cli/stream_input.h"
 #include "src/stream/region.h"
 
-/* `about` becomes how many tetrahedra each part has, and how far it is off at most: certified where the fine level is in
- * pages, else measured in the transition. */
+/* `about` becomes how many tetrahedra each part has, and how far it is off at most: certified where the fine level is
+ * in pages, else measured in the transition. */
 TETLOD_CHECKED enum tetlod_status extract_region(const struct stream_input *input, const struct region *region,
                                                  struct tetmesh *out, char *about, size_t about_size,
                                                  struct tetlod_error *error);

@@ -20,8 +20,8 @@ bool web_source_is(const char *text)
 
 #include "src/util/array.h"
 
-/* AHEAD: blocks that are fetched at least where something is read. A host that does not answer Range requests sends all,
- * which is kept. */
+/* AHEAD: blocks that are fetched at least where something is read. A host that does not answer Range requests sends
+ * all, which is kept. */
 enum { BLOCK = 1 << 12, AHEAD = 16, MAX_URL = 4096, MAX_REDIRECTIONS = 10, SILENCE_SECONDS = 60, MAX_CONNECTIONS = 8 };
 
 struct web_source {
@@ -107,7 +107,8 @@ static uint64_t run_end(const struct web_source *source, const struct run *run)
 
 static void print_range(const struct web_source *source, const struct run *run, char out[static 64])
 {
-    snprintf(out, 64, "%llu-%llu", (unsigned long long)run->first * BLOCK, (unsigned long long)run_end(source, run) - 1);
+    snprintf(out, 64, "%llu-%llu", (unsigned long long)run->first * BLOCK,
+             (unsigned long long)run_end(source, run) - 1);
 }
 
 /* Keeps what a request brought. */
@@ -145,8 +146,8 @@ static struct run *list_runs(const struct web_source *source, const struct tetlo
     size_t capacity = 0;
     *out_count = 0;
     for (size_t i = 0; i < count && wanted; i++)
-        for (uint64_t at = spans[i].offset / BLOCK; at * BLOCK < spans[i].offset + spans[i].size && at * BLOCK < source->size;
-             at++)
+        for (uint64_t at = spans[i].offset / BLOCK;
+             at * BLOCK < spans[i].offset + spans[i].size && at * BLOCK < source->size; at++)
             wanted[at] = !source->here[at];
     for (uint64_t at = 0; wanted && at * BLOCK < source->size; at++) {
         if (!wanted[at])

@@ -75,7 +75,8 @@ enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_opt
     return tetlodi_fail(error, TETLOD_ERR_LIMIT,
                         "it needs about %llu MB, more than --memory allows (%llu MB), by cells in files about %llu MB; "
                         "fewer --threads or smaller --paged cells need less",
-                        megabytes(needed), (unsigned long long)(options->memory >> 20), megabytes(build_spooled_bytes(options)));
+                        megabytes(needed), (unsigned long long)(options->memory >> 20),
+                        megabytes(build_spooled_bytes(options)));
 }
 
 enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options,

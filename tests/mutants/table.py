@@ -33,7 +33,7 @@ mutant('mean beyond the error', 'src/simplify/rounds/merge.c',
        'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    return value >= least && value <= greatest ? value : middle;',
        'return field_round(field, component, most >= 0 ? mean : middle);', 'a better value keeps to the error that is stated', PROOF)
 mutant('values are not rounded', 'src/simplify/rounds/outcome.c',
-       'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
+       'double value =\n            field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
 mutant('flips', 'src/simplify/mesh/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
        'C1: no tetrahedron flips or degenerates', PROOF,
@@ -82,7 +82,8 @@ mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',
 
 mutant('moved points are not rounded', 'src/pipeline/encode_series.c', 'worst += series_rounding(series, row->control, row->band);', 'worst += 0;',
        'a point that moves is rounded twice', 'cli/test_series.py')
-mutant('no room for moved points to be rounded', 'src/pipeline/build_series.c', 'return series_is_displacement(series, control) && units_in_last_place', 'return series->input->bands[band] <= 0 && units_in_last_place',
+mutant('no room for moved points to be rounded', 'src/pipeline/build_series.c', 'return series_is_displacement(series, control) &&\n           units_in_last_place',
+       'return series->input->bands[band] <= 0 && units_in_last_place',
        'a band that is narrower than rounding is bit for bit', 'cli/test_series.py')
 mutant('a step says more than its own range', 'src/pipeline/encode_series.c', 'fminf(error, most_said(series, step, row->control, row->band))', 'error',
        "with --range step no error is above the band's in the step's own range", 'cli/test_series.py')
@@ -278,13 +279,21 @@ mutant('the exact tail of rounded positions has no exact maximum', 'src/pipeline
        '*max = larger(*max, range_fraction(build->ranges[f], build->exact[f]));', '(void)max;',
        'max is raised where positions are rounded, at the tail too', ATTACK)
 mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
-mutant('verify: domain error is believed', 'src/cli/against.c', '    if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain', '    if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain',
+mutant('verify: domain error is believed', 'src/cli/against.c',
+       'if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'
+       '                            "level %u: its domain',
+       'if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'
+       '                            "level %u: its domain',
        'the domain error is measured again', ATTACK)
 mutant('verify: errors may be too large', 'src/cli/against.c', 'stored <= high * (1 + TOO_LARGE) + NOISE)', 'stored <= 1e300)',
        'what is measured is wrong in both directions', ATTACK)
 mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = mesh_same(&rounded, &finest, a->error);', '(void)finest;',
        'the finest level is the input, rounded', 'cli/test_cells')
-mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c', 'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference', 'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference',
+mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c',
+       'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,\n'
+       '                               "the difference',
+       'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,\n'
+       '                               "the difference',
        'tetrahedra that are as they were are compared at their corners', 'cli/test_forged')
 
 # ---- features (PROOF.md, 13)
