@@ -204,7 +204,10 @@ const drawOver = () => {
 };
 const sharing = () => import('./share.js');
 const copyLink = async () => (await sharing()).copyLink();
-const save = async () => (await sharing()).savePicture(viewer.scene, `${name}-${viewer.level}`, { size: tools?.pictureSize() ?? null, texts: textsOfPicture(), redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
+const asShown = () => ({ size: tools?.pictureSize() ?? null, redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
+const save = async () =>
+  (await sharing()).savePicture(viewer.scene, `${name}-${viewer.level}`, { texts: textsOfPicture(), ...asShown() });
+const picture = async () => (await sharing()).pictureOf(viewer.scene, asShown());
 const saveAs = async (ending, blob) => (await sharing()).saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
@@ -263,7 +266,7 @@ async function openTools() {
   try {
     const [{ Tools }, { lateStyles }] = await Promise.all([import('./tools.js'), import('./late_styles.js')]);
     await lateStyles();
-    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
+    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, picture, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
     tools.update();
   } catch (error) {
     notice('tools', `Some of the controls cannot be loaded: ${error.message}`, { failed: true, seconds: 0 });

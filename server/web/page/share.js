@@ -42,13 +42,19 @@ function drawOver(context, shot, { redraw, layers }) {
 
 /** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws the bar and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
 export async function savePicture(scene, name, { size, texts, redraw, layers }) {
+  const canvas = await pictureOf(scene, { size, redraw, layers });
+  const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
+  saveFile(`${name}.png`, withTexts(blob, texts));
+}
+
+/** The same as a canvas. */
+export async function pictureOf(scene, { size, redraw, layers }) {
   const shot = await scene.capture(size);
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');
   context.drawImage(shot, 0, 0);
   drawOver(context, shot, { redraw, layers });
-  const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
-  saveFile(`${name}.png`, withTexts(blob, texts));
+  return canvas;
 }
 
 export function saveFile(name, blob) {

@@ -5,6 +5,7 @@ import { bindCalculator } from './calculator.js';
 import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { bindLate } from './late_controls.js';
+import { bindFilm } from './film.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
 import { RefineHere } from './refine_here.js';
@@ -21,7 +22,7 @@ export class Tools {
    * `layer`: the element over the picture; `save(ending, blob)`; `pointer()`: where the pointer is in the picture, or
    * null.
    */
-  constructor(viewer, { layer, save, pointer, canOpenAnother, controls }) {
+  constructor(viewer, { layer, save, picture, pointer, canOpenAnother, controls }) {
     bindLate(controls);
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);
@@ -32,6 +33,7 @@ export class Tools {
     bindWarp(viewer);
     this.drafts = new Drafts(viewer);
     bindExports(viewer, save);
+    bindFilm(viewer, { picture, save });
     bindSecondView(viewer, canOpenAnother);
     bindCompare(viewer);
   }
