@@ -19,6 +19,7 @@
 #include "src/report/series_json.h"
 #include "src/util/file.h"
 #include "src/util/json_text.h"
+#include "src/util/spool.h"
 
 /* What is built: a mesh, and its controlled fields. */
 struct input {
@@ -393,6 +394,9 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
     if (!options->spools)
         scratch_memory_stay();
+    else if (spool_in_memory() && !request->quiet)
+        fprintf(stderr, "tetlod build: %s is in memory itself, and what is written there takes some; --scratch names a "
+                        "folder on a disk\n", spool_folder());
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
 }
 

@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -15,6 +16,13 @@ const char *spool_folder(void)
 {
     const char *named = getenv("TMPDIR");
     return named && *named ? named : "/tmp";
+}
+
+bool spool_in_memory(void)
+{
+    enum { TMPFS = 0x01021994 };
+    struct statfs about;
+    return statfs(spool_folder(), &about) == 0 && about.f_type == TMPFS;
 }
 
 /* For file systems that have no files without a name. */

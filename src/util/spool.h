@@ -4,6 +4,7 @@
 #ifndef TETLOD_SPOOL_H
 #define TETLOD_SPOOL_H
 
+#include <stdbool.h>
 #include <stdio.h>
 
 #include "format/tetlod.h"
@@ -15,6 +16,9 @@ struct spool {
 
 /* The folder's name. */
 const char *spool_folder(void);
+
+/* Is the folder itself in memory, so that files there save none? */
+bool spool_in_memory(void);
 
 /* A file without a name in it, to write and to read, or -1 and errno. */
 int spool_file(void);

@@ -60,11 +60,23 @@ def full_folder():
     return None if good and not left else (done.returncode, said, left)
 
 
+def folder_in_memory():
+    with open('/proc/mounts') as mounts:
+        if not any(line.split()[1:3] == ['/dev/shm', 'tmpfs'] for line in mounts):
+            return report('a folder in memory is named', True, skip='no /dev/shm')
+    must('sample', 'cube', '--size', '10', '-o', 'small.vtu')
+    build = 'build', 'small.vtu', '-o', 'small.tetlod', '--paged=300', '--memory', str((14 << 20) + 390000)
+    said = [must(*build, '--threads', '2', '--scratch', folder).stderr.decode() for folder in ('/dev/shm', 'scratch')]
+    return report('a folder in memory is named', '/dev/shm is in memory itself' in said[0] and
+                  'in memory itself' not in said[1], said)
+
+
 must('sample', 'cube', '--size', '24', '-o', 'cube.vtu')
 os.makedirs(path('scratch'), exist_ok=True)
 case('the same stream, on any number of threads; nothing is left in the folder', same_bytes)
 case('in one piece where that fits', chooses)
 case('a folder that is full', full_folder)
+folder_in_memory()
 BUILD = 'build', 'cube.vtu', '-o', 'no.tetlod', '--memory'
 fails('a folder that is not there', 1, ['nowhere', '--scratch'], *BUILD, LITTLE, '--scratch', 'nowhere')
 fails('too little for any way', 1, ['needs about', 'by cells in files about', '--paged'], *BUILD, '10M')
