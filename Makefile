@@ -51,7 +51,8 @@ CURL := $(CURL)
 CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
 PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf) $(if $(filter 1,$(CURL)),libcurl)
 OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS) $(if $(filter 1,$(CURL)),-DTETLOD_CURL)
-OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c src/io/readers/xdmf_item.c) \
+OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c src/io/readers/xdmf_item.c \
+    src/io/writers/vtkhdf_write.c src/io/writers/vtkhdf_stream.c) \
     $(if $(filter 1,$(NETCDF)),,src/io/readers/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/readers/cgns.c)
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
     -Wwrite-strings

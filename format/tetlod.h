@@ -218,6 +218,7 @@ struct tetlod_info {
     uint32_t page_count;        /* of all levels in pages (SPEC 7.6); 0: there are none */
     uint32_t first_paged_level; /* from there on levels are in pages, but for the exact values of a last one */
     int exact_last;             /* the last level has the tetrahedra of the one before, and makes values exact */
+    uint64_t stream_offset; /* of the stream in its source: not 0 in an HDF5 file that holds one (SPEC 3.10) */
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */

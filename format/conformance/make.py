@@ -3,9 +3,11 @@
 """make.py: writes expected.json, what a decoder must give of each stream, with the reference decoder.
 
 `make.py --streams TETLOD` writes the streams of valid/ first, with that program. Another version of the program may
-write other bytes: a stream that is here stays, so that it is the same for every reader."""
+write other bytes: a stream that is here stays, so that it is the same for every reader. `make.py --copy FOLDER` writes
+the kit with all of its streams into a folder that needs nothing else."""
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,6 +19,7 @@ ROOT = os.path.dirname(os.path.dirname(HERE))
 sys.path[:0] = [HERE, *(os.path.join(ROOT, *place) for place in (('tests',), ('tests', 'golden'),
                                                                    ('client-examples', 'python')))]
 import make_invalid  # noqa: E402
+import profile0  # noqa: E402
 import reference_reader  # noqa: E402
 from streams import plain, sealed  # noqa: E402
 from tetlod._build import write_vtu  # noqa: E402
@@ -147,8 +150,32 @@ def listed():
                given)
 
 
-def write_streams(program):
+def profile_0():
+    """Streams that are stored whole: name, feature, clause, bytes."""
+    points, tets = lattice(2)
+    fields = {'value': smooth(points), 'flow': np.column_stack([smooth(points), points[:, :2]]).astype('f4')}
+    one = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], 'f4'), np.array([(0, 1, 2, 3)])
+    yield ('profile_0', 'profile 0: one tetrahedron', '16.1',
+           profile0.stream_of(*one, {'T': np.array([1, 2, 3, 5], 'f4')}, metadata={'units': {'T': 'K'}}))
+    yield ('profile_0_cells', 'profile 0: values of tetrahedra', '16.1',
+           profile0.stream_of(points, tets, fields, {'part': np.arange(len(tets), dtype='i4') // 9}))
+    for profile0.SLOWEST in (5, 7, 6):
+        if profile0.SLOWEST != 6:
+            yield ('profile_0_slowest_%d' % profile0.SLOWEST, 'models of another rate', '6.2',
+                   profile0.stream_of(points, tets, fields))
+
+
+def write_profile_0():
     notes = {}
+    for name, feature, clause, data in profile_0():
+        with open(os.path.join(HERE, 'valid', name + '.tetlod'), 'wb') as file:
+            file.write(data)
+        notes[name] = {'feature': feature, 'clause': clause}
+    return notes
+
+
+def write_streams(program):
+    notes = write_profile_0()
     with tempfile.TemporaryDirectory() as folder:
         mesh = os.path.join(folder, 'mesh.vtu')
         for name, feature, clause, points, tets, fields, cells, options in listed():
@@ -221,7 +248,23 @@ def noted():
         return {entry['stream']: entry for entry in json.load(file)['valid'] if entry['stream'].startswith('valid/')}
 
 
+def copy_kit(folder):
+    """Streams of tests/golden become streams of the folder."""
+    with open(EXPECTED, encoding='utf-8') as file:
+        text = file.read()
+    for stream in (entry['stream'] for kind in json.loads(text).values() for entry in kind):
+        place = os.path.join(folder, stream.replace('../../tests/golden/', 'golden/'))
+        os.makedirs(os.path.dirname(place), exist_ok=True)
+        shutil.copyfile(os.path.join(HERE, stream), place)
+    for name in ('run', 'README.md', 'answers.py'):
+        shutil.copy(os.path.join(HERE, name), folder)
+    with open(os.path.join(folder, 'expected.json'), 'w', encoding='utf-8') as file:
+        file.write(text.replace('../../tests/golden/', 'golden/'))
+
+
 def main():
+    if sys.argv[1:2] == ['--copy']:
+        return copy_kit(sys.argv[2])
     if sys.argv[1:2] == ['--streams']:
         made = write_streams(os.path.abspath(sys.argv[2]))
         known = {'valid/%s.tetlod' % name: note for name, note in made.items()}

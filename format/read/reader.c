@@ -8,6 +8,7 @@
 #include "format/coding/cells.h"
 #include "format/coding/order.h"
 #include "format/coding/page_decode.h"
+#include "format/coding/pointer.h"
 #include "format/coding/topologies.h"
 #include "format/common/allowance.h"
 #include "format/common/arithmetic.h"
@@ -320,10 +321,47 @@ done:
     return status;
 }
 
+static enum tetlod_status read_part_of(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct tetlodi_part *part = opaque;
+    return part->whole.read(part->whole.opaque, part->offset + offset, buffer, size);
+}
+
+struct tetlod_source tetlodi_part_source(struct tetlodi_part *part, uint64_t size)
+{
+    uint64_t there = part->whole.size > part->offset ? part->whole.size - part->offset : 0;
+    return (struct tetlod_source){read_part_of, part, there < size ? there : size};
+}
+
+/* Reads what a stream begins with. */
+static enum tetlod_status read_header(struct tetlod_file *file, uint8_t **out, struct tetlod_error *error)
+{
+    if (file->source.size < HEADER_SIZE)
+        return tetlodi_fail(error, file->source.size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,
+                            "%llu bytes are less than a stream's header", (unsigned long long)file->source.size);
+    return read_stored(file, 0, HEADER_SIZE, out, error);
+}
+
+/* Goes to the stream in an HDF5 file (SPEC 3.10), whose first bytes are in *bytes; then they are the stream's. */
+static enum tetlod_status enter_stream(struct tetlod_file *file, uint8_t **bytes, struct tetlodi_pointer *pointer,
+                                       struct tetlod_error *error)
+{
+    TETLOD_TRY(tetlodi_pointer_decode(pointer, *bytes, error));
+    file->part = calloc(1, sizeof *file->part);
+    if (!file->part)
+        return tetlodi_fail_nomem(error, "a stream", sizeof *file->part);
+    *file->part = (struct tetlodi_part){.whole = file->source, .offset = pointer->offset};
+    file->source = tetlodi_part_source(file->part, pointer->size);
+    free(*bytes);
+    *bytes = NULL;
+    return read_header(file, bytes, error);
+}
+
 enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_source *source,
                                const struct tetlod_options *options, struct tetlod_error *error)
 {
     struct tetlodi_header header;
+    struct tetlodi_pointer pointer = {0};
     uint8_t *bytes = NULL;
     struct tetlod_file *file = calloc(1, sizeof *file);
     *out = NULL;
@@ -336,13 +374,16 @@ enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_sou
         TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                                      "this program rounds in its own way: compile tetlod without options such as "
                                      "-ffp-contract=fast, and leave the rounding mode alone"));
-    if (source->size < HEADER_SIZE)
-        TETLOD_TRY_DONE(tetlodi_fail(error, source->size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,
-                                     "%llu bytes are less than a stream's header",
-                                     (unsigned long long)source->size));
-    TETLOD_TRY_DONE(read_stored(file, 0, HEADER_SIZE, &bytes, error));
+    TETLOD_TRY_DONE(read_header(file, &bytes, error));
+    if (tetlodi_pointer_is(bytes))
+        TETLOD_TRY_DONE(enter_stream(file, &bytes, &pointer, error));
     TETLOD_TRY_DONE(tetlodi_header_decode(&header, bytes, error));
     TETLOD_TRY_DONE(read_index(file, &header, bytes, error));
+    if (pointer.size && pointer.size != header.file_size)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM,
+                                     "the pointer to the stream says %llu bytes, and the stream %llu",
+                                     (unsigned long long)pointer.size, (unsigned long long)header.file_size));
+    file->index.info.stream_offset = pointer.offset;
     *out = file;
 done:
     free(bytes);

@@ -5,11 +5,11 @@
 
 #include "format/coding/index.h"
 
-/* A topology group's stream inside a source, and the times of the group's steps. */
+/* A stream inside a source: that of a topology group, with the times of its steps, or one in an HDF5 file. */
 struct tetlodi_part {
     struct tetlod_source whole;
     uint64_t offset;
-    uint32_t step_count;
+    uint32_t step_count; /* 0: it is no topology group */
     double times[];
 };
 
@@ -26,6 +26,9 @@ uint64_t tetlodi_memory_limit(const struct tetlod_file *file);
 
 /* A caller's options with defaults for what it does not have or leaves 0. */
 struct tetlod_options tetlodi_options(const struct tetlod_options *options);
+
+/* The part's bytes, of which there are at most `size`. */
+struct tetlod_source tetlodi_part_source(struct tetlodi_part *part, uint64_t size);
 
 /* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field
  * f. ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */

@@ -102,8 +102,9 @@ static bool has_exact_bands_at_the_end(const struct tetlodi_time *time, const st
 static bool has_steps_of_group(const struct tetlod_file *file, const struct tetlodi_time *time)
 {
     const struct tetlod_topology *first = file->index.topologies;
-    const double *times = file->part ? file->part->times : first ? first->times : time->times;
-    if (time->step_count != (file->part ? file->part->step_count : first ? first->step_count : time->step_count))
+    const struct tetlodi_part *part = file->part && file->part->step_count ? file->part : NULL;
+    const double *times = part ? part->times : first ? first->times : time->times;
+    if (time->step_count != (part ? part->step_count : first ? first->step_count : time->step_count))
         return false;
     for (uint32_t s = 0; s < time->step_count; s++)
         if (time->times[s] < times[s] || time->times[s] > times[s])

@@ -5,12 +5,6 @@
 #include "format/fail.h"
 #include "format/read/reader.h"
 
-static enum tetlod_status read_part_of(void *opaque, uint64_t offset, void *buffer, size_t size)
-{
-    const struct tetlodi_part *part = opaque;
-    return part->whole.read(part->whole.opaque, part->offset + offset, buffer, size);
-}
-
 enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology,
                                         struct tetlod_error *error)
 {
@@ -18,17 +12,18 @@ enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct t
     *out = NULL;
     if (topology >= info->topology_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no topology group number %u", topology);
+    const struct tetlod_source *whole = file->part ? &file->part->whole : &file->source; // the part goes with the file
     if (topology == 0)
-        return tetlod_open(out, &file->source, &file->options, error);
+        return tetlod_open(out, whole, &file->options, error);
     const struct tetlod_topology *of = &info->topologies[topology];
     size_t times = of->step_count * sizeof *of->times;
     struct tetlodi_part *part = malloc(sizeof *part + times);
     if (!part)
         return tetlodi_fail_nomem(error, "a topology group", sizeof *part + times);
-    *part = (struct tetlodi_part){.whole = file->source, .offset = of->offset, .step_count = of->step_count};
+    *part = (struct tetlodi_part){.whole = *whole, .offset = info->stream_offset + of->offset,
+                                  .step_count = of->step_count};
     memcpy(part->times, of->times, times);
-    uint64_t there = file->source.size > of->offset ? file->source.size - of->offset : 0;
-    struct tetlod_source source = {read_part_of, part, there < of->size ? there : of->size};
+    const struct tetlod_source source = tetlodi_part_source(part, of->size);
     enum tetlod_status status = tetlod_open(out, &source, &file->options, error);
     if (status != TETLOD_OK) {
         free(part);

@@ -297,10 +297,12 @@ static enum tetlod_status open_whole(struct stored *stored, struct tetlod_error 
     }
     stored->count = count;
     stored->datasets[0].file = file;
-    if (info->bytes <= stored->identity.size)
+    stored->datasets[0].offset = info->stream_offset;
+    const uint64_t here = stored->identity.size - info->stream_offset;
+    if (info->bytes <= here)
         return TETLOD_OK;
     return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
-                        (unsigned long long)stored->identity.size,
+                        (unsigned long long)here,
                         (unsigned long long)info->bytes);
 }
 
@@ -311,7 +313,7 @@ static enum tetlod_status open_topology(struct stored *stored, uint32_t topology
     dataset->topology = topology;
     if (topology) {
         const struct tetlod_topology *topologies = tetlod_info(stored->datasets[0].file)->topologies;
-        dataset->offset = topologies[topology].offset;
+        dataset->offset = stored->datasets[0].offset + topologies[topology].offset;
         dataset->steps_before = dataset[-1].steps_before + topologies[topology - 1].step_count;
         TETLOD_TRY(tetlod_open_topology(&dataset->file, stored->datasets[0].file, topology, error));
     }

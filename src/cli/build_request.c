@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "src/cli/mail.h"
+#include "src/cli/show.h"
 #include "src/util/parallel.h"
 
 const char build_help[] =
@@ -16,7 +17,11 @@ const char build_help[] =
     "which is controlled as well. Where the tetrahedra change from one step to the next, a topology group\n"
     "begins: a stream inside the stream, with levels of its own; errors are of the range over all steps.\n"
     "\n"
-    "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
+    "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder).\n"
+    "                          OUT.vtkhdf is the stream inside a VTKHDF file: ParaView and VTK see a coarse\n"
+    "                          level of it, tetlod the whole stream\n"
+    "      --show E            that level's error, a fraction of the range (default: the finest level of at\n"
+    "                          most 200,000 tetrahedra)\n"
     READING_HELP
     "      --field NAME        a field that is controlled: contractions keep its error within the limit.\n"
     "                          NAME:mag for a vector's magnitude (and the vector, so that its length is\n"
@@ -103,7 +108,7 @@ enum {
     CERTIFY = OF_CONTRACTION, CERTIFY_ALL, SUMMARY, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS,
     DOMAIN_ERROR, BOUNDARY_ANGLE, KEEP_FEATURES,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, PAGED, KEEP_ORDER, COMPRESS,
-    PURPOSE, PURPOSE_ERROR,
+    PURPOSE, PURPOSE_ERROR, SHOW,
     TIMES = OF_SERIES, BANDS, RANGE,
 };
 
@@ -124,6 +129,7 @@ static const struct option options[] = {
     {"paged", optional_argument, NULL, PAGED},
     {"keep-order", no_argument, NULL, KEEP_ORDER}, {"compress", required_argument, NULL, COMPRESS},
     {"for", required_argument, NULL, PURPOSE}, {"error", required_argument, NULL, PURPOSE_ERROR},
+    {"show", required_argument, NULL, SHOW},
     {"times", required_argument, NULL, TIMES}, {"bands", required_argument, NULL, BANDS},
     {"range", required_argument, NULL, RANGE}, {"threads", required_argument, NULL, THREADS},
     {"memory", required_argument, NULL, MEMORY}, {"scratch", required_argument, NULL, SCRATCH},
@@ -329,6 +335,8 @@ static bool stream_option(struct build_request *request, int option, const char 
         return good;
     case PURPOSE:
         return take_purpose(request, value);
+    case SHOW:
+        return cli_parse_fraction(&command_build, "show", value, &request->show_error);
     default:
         return cli_parse_fraction(&command_build, "error", value, &request->mail_error);
     }
@@ -438,12 +446,15 @@ static int take_files(struct build_request *request, int argc, char **argv)
         request->output = request->own_output;
     }
     const char *const inputs[] = {request->input, request->reading.options.solution};
-    return cli_check_output(&command_build, request->output, "tetlod", inputs, 2) ? EXIT_DONE : EXIT_USAGE;
+    if (request->show_error >= 0 && !show_is_output(request->output))
+        return cli_usage("build", "--show goes with -o OUT.vtkhdf: a .tetlod has all levels, and shows each");
+    const char *extension = show_is_output(request->output) ? NULL : "tetlod";
+    return cli_check_output(&command_build, request->output, extension, inputs, 2) ? EXIT_DONE : EXIT_USAGE;
 }
 
 int build_request_parse(struct build_request *out, int argc, char **argv)
 {
-    *out = (struct build_request){.contract = contract_names[0], .build = build_options_default()};
+    *out = (struct build_request){.contract = contract_names[0], .build = build_options_default(), .show_error = -1};
     series_input_init(&out->series);
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;)
         if (!take_option(out, option, optarg))

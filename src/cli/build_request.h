@@ -21,6 +21,7 @@ struct build_request {
     const char *const *usual; /* without --field: what the first step's mesh has, for the other meshes of a series */
     uint32_t usual_count;
     bool regions_are_found; /* no --region names them */
+    double show_error; /* of what other programs see of OUT.vtkhdf; negative: it is not given */
     double mail_error; /* of the finest level that is written; 0: all levels are */
     struct build_options build;
     struct reading reading;

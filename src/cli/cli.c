@@ -184,6 +184,12 @@ static bool is_mesh(const char *dot)
     return false;
 }
 
+bool cli_is_stream(const char *path)
+{
+    const char *dot = strrchr(path, '.'); // what is wrong with a file of that name is said by who opens it
+    return (dot && strcmp(dot, ".tetlod") == 0) || io_is_stream(path);
+}
+
 enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,
                                    struct tetlod_error *error)
 {

@@ -30,7 +30,7 @@ struct command {
 
 extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
     command_convert, command_sample, command_serve, command_explode, command_plot,
-    command_formats, command_ask, command_diff, command_features;
+    command_formats, command_ask, command_diff, command_features, command_sample_points;
 
 /* What `tetlod help words` prints. */
 extern const char cli_words[];
@@ -73,12 +73,18 @@ bool cli_check_output(const struct command *command, const char *output, const c
                       const char *const *inputs,
                       size_t count);
 
+/* Is the file a stream, bare or in a VTKHDF file, where a command takes meshes too? */
+bool cli_is_stream(const char *path);
+
 /* The finest level whose bytes are all in a stream file, of which a part may be missing; TETLOD_NONE: not even level
  * 0. */
 uint32_t cli_finest_here(const struct tetlod_info *info, int fd);
 
+/* Whether all of the stream is there. */
+bool cli_is_whole(const struct tetlod_info *info, int fd);
+
 /* Whether all bytes of a section, and of the values of a cell field, are in such a file. */
-bool cli_section_here(const struct tetlod_section *section, int fd);
+bool cli_section_here(const struct tetlod_info *info, const struct tetlod_section *section, int fd);
 bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field);
 
 /* Prints the table of levels: about ten of them, or all. */

@@ -11,6 +11,7 @@
 #include "src/cli/carry.h"
 #include "src/cli/mail.h"
 #include "src/cli/scratch_memory.h"
+#include "src/cli/show.h"
 #include "src/mesh/ids.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/field_choice.h"
@@ -168,17 +169,40 @@ static enum tetlod_status write_stream(struct build_request *request, const stru
     return status;
 }
 
+/* What the output has of a stream that was made in memory: all of it, its first levels, or it in a VTKHDF file. */
+static enum tetlod_status write_made(const struct build_request *request, const struct buffer *whole,
+                                     const struct tetlodi_sink *file, struct tetlod_error *error)
+{
+    struct buffer mail = {0};
+    struct tetlod_file *stream = NULL;
+    const struct tetlodi_sink sink = buffer_sink(&mail);
+    const bool shows = show_is_output(request->output);
+    enum tetlod_status status = TETLOD_OK;
+    if (request->for_mail)
+        status = mail_write(whole, request->mail_error, shows ? &sink : file, error);
+    if (status == TETLOD_OK && shows) {
+        const struct buffer *made = request->for_mail ? &mail : whole;
+        status = tetlod_open_memory(&stream, made->bytes, made->size, NULL, error);
+        if (status == TETLOD_OK)
+            status = show_write(stream, request->show_error, file, error);
+        tetlod_close(stream);
+    }
+    buffer_fini(&mail);
+    return status;
+}
+
 static enum tetlod_status build_file(struct build_request *request, const struct input *in, struct build_report *report,
                                      double *write_seconds, struct tetlod_error *error)
 {
     struct file_output *output;
     struct buffer whole = {0};
     TETLOD_TRY(file_output_open(&output, request->output, error));
-    const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? buffer_sink(&whole) : file;
+    const bool in_memory = request->for_mail || show_is_output(request->output);
+    const struct tetlodi_sink file = file_output_sink(output), sink = in_memory ? buffer_sink(&whole) : file;
     enum tetlod_status status = write_stream(request, in, &sink, report, error);
     double encoded = clock_seconds();
-    if (status == TETLOD_OK && request->for_mail)
-        status = mail_write(&whole, request->mail_error, &file, error);
+    if (status == TETLOD_OK && in_memory)
+        status = write_made(request, &whole, &file, error);
     status = file_output_finish(output, status, error);
     *write_seconds = clock_seconds() - encoded;
     buffer_fini(&whole);

@@ -11,6 +11,7 @@
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"
 #include "src/cli/extract_step.h"
+#include "src/cli/probe.h"
 #include "src/cli/step_option.h"
 #include "src/io/io.h"
 #include "src/stream/level_mesh.h"
@@ -59,6 +60,9 @@ static const char help[] =
     "      --cells C      original: the finest level with the cells of the input, hexahedra as hexahedra,\n"
     "                     with their points, order and values, if tetlod build --keep-order kept them,\n"
     "                     in .vtu, .vtk and .vtkhdf. tetrahedra (default): those of the level\n"
+    "      --points P     the values at points instead of the level's mesh, as .csv or .vtp: P is a file with\n"
+    "                     x,y,z in each line, or the points themselves: 0,0,0;1,0.5,0. Outside of the mesh\n"
+    "                     values are empty (.csv) or NaN (.vtp), and the column 'inside' is 0\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
     "If a file is cut off, such as a download that stopped, the levels that are whole can still be\n"
@@ -69,7 +73,7 @@ static const char help[] =
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
 struct request {
-    const char *input, *output, *field;
+    const char *input, *output, *field, *points;
     struct selection selection;
     enum level_form form;
     bool quiet;
@@ -267,6 +271,8 @@ static enum tetlod_status extract_from(const struct stream_input *input, struct 
         status = level_mesh_units(info, &mesh, &inner);
     if (status != TETLOD_OK)
         stream_input_fail(input, request->input, status, &inner, error);
+    else if (request->points)
+        status = probe_write(&mesh, request->points, request->output, error);
     else
         status = is_stream(request->output) ? extract_stream(input, request, level, error)
                                             : io_write(&mesh, request->output, error);
@@ -286,7 +292,7 @@ static int extract(struct request *request)
 {
     struct tetlod_error error = {0};
     struct stream_input input;
-    if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
+    if (!is_stream(request->output) && !request->points && io_check_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
     if (request->form == FORM_CELLS && io_check_cells_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
@@ -360,7 +366,7 @@ static int run(int argc, char **argv)
         {"box", required_argument, NULL, 'B'},       {"box-error", required_argument, NULL, 'E'},
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
         {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
-        {"cells", required_argument, NULL, 'C'},     {0}};
+        {"cells", required_argument, NULL, 'C'},     {"points", required_argument, NULL, 'P'}, {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets",
                                         ['b'] = "bytes"};
     struct request request = {.selection.measure = TETLOD_MAX};
@@ -382,6 +388,8 @@ static int run(int argc, char **argv)
             box_error = optarg;
         else if (option == 'O')
             request.form = request.form == FORM_CELLS ? FORM_CELLS : FORM_ORDER;
+        else if (option == 'P')
+            request.points = optarg;
         else if (option == 'C')
             good = parse_cells(&request, optarg);
         else if (option == 'm')
@@ -404,6 +412,10 @@ static int run(int argc, char **argv)
         return cli_usage("extract", "--box-error needs a --box");
     if (selection->box_count && selection->kind == TAKE_FINEST)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
+    if (request.points && !probe_is_output(request.output))
+        return cli_usage("extract", "--points writes .csv or .vtp, not '%s'", request.output);
+    if (request.points && request.form != FORM_STREAM)
+        return cli_usage("extract", "--points is for values of the level's tetrahedra, not of another order or cells");
     if (request.form == FORM_CELLS && selection->box_count)
         return cli_usage("extract", "--cells original is for a level, without --box: only the finest has these cells");
     if (request.form == FORM_ORDER && selection->kind != TAKE_FINEST)

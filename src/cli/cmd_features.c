@@ -305,7 +305,7 @@ static int run(int argc, char **argv)
     request.input = argv[optind];
     if (request.output && !cli_check_output(&command_features, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;
-    return ends_in(request.input, ".tetlod") ? of_stream(&request) : of_mesh(&request);
+    return cli_is_stream(request.input) ? of_stream(&request) : of_mesh(&request);
 }
 
 const struct command command_features = {"features", "extrema that the original certainly has", help, run};

@@ -48,8 +48,7 @@ static int list_fields(const char *path)
 {
     struct tetlod_error error = {0};
     struct tetmesh mesh;
-    const char *dot = strrchr(path, '.');
-    if (dot && strcmp(dot, ".tetlod") == 0)
+    if (cli_is_stream(path))
         return list_stream_fields(path);
     if (io_read(&mesh, path, NULL, NULL, &error) != TETLOD_OK)
         return cli_fail(&error);

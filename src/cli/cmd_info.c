@@ -43,8 +43,8 @@ static void print_missing(const struct tetlod_info *info, int fd)
         }
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlod_section *section = &info->sections[i];
-        bool again = i && strcmp(section->tag, section[-1].tag) == 0 && !cli_section_here(&section[-1], fd);
-        if (cli_section_here(section, fd) || is_cell_values(section) || again)
+        bool again = i && strcmp(section->tag, section[-1].tag) == 0 && !cli_section_here(info, &section[-1], fd);
+        if (cli_section_here(info, section, fd) || is_cell_values(section) || again)
             continue;
         printf("%ssection %s", before, section->tag);
         before = ", ";

@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "format/common/round.h"
 #include "format/fail.h"
@@ -17,6 +16,7 @@
 #include "src/cli/print_json.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
+#include "src/cli/stream_input.h"
 #include "src/cli/verify_index.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
@@ -29,10 +29,11 @@
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod verify FILE.tetlod [--against INPUT [--all-levels]] [--json]\n"
+    "usage: tetlod verify FILE.tetlod|URL [--against INPUT [--all-levels]] [--json]\n"
     "\n"
     "Decodes a stream whole: checks every digest and section, replays all records and undoes them again,\n"
-    "holds what the index says against what is decoded, checks every level's mesh.\n"
+    "holds what the index says against what is decoded, checks every level's mesh. A stream at a URL is\n"
+    "read by ranges, each once.\n"
     "\n"
     "      --against INPUT  also: the finest level is this mesh, exactly or rounded to the stream's\n"
     "                       grids, with its fields, values of cells and times; at every level 'sampled'\n"
@@ -573,9 +574,10 @@ static int verify(struct request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
     struct tetlod_file *file;
-    int fd;
+    struct stream_input input;
     struct verification v = {.request = request, .error = &inner};
-    enum tetlod_status status = cli_open_stream(request->stream, request->threads, &file, &fd, &error);
+    enum tetlod_status status = stream_input_open(&input, request->stream, request->threads, &error);
+    file = input.file;
     if (status == TETLOD_OK) {
         v.file = file;
         v.in_groups = tetlod_info(file)->topology_count > 0;
@@ -585,13 +587,10 @@ static int verify(struct request *request)
             status = verify_topologies(&v);
         progress_end(&request->progress);
         if (status != TETLOD_OK)
-            tetlodi_fail(&error, status, "%s: %.230s", request->stream, inner.message);
+            status = stream_input_fail(&input, request->stream, status, &inner, &error);
     }
     int result = print_result(&v, status, &error);
-    if (v.file) {
-        tetlod_close(file);
-        close(fd);
-    }
+    stream_input_close(&input);
     free(v.against.exact);
     steps_found_fini(&v.series);
     return result;
@@ -641,6 +640,8 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     request.stream = argv[optind];
     request.threads = threads ? (unsigned)threads : parallel_cores();
+    if (web_source_is(request.stream))
+        request.threads = 1; // its source is for one
     progress_init(&request.progress, forced, quiet);
     return verify(&request);
 }

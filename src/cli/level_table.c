@@ -14,27 +14,38 @@ static const double shown_errors[] = {0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 
 /* A field that is not controlled and further off at a level that somebody takes is warned of. */
 static const double MAX_OFF = 0.1;
 
-uint32_t cli_finest_here(const struct tetlod_info *info, int fd)
+/* Bytes of the stream that are there. */
+static uint64_t bytes_here(const struct tetlod_info *info, int fd)
 {
     struct stat about;
-    uint32_t level = info->level_count;
     if (fstat(fd, &about) != 0)
-        return info->level_count - 1;
-    while (level > 0 && info->levels[level - 1].end > (uint64_t)about.st_size)
+        return UINT64_MAX;
+    return (uint64_t)about.st_size - info->stream_offset; // which is open
+}
+
+uint32_t cli_finest_here(const struct tetlod_info *info, int fd)
+{
+    uint32_t level = info->level_count;
+    uint64_t here = bytes_here(info, fd);
+    while (level > 0 && info->levels[level - 1].end > here)
         level--;
     return level ? level - 1 : TETLOD_NONE;
 }
 
-bool cli_section_here(const struct tetlod_section *section, int fd)
+bool cli_is_whole(const struct tetlod_info *info, int fd)
 {
-    struct stat about;
-    return fstat(fd, &about) != 0 || section->offset + section->stored <= (uint64_t)about.st_size;
+    return info->bytes <= bytes_here(info, fd);
+}
+
+bool cli_section_here(const struct tetlod_info *info, const struct tetlod_section *section, int fd)
+{
+    return section->offset + section->stored <= bytes_here(info, fd);
 }
 
 bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field)
 {
     uint32_t section = tetlod_cell_section(info, cell_field);
-    return section != TETLOD_NONE && cli_section_here(&info->sections[section], fd);
+    return section != TETLOD_NONE && cli_section_here(info, &info->sections[section], fd);
 }
 
 /* The largest error of the controlled fields at a level; NaN if that of one of them is not known. */

@@ -15,7 +15,7 @@ static const struct command *const commands[] = {
     &command_serve,   &command_explode,
 #endif
     &command_ask,     &command_diff,    &command_features, &command_plot,
-    &command_formats,
+    &command_sample_points, &command_formats,
 };
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
@@ -33,7 +33,7 @@ static void print_commands(FILE *out)
     fprintf(out, "tetlod " TETLOD_VERSION_STRING ": levels of detail for tetrahedral volumes\n\n"
                  "usage: tetlod COMMAND [OPTIONS] ...\n\n");
     for (int i = 0; i < COMMANDS; i++)
-        fprintf(out, "  %-9s %s\n", commands[i]->name, commands[i]->summary);
+        fprintf(out, "  %-13s %s\n", commands[i]->name, commands[i]->summary);
     fprintf(out,
             "\n'tetlod help COMMAND' explains one, 'tetlod help words' the words. Exit status: 0 done, 1 failed,\n"
             "2 usage, 3 invalid input, 4 a valid stream whose levels are worse meshes than its original (verify);\n"

@@ -18,7 +18,7 @@ def quoted(line):
 def main():
     overview = text('help')
     version = text('--version').split()[1]
-    commands = re.findall(r'^  (\w+) +(.*)$', overview, re.M)
+    commands = re.findall(r'^  ([\w-]+) +(.*)$', overview, re.M)
     print('.TH TETLOD 1 "" "tetlod %s" "User Commands"' % version)
     print('.SH NAME\ntetlod \\- levels of detail for tetrahedral volumes')
     print('.SH SYNOPSIS\n.B tetlod\n.I COMMAND\n[OPTIONS] ...\n.br\n.B tetlod help\n[\\fICOMMAND\\fR]\n.br\n.B tetlod \\-\\-version')

@@ -32,7 +32,8 @@ enum tetlod_status stream_input_open(struct stream_input *out, const char *place
         return stream_input_fail(out, place, status, &inner, error);
     const struct tetlod_info *info = tetlod_info(out->file);
     out->finest = TETLOD_NONE;
-    for (uint32_t level = 0; level < info->level_count && info->levels[level].end <= source.size; level++)
+    const uint64_t here = source.size - info->stream_offset;
+    for (uint32_t level = 0; level < info->level_count && info->levels[level].end <= here; level++)
         out->finest = level;
     return TETLOD_OK;
 }

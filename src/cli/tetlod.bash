@@ -17,7 +17,7 @@ _tetlod_fields() {
 _tetlod() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} program=${COMP_WORDS[0]}
     if [ "$COMP_CWORD" = 1 ] || { [ "$COMP_CWORD" = 2 ] && [ "$before" = help ]; }; then
-        mapfile -t COMPREPLY < <(compgen -W "help $("$program" help 2>/dev/null | sed -n 's/^  \([a-z]\{1,\}\)  *[^ ].*/\1/p')" -- "$word")
+        mapfile -t COMPREPLY < <(compgen -W "help $("$program" help 2>/dev/null | sed -n 's/^  \([a-z-]\{1,\}\)  *[^ ].*/\1/p')" -- "$word")
         return
     fi
     case $before in

@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "src/io/read_input.h"
+#include "src/io/readers/readers.h"
 #include "src/io/registry.h"
 #include "src/mesh/cell_average.h"
 #include "src/mesh/ids.h"
@@ -219,6 +220,17 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     return status;
 }
 
+bool io_is_stream(const char *path)
+{
+    struct file_input file;
+    unsigned char head[8];
+    if (file_input_open(&file, path, NULL) != TETLOD_OK)
+        return false;
+    const bool is_stream = stream_sniff(head, file_input_read(&file, 0, sizeof head, head));
+    file_input_close(&file);
+    return is_stream;
+}
+
 enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
 {
     const struct format *format = format_by_extension(path);
@@ -261,4 +273,17 @@ enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct
         return file_output_commit(output, error);
     file_output_abort(output);
     return tetlodi_fail(error, status, "%.400s: %s", path, inner.message);
+}
+
+enum tetlod_status io_write_stream(const struct shown_stream *stream, const struct shown_meshes *meshes,
+                                   const struct tetlodi_sink *sink, struct tetlod_error *error)
+{
+#ifdef TETLOD_HDF5
+    return vtkhdf_write_stream(stream, meshes, sink, error);
+#else
+    (void)stream;
+    (void)meshes;
+    (void)sink;
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "this program was built without libhdf5: write a .tetlod");
+#endif
 }

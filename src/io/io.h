@@ -8,6 +8,8 @@
 #define TETLOD_IO_H
 
 #include "src/io/services/report.h"
+#include "src/io/writers/npz_write.h"
+#include "src/io/writers/vtkhdf_stream.h"
 #include "src/io/writers/writers.h"
 #include "src/mesh/tetmesh.h"
 
@@ -26,6 +28,9 @@ struct io_format {
 /* False past the last. */
 bool io_format(size_t number, struct io_format *out);
 
+/* Does the file begin as a stream does, or as a file with a stream in it? False also where it cannot be read. */
+bool io_is_stream(const char *path);
+
 /* Whether io_write knows the path's extension: to be asked before work is spent on what it is to write. */
 TETLOD_CHECKED enum tetlod_status io_check_output(const char *path, struct tetlod_error *error);
 
@@ -34,5 +39,9 @@ TETLOD_CHECKED enum tetlod_status io_check_cells_output(const char *path, struct
 
 /* Writes by the path's extension, atomically: on failure no file is left and an older one stays. */
 TETLOD_CHECKED enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error);
+
+/* vtkhdf_write_stream, or ERR_ARGUMENT where this program was built without libhdf5. */
+TETLOD_CHECKED enum tetlod_status io_write_stream(const struct shown_stream *stream, const struct shown_meshes *meshes,
+                                                  const struct tetlodi_sink *sink, struct tetlod_error *error);
 
 #endif

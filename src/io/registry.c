@@ -66,6 +66,7 @@ static const struct format formats[] = {
     {"ply", "the boundary surface with all fields", {"ply"}, ONE, NULL, NULL, ply_write},
     {"vtp", "the boundary surface with all fields", {"vtp"}, ONE, NULL, NULL, vtp_write},
     {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, ONE, NULL, NULL, glb_write},
+    {"usda", "USD as text: a TetMesh of UsdGeom, fields as primvars", {"usda"}, ONE, NULL, NULL, usda_write},
     {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, ONE, inp_sniff, inp_read, NULL},
     {"medit",
      "Medit with its .sol, text and binary (text is written)",

@@ -11,7 +11,7 @@ void stream_id(const char *path, char *out, size_t size)
 {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
     size_t length = strlen(name);
-    if (length > 7 && strcmp(name + length - 7, ".tetlod") == 0)
+    if (length > 7 && (strcmp(name + length - 7, ".tetlod") == 0 || strcmp(name + length - 7, ".vtkhdf") == 0))
         length -= 7;
     snprintf(out, size, "%.*s", (int)length, name);
 }

@@ -85,3 +85,73 @@ def row(path, level):
 
 if __name__ == '__main__':
     print('\n'.join(first_record(sys.argv[1])))
+
+
+# ---- a level that is stored whole (SPEC 14)
+
+FACES = ((1, 2), (0, 2), (0, 1), (0, 1))  # corners that are exchanged across a face
+
+
+def connectivity(coder, tets, lines):
+    """The tetrahedra of a level 0 (SPEC 9.1), and a line for each operation."""
+    across, fresh, vertices = tetlod.bits(2), tetlod.bits(1), tetlod.Number()
+    made, seen, side = [], 0, 0
+
+    def vertex():
+        nonlocal seen
+        is_new = coder.bit(fresh)
+        seen += is_new
+        number = seen - 1 - (0 if is_new else coder.number(vertices, 0))
+        lines.append('bit(fresh) %d: vertex %d' % (is_new, number))
+        return number
+
+    while len(made) < tets:
+        if side == 4 * len(made):
+            made.append([vertex() for _ in range(4)])
+            lines.append('a new tetrahedron: %s' % ' '.join(map(str, made[-1])))
+            continue
+        corners, f = made[side // 4], side % 4
+        side += 1
+        face = set(corners) - {corners[f]}
+        if sum(face <= set(tet) for tet in made) > 1:
+            continue
+        is_there = coder.bit(across, int(f > 0))
+        lines.append('bit(across[%d]) %d: face %d' % (f > 0, is_there, side - 1))
+        if is_there:
+            a, b = FACES[f]
+            made.append([vertex() if i == f else corner for i, corner in enumerate(corners)])
+            made[-1][a], made[-1][b] = made[-1][b], made[-1][a]
+    return made
+
+
+def numbers(coder, models, scale, made, count, names, lines):
+    """A line for each number of each vertex (SPEC 9.2)."""
+    codes = [[] for _ in names]
+    for vertex in range(count):
+        tet = next(tet for tet in made if vertex in tet)
+        near = [corner for corner in tet if corner < vertex]
+        for c, name in enumerate(names):
+            found = [codes[c][n] for n in near]
+            mean = 0.0
+            for code in found:
+                mean += scale.value(code)
+            base = scale.code(mean / len(found)) if found else 0
+            context = max(abs(code - found[0]) for code in found).bit_length() if len(found) > 1 else 65
+            d = coder.number(models[c], context)
+            codes[c].append(scale.offset(base, d))
+            lines.append('vertex %d %s: near %s, base %d, context %d, number %d, code %d, value %g' %
+                         (vertex, name, near, base, context, d, codes[c][-1], scale.value(codes[c][-1])))
+
+
+def whole_level(path):
+    """What the frames of level 0 hold, of a stream whose fields have one component."""
+    stream, lines = tetlod.open(path), []
+    level = stream.levels[0]
+    coder = tetlod.Coder(stream.seen_most)
+    coder.start(stream.frame(0, 0))
+    made = connectivity(coder, level['tets'], lines)
+    numbers(coder, [tetlod.Number() for _ in range(3)], stream.scales[0], made, level['vertices'], 'xyz', lines)
+    for f, field in enumerate(stream.fields):
+        coder.start(stream.frame(0, 1 + f))
+        numbers(coder, [tetlod.Number()], stream.scales[1 + f], made, level['vertices'], [field['name']], lines)
+    return lines

@@ -105,6 +105,9 @@ here = {'valid/' + name for name in os.listdir(os.path.join(KIT, 'valid'))}
 report('every stream of valid/ is listed', here <= listed, here - listed)
 report('expected.json is what the reference decoder gives: format/conformance/make.py writes it',
        make.expected(make.noted()) == TEXT)
+for name, _, _, data in make.profile_0():
+    with open(os.path.join(KIT, 'valid', name + '.tetlod'), 'rb') as stream:
+        report('client-examples/python/profile0.py writes %s' % name, stream.read() == data)
 wrong = [entry['stream'] for entry in EXPECTED['valid'] if not answered(package_reader.answer, entry)]
 report('the package over the C library gives the same', not wrong, wrong)
 for decoder, name in ((reference_reader, 'reference decoder'), (package_reader, 'package')):
@@ -116,5 +119,14 @@ reader = os.path.join(KIT, 'reference_reader.py')
 report('the runner: a right reader', run_kit("/usr/bin/python3 '%s' %%s" % reader, 'shape_o')[0] == 0)
 report('the runner: a reader that gives nothing', run_kit('true %s', 'shape_o')[0] == 1)
 report('the runner: a reader that crashes is no refusal', run_kit("sh -c 'exit 2' %s", 'invalid/magic')[0] == 1)
+folder = os.path.join(os.environ['SCRATCH'], 'kit')
+make.copy_kit(folder)
+with open(os.path.join(folder, 'expected.json'), encoding='utf-8') as file:
+    copied = json.load(file)
+report('a copy has all streams', all(os.path.exists(os.path.join(folder, entry['stream']))
+                                     for kind in copied.values() for entry in kind) and len(copied['invalid']) >= 60)
+done = subprocess.run([os.path.join(folder, 'run'), '--reader', "/usr/bin/python3 '%s' %%s" % reader, '--only',
+                       'one_tet'])
+report('a copy runs on its own', done.returncode == 0)
 report('the runner: nothing to run is a failure', run_kit('true %s', 'no such stream')[0] == 1)
 finish()

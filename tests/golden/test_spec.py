@@ -41,4 +41,17 @@ report('the row of the index is the one of the stream', same)
 path, wanted = re.search(r'<!-- example: record of (\S+) -->\n```record\n(.*?)\n```', text, re.S).groups()
 lines = record_trace.first_record(os.path.join(ROOT, path))
 report('the record is read as the text reads it', lines == wanted.split('\n') and len(lines) > 20)
+
+path, table = re.search(r'<!-- every byte of (\S+) -->\n(.*?)\n\n', text, re.S).groups()
+rows = re.findall(r'^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \S.* \|$', table, re.M)
+with open(os.path.join(ROOT, path), 'rb') as file:
+    data = file.read()
+at = [0]
+for _, row in rows:
+    at.append(at[-1] + len(bytes.fromhex(row)))
+report('the table has every byte of the stream, each in its place',
+       bytes.fromhex(''.join(row for _, row in rows)) == data and [int(row) for row, _ in rows] == at[:-1] and
+       len(rows) > 50)
+path, wanted = re.search(r'<!-- frames of (\S+) -->\n```level\n(.*?)\n```', text, re.S).groups()
+report('the frames hold what the text says', record_trace.whole_level(os.path.join(ROOT, path)) == wanted.split('\n'))
 finish()

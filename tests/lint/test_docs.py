@@ -21,7 +21,8 @@ def read(path):
 
 def accepted_options(command):
     """The long options in the getopt table of a command's sources."""
-    paths = [os.path.join('src/cli', name % command) for name in ('cmd_%s.c', '%s_request.c')]
+    stem = command.replace('-', '_')
+    paths = [os.path.join('src/cli', name % stem) for name in ('cmd_%s.c', '%s_request.c')]
     source = ''.join(read(path) for path in paths if os.path.exists(os.path.join(ROOT, path)))
     if 'READING_OPTIONS' in source:
         source += read('src/cli/reading.h')
@@ -42,7 +43,7 @@ def check_help(help_of):
     report('and no other', made_up)
     report('every help has its usage line',
            [command for command, text in help_of.items() if not text.startswith('usage: tetlod %s' % command)])
-    sources = {os.path.basename(path)[4:-2] for path in glob.glob(os.path.join(ROOT, 'src/cli/cmd_*.c'))}
+    sources = {os.path.basename(path)[4:-2].replace('_', '-') for path in glob.glob(os.path.join(ROOT, 'src/cli/cmd_*.c'))}
     report('every command is listed', sorted(sources.symmetric_difference(help_of)))
 
 
@@ -72,7 +73,7 @@ def check_targets():
 def check_commands(help_of):
     wrong = []
     for path in DOCUMENTS:
-        for command, rest in re.findall(r'(?:`|^ {4})tetlod ([a-z]+)([^`\n]*)', read(path), re.M):
+        for command, rest in re.findall(r'(?:`|^ {4})tetlod ([a-z]+(?:-[a-z]+)?)([^`\n]*)', read(path), re.M):
             if command == 'help':
                 continue
             if command not in help_of:
@@ -108,7 +109,8 @@ def check_front_page():
 
 
 def main():
-    help_of = {name: output(TETLOD, 'help', name) for name in re.findall(r'^  (\w+) +\S', output(TETLOD, 'help'), re.M)}
+    names = re.findall(r'^  ([\w-]+) +\S', output(TETLOD, 'help'), re.M)
+    help_of = {name: output(TETLOD, 'help', name) for name in names}
     check_help(help_of)
     check_manual(help_of)
     check_targets()

@@ -74,6 +74,37 @@ async function ofAFile() {
   await everyStep({ read: async (from, to) => bytes.subarray(from, to) }, (count) => [0, count - 1, 1]);
 }
 
+// The same stream in a VTKHDF file (SPEC 3.10), also where answers come in small pieces or the stream lies far behind.
+async function ofAVtkhdfFile() {
+  if (!execFileSync(TETLOD, ['formats'], { encoding: 'utf8' }).includes('VTKHDF')) return;
+  make('convert', golden, '--stream', '-o', 'topologies.vtkhdf');
+  const bytes = readFileSync(join(SCRATCH, 'topologies.vtkhdf')), pointer = Buffer.from(bytes.subarray(0, 64));
+  const offset = Number(pointer.readBigUInt64LE(8)), size = readFileSync(golden).length;
+  for (const far of [0, 100_000]) {
+    pointer.writeBigUInt64LE(BigInt(offset + far), 8);
+    const file = Buffer.concat([pointer, Buffer.alloc(far), bytes.subarray(64)]);
+    for (const ranges of [true, false]) {
+      const host = await fileHost(file, { ranges });
+      await everyStep(host.url, (count) => [count - 1, 0, 2]);
+      const asked = host.requests.map(({ range }) => /=(\d+)-(\d+)$/.exec(range ?? ''));
+      const behind = asked.filter((range) => Number(range?.[1]));
+      if (ranges) assert.ok(behind.every(([, first, last]) => first >= offset + far && last < offset + far + size));
+      host.close();
+    }
+    await everyStep(new Blob([file]), upAndDown);
+    await everyStep({ read: async (from, to) => file.subarray(from, to) }, (count) => [0, count - 1, 1]);
+  }
+  const bare = await fileHost(readFileSync(golden)), inside = await fileHost(bytes);
+  for (const host of [bare, inside]) {
+    const stream = await TetlodStream.open(host.url, { target: { error: 0.02 } });
+    await stream.refineTo({ error: 0.02 });
+    host.levels = host.requests.length;
+    stream.close();
+    host.close();
+  }
+  assert.ok(inside.levels <= bare.levels + 1, `${inside.levels} requests, ${bare.levels}`);
+}
+
 // Of several steps that are asked for at once, the last one is shown; earlier ones are not reached, and do not fail.
 async function theLastOneWins() {
   const stream = await TetlodStream.open(new Blob([readFileSync(golden)]));
@@ -147,6 +178,8 @@ async function playsOverBorders() {
   assert.equal(await page.locator('#player-late').textContent(), '');
 }
 
-await run([ofAServer, ofHostsOfFiles, ofAFile, theLastOneWins, anotherStreamIsRefused, noBlankPicture, playsOverBorders]);
+await run([
+  ofAServer, ofHostsOfFiles, ofAFile, ofAVtkhdfFile, theLastOneWins, anotherStreamIsRefused, noBlankPicture, playsOverBorders,
+]);
 await browser.close();
 await server.stop();

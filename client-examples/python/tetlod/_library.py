@@ -72,7 +72,8 @@ class CInfo(Structure):
                 ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count',
                                                                                c_uint32), ('cell_fields', POINTER(CCellField)),
                 ('topology_count', c_uint32), ('topologies', POINTER(CTopology)), ('cell_rows', c_uint32),
-                ('page_count', c_uint32), ('first_paged_level', c_uint32)]
+                ('page_count', c_uint32), ('first_paged_level', c_uint32), ('exact_last', c_int),
+                ('stream_offset', c_uint64)]
 
 
 class CMesh(Structure):

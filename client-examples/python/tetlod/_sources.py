@@ -16,7 +16,7 @@ import warnings
 from typing import Any, Callable, Dict, Optional, Union
 
 from ._model import Choice
-from .reference import StreamError
+from .reference import POINTER_MAGIC, StreamError, pointer_of
 
 HEADER = 64           # bytes; the stream's whole size is at 32
 FIRST = 1 << 16       # bytes of the first Range request: header and index of most streams, and their first levels
@@ -87,6 +87,20 @@ class Part(Source):
         self.wanted = max(self.wanted, end)
 
 
+class Inside(Part):
+    """The stream in an HDF5 file (SPEC 3.10)."""
+
+    def __init__(self, whole: Source, offset: int, size: int) -> None:
+        super().__init__(whole, offset, size)
+        header = whole.read(offset, HEADER)
+        if len(header) == HEADER and struct.unpack_from('<Q', header, 32)[0] != size:
+            raise StreamError('%s: the pointer to the stream gives another length' % self.name)
+        self.wanted = max(HEADER, FIRST - offset)  # a first request has as many
+
+    def close(self) -> None:
+        self.whole.close()
+
+
 class Remote(Source):
     """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
 
@@ -100,6 +114,8 @@ class Remote(Source):
         """Reads the header, which says how long the stream is."""
         header = self.read(0, HEADER)
         self.size = struct.unpack_from('<Q', header, 32)[0] if len(header) == HEADER else len(header)
+        if header[:8] == POINTER_MAGIC:
+            self.size = sum(pointer_of(header) or ())
 
     def read(self, offset: int, size: int) -> bytes:
         end = offset + size
@@ -210,12 +226,21 @@ def explanation(refused: urllib.error.HTTPError) -> str:
         return '%d %s' % (refused.code, refused.reason)
 
 
+def is_url(path: str) -> bool:
+    return re.match(r'https?://', path, re.I) is not None
+
+
 def open_source(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
     found = source_at(location, choice, progress)
+    head = found.read(0, HEADER)
+    pointer = pointer_of(head)
+    if pointer:
+        found = Inside(found, *pointer)
     if isinstance(location, (bytes, bytearray, memoryview)):
         found.location = bytes(location)
     else:
-        found.location = os.path.abspath(location) if isinstance(found, File) else os.fspath(location)
+        path = os.fspath(location)
+        found.location = path if is_url(path) else os.path.abspath(path)
     return found
 
 
@@ -223,7 +248,7 @@ def source_at(location: Location, choice: Choice, progress: Optional[Progress]) 
     if isinstance(location, (bytes, bytearray, memoryview)):
         return Memory(location)
     path = os.fspath(location)
-    if not re.match(r'https?://', path, re.I):
+    if not is_url(path):
         return File(path)
     bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1',
                   path.split('#')[0].split('?')[0])  # a link to the viewer names the mesh, too

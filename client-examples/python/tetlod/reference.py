@@ -26,7 +26,7 @@ from bisect import bisect_left
 
 import numpy as np
 
-MAGIC = b'\x89TLD\r\n\x1a\n'
+MAGIC, POINTER_MAGIC = b'\x89TLD\r\n\x1a\n', b'\x89TLH\r\n\x1a\n'
 CELL_TYPES = ('float32', 'float64', 'int8', 'int16', 'int32', 'int64')
 MEASURES = ('max', 'sampled', 'rms', 'predicted')
 FLOAT32_END = float(2**128 - 2**103)  # what is below is a float32, or rounds to one
@@ -166,8 +166,12 @@ def unpack(packed, size):
 
 class Stream:
     def __init__(self, read, size):
-        self._read, self.size = read, size
         header = read(0, 64)
+        pointer = pointer_of(header)
+        if pointer:
+            read, size = inside(read, size, *pointer)
+            header = read(0, 64)
+        self._read, self.size = read, size
         require(len(header) == 64 and header[:8] == MAGIC, 'not a tetlod stream')
         fields = struct.unpack('<8sHHIIIIIQ16sI4s', header)
         _, major, minor, required, _, index_size, plain_size, early_size, self.bytes, cid, reserved, check = fields
@@ -184,6 +188,7 @@ class Stream:
         index = index if index_size == plain_size else unpack(index, plain_size)
         self._parse(Bytes(index), 64 + index_size, early_size)
         require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
+        require(not pointer or pointer[1] == self.bytes, 'the pointer to the stream gives another length')
         self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
         self.cell_fields, self.cell_rows = [], None  # rows of values of cells, if they are those of PCEL
         self._parse_cell_tables([section['tag'] for section in self.sections])
@@ -553,6 +558,23 @@ def open(source):
         with __builtins_open(source, 'rb') as file:
             data = file.read()
     return Stream(lambda offset, size: data[offset:offset + size], len(data))
+
+
+def pointer_of(head):
+    """Offset and length of the stream in an HDF5 file that begins with these bytes (SPEC 3.10); None: it is none."""
+    if head[:8] != POINTER_MAGIC or len(head) < 64:
+        return None
+    require(digest(head[:60])[:4] == head[60:], 'the pointer to the stream is damaged')
+    offset, length = struct.unpack('<QQ', head[8:24])
+    require(not any(head[24:60]) and min(offset, length) >= 64 and offset + length < 1 << 63,
+            'the pointer to the stream is damaged')
+    return offset, length
+
+
+def inside(read, size, offset, length):
+    """`read` and the size of what lies at `offset`."""
+    here = length if size is None else max(0, min(length, size - offset))
+    return (lambda at, count: read(offset + at, max(0, min(count, length - at)))), here
 
 
 __builtins_open = __builtins__['open'] if isinstance(__builtins__, dict) else __builtins__.open

@@ -99,6 +99,7 @@ export class Engine {
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#base = this.#view.describe();
     this.#source.cid = this.#info.cid;
+    for (const topology of this.#info.topologies ?? []) topology.offset += this.#source.base;
     if (part && part.cid !== this.#info.cid) throw new FetchError('a topology group is another stream than the table says');
     if (part) names = names?.filter((name) => this.#info.fields.some((field) => field.name === name)) ?? null;
     if (this.#source.partial) this.#source.levels = this.#info.levels;

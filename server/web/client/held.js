@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bytes of a stream that no request brings: of a Blob or File, or as a function of the page's own reads them.
-import { FetchError } from './network.js';
+import { FetchError, placeOf } from './network.js';
 
 const PIECE = 1 << 18; // that is read at once, if so much is needed
 
 export class Held {
   #read; #stop = new AbortController();
+  #place = null; // of the stream, once it is known
   partial = false; // everything is read
   cid = '';
   levels = null;
@@ -14,12 +15,16 @@ export class Held {
    * `read(from, to, signal)`: bytes from `from` on, at least one and none from `to` on, or none at the stream's end.
    */
   constructor(read, { onBytes = () => {} } = {}) {
-    this.#read = async (...range) => {
-      const bytes = await read(...range);
+    this.#read = async (from, to, signal) => {
+      this.#place ??= placeOf(await read(0, 64, signal));
+      const { base, size } = this.#place;
+      const bytes = from < size ? await read(base + from, base + Math.min(to, size), signal) : new Uint8Array();
       onBytes(bytes.length);
       return bytes;
     };
   }
+
+  get base() { return this.#place?.base ?? 0; }
 
   async read(position, until) {
     const bytes = await this.#read(position, Math.max(until, position + PIECE), this.#stop.signal);

@@ -17,6 +17,14 @@ export class FetchError extends Error {
   }
 }
 
+/** Where the stream is in a file that begins with these bytes: the file itself, or one of HDF5 (SPEC 3.10). */
+export function placeOf(bytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
+  const at = (place) => Number(view.getBigUint64(place, true));
+  const points = bytes.length >= 24 && view.getUint32(0) === 0x89544c48;
+  return points ? { base: at(8), size: at(16) } : { base: 0, size: Infinity };
+}
+
 class Retry extends Error {
   constructor(message, after = 0) {
     super(message);
@@ -118,6 +126,9 @@ export class Source {
   partial = false;   // the server leaves out other fields: offsets and lengths are of what it sends
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
+  base = 0;          // where the stream begins in a file of HDF5
+  #size = Infinity;  // then: its bytes
+  #placed = false;   // it is known whether it is in one
 
   /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is tried again, `onBytes(count)` for all
    *  bytes of answers, also of those that are asked for once more or given up. */
@@ -159,15 +170,16 @@ export class Source {
    */
   apart(offset, size, { addressOf = () => null, signal } = {}) {
     return this.#persist(async () => {
-      if (this.#whole) return this.#whole.subarray(offset, offset + size);
+      const first = offset + this.base;
+      if (this.#whole) return this.#whole.subarray(first, first + size);
       if (this.#served && !this.#routes) await this.#findRoutes();
       const address = this.#routes && addressOf(this.#routes);
-      if (!address) return this.#askApart(offset, size, signal);
+      if (!address) return this.#askApart(first, size, signal);
       const answer = await this.#fetch(address, { signal }).catch((error) => {
         if (error instanceof FetchError) return null; // a host of files has the stream only
         throw error;
       });
-      return answer ? this.#all(answer, size) : this.#askApart(offset, size, signal);
+      return answer ? this.#all(answer, size) : this.#askApart(first, size, signal);
     }, signal);
   }
 
@@ -235,17 +247,40 @@ export class Source {
   }
 
   async #next(position, until) {
-    if (this.#answer && position >= this.#answer.end) this.#answer = null;
+    if (this.#answer && position >= this.#answer.end) {
+      if (this.base) this.#answer.reader.cancel().catch(() => {}); // bytes of HDF5 follow
+      this.#answer = null;
+    }
     if (this.#answer?.at > position || (this.#ahead && this.#ahead.at < position)) this.#drop();
     this.#answer ??= await this.#take(position, until);
     const answer = this.#answer;
+    if (!position && !this.#placed && !this.#served) return this.#locate(answer, until);
     if (until > answer.end && !this.#ahead) this.#askAhead(answer.end, until);
     for (;;) {
-      const chunk = await this.#chunk(answer);
+      const chunk = (await this.#chunk(answer)).subarray(0, answer.end - answer.at);
       const from = answer.at;
       answer.at += chunk.length;
       if (answer.at > position) return from < position ? chunk.subarray(position - from) : chunk;
     }
+  }
+
+  // The stream's first bytes in the file's: from then on an answer's places are those in the stream.
+  async #locate(answer, until) {
+    const head = [];
+    while (answer.at < 24) {
+      head.push(await this.#chunk(answer));
+      answer.at += head.at(-1).length;
+    }
+    const bytes = new Uint8Array(await new Blob(head).arrayBuffer());
+    const { base, size } = placeOf(bytes);
+    this.base = base;
+    this.#size = size;
+    this.#placed = true;
+    answer.at -= base;
+    answer.end = Math.min(answer.end - base, size);
+    if (answer.at > 0) return bytes.subarray(base, base + size);
+    if (answer.end <= 0) this.#drop();
+    return this.#next(0, until);
   }
 
   #take(position, until) {
@@ -384,14 +419,16 @@ export class Source {
 
   // Any host of files. no-store: browsers' caches of ranges of one URL are a source of errors.
   async #askRange(position, until) {
-    const last = Math.max(until, position ? 0 : this.#least) - 1;
-    const { status, headers, body } = await this.#fetch(this.#url, { headers: { Range: `bytes=${position}-${last}` }, cache: 'no-store' });
+    const end = Math.min(Math.max(until, position ? 0 : this.#least), this.#size);
+    const from = position + this.base, last = end - 1 + this.base;
+    const range = { Range: `bytes=${from}-${last}` };
+    const { status, headers, body } = await this.#fetch(this.#url, { headers: range, cache: 'no-store' });
     const validator = headers.get('ETag') ?? headers.get('Last-Modified') ?? '';
     if (this.#validator && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
     this.#validator = validator;
-    if (status !== 206) return { reader: body.getReader(), at: 0, end: Infinity };
-    const [, start = position, stop = last] = /^bytes (\d+)-(\d+)\//.exec(headers.get('Content-Range') ?? '') ?? [];
-    if (start > position) throw new FetchError(`${this.#url}: the server sent bytes from ${start} on, not from ${position}`);
-    return { reader: body.getReader(), at: Number(start), end: Number(stop) + 1 };
+    if (status !== 206) return { reader: body.getReader(), at: -this.base, end: this.#size };
+    const [, start = from, stop = last] = /^bytes (\d+)-(\d+)\//.exec(headers.get('Content-Range') ?? '') ?? [];
+    if (start > from) throw new FetchError(`${this.#url}: the server sent bytes from ${start} on, not from ${from}`);
+    return { reader: body.getReader(), at: start - this.base, end: Math.min(Number(stop) + 1 - this.base, this.#size) };
   }
 }

@@ -9,8 +9,8 @@
 
 bool stream_sniff(const unsigned char *bytes, size_t size)
 {
-    static const char magic[] = "\x89TLD\r\n\x1a\n"; // SPEC.md, header
-    return size >= sizeof magic - 1 && memcmp(bytes, magic, sizeof magic - 1) == 0;
+    static const char magics[2][9] = {"\x89TLD\r\n\x1a\n", "\x89TLH\r\n\x1a\n"}; // SPEC.md, 3.1 and 3.10
+    return size >= 8 && (memcmp(bytes, magics[0], 8) == 0 || memcmp(bytes, magics[1], 8) == 0);
 }
 
 enum tetlod_status stream_read(struct blocks *out, const struct io_input *input, struct io_report *report,

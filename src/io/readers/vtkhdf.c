@@ -29,6 +29,7 @@ struct vtkhdf {
 struct part {
     uint64_t points, cells, connectivity; /* how many */
     uint64_t first_point, first_cell, first_offset, first_connectivity;
+    uint64_t points_before, cells_before; /* of the step's parts before */
 };
 
 /* An entry of the data set Steps/name: where a step begins. 0 if the file has no steps, or no such data set. */
@@ -135,7 +136,7 @@ struct walk {
     struct block *block;
     const char *group;
     bool cell;
-    uint64_t first, rows;
+    uint64_t first, rows, in_step; /* in_step: of the rows, those of the step's parts before */
     enum tetlod_status status;
 };
 
@@ -170,9 +171,12 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
     char offsets[300];
     struct h5_set set;
     struct point_field *field;
-    uint64_t first;
-    int length = snprintf(offsets, sizeof offsets, "%sOffsets/%s", w->group, name);
-    TETLOD_TRY(step_entry(w->v, length > 0 && (size_t)length < sizeof offsets ? offsets : "", &first));
+    uint64_t first = w->first;
+    int length = snprintf(offsets, sizeof offsets, "Steps/%sOffsets/%s", w->group, name);
+    if (w->v->has_steps && length > 0 && (size_t)length < sizeof offsets && h5_has(w->v->root, offsets)) {
+        TETLOD_TRY(step_entry(w->v, offsets + sizeof "Steps/" - 1, &first)); // where the step begins in this array
+        first += w->in_step;
+    }
     TETLOD_TRY(h5_open_set(w->v->root, path, w->v->size, &set, w->v->error));
     uint64_t width = set.rank == 2 ? set.dims[1] : 1;
     enum tetlod_status status = TETLOD_OK;
@@ -180,7 +184,7 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
         status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path,
                               (unsigned long long)w->rows);
     if (status == TETLOD_OK)
-        status = take_set(w, name, &set, width, first + w->first, w->rows, &field);
+        status = take_set(w, name, &set, width, first, w->rows, &field);
     if (status == TETLOD_OK && is_ghosts(name, width))
         status = block_take_ghosts(w->block, w->cell, w->v->report, w->v->error);
     H5Dclose(set.id);
@@ -208,9 +212,10 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     return w->status == TETLOD_OK ? 0 : -1;
 }
 
-static enum tetlod_status read_fields(struct vtkhdf *v, struct block *block, bool cell, uint64_t first, uint64_t rows)
+static enum tetlod_status read_fields(struct vtkhdf *v, struct block *block, bool cell, uint64_t first, uint64_t rows,
+                                      uint64_t in_step)
 {
-    struct walk w = {v, block, cell ? "CellData" : "PointData", cell, first, rows, TETLOD_OK};
+    struct walk w = {v, block, cell ? "CellData" : "PointData", cell, first, rows, in_step, TETLOD_OK};
     if (!rows || !h5_has(v->root, w.group))
         return TETLOD_OK;
     herr_t result = H5Literate_by_name(v->root, w.group, H5_INDEX_NAME, H5_ITER_INC, NULL, on_array, &w, H5P_DEFAULT);
@@ -228,8 +233,8 @@ static enum tetlod_status read_part(struct vtkhdf *v, const struct part *part)
     TETLOD_TRY(read_points(v, part, &block->mesh));
     if (part->cells)
         TETLOD_TRY(read_cells(v, part, &block->cells));
-    TETLOD_TRY(read_fields(v, block, false, part->first_point, part->points));
-    return read_fields(v, block, true, part->first_cell, part->cells);
+    TETLOD_TRY(read_fields(v, block, false, part->first_point, part->points, part->points_before));
+    return read_fields(v, block, true, part->first_cell, part->cells, part->cells_before);
 }
 
 /* Numbers of points, cells and corners of all parts of all steps. */
@@ -270,7 +275,9 @@ static enum tetlod_status read_parts(struct vtkhdf *v, const struct counts *c)
         part.connectivity = (uint64_t)c->connectivity[p];
         TETLOD_TRY(read_part(v, &part));
         part.first_point += part.points;
+        part.points_before += part.points;
         part.first_cell += part.cells;
+        part.cells_before += part.cells;
         part.first_offset += part.cells + 1;
         part.first_connectivity += part.connectivity;
     }
@@ -378,7 +385,7 @@ static enum tetlod_status read_image(struct vtkhdf *v)
                             "its WholeExtent is missing, or has more points than the file has values");
     TETLOD_TRY(make_points(v, block, extent));
     for (int cell = 0; cell < 2; cell++) {
-        struct walk w = {v, block, cell ? "CellData" : "PointData", cell, 0, cell ? block_cell_count(block) : points,
+        struct walk w = {v, block, cell ? "CellData" : "PointData", cell, 0, cell ? block_cell_count(block) : points, 0,
                          TETLOD_OK};
         if (w.rows && h5_has(v->root, w.group))
             H5Literate_by_name(v->root, w.group, H5_INDEX_NAME, H5_ITER_INC, NULL, on_image_array, &w, H5P_DEFAULT);

@@ -7,29 +7,25 @@
 
 #include "format/fail.h"
 #include "src/io/writers/facts.h"
+#include "src/io/writers/vtkhdf_file.h"
 #include "src/io/writers/writers.h"
-#include "src/io/services/h5.h"
 #include "src/io/writers/cell_lists.h"
 #include "src/mesh/mixed_cells.h"
 #include "src/util/array.h"
 
-struct writer {
-    hid_t file, root;
-    bool good;
-};
-
 /* Row by row chunks, compressed; data of `memory` type as `stored` type. */
-static void put_set(struct writer *w, const char *name, int rank, const hsize_t *dims, hid_t memory, hid_t stored,
-                    const void *data)
+static void put_set(struct vtkhdf_file *w, const char *name, int rank, const hsize_t *dims, bool grows, hid_t memory,
+                    hid_t stored, const void *data)
 {
-    enum { CHUNK_ROWS = 1 << 15 };
-    hsize_t chunk[2] = {dims[0] < CHUNK_ROWS ? dims[0] : CHUNK_ROWS, rank > 1 ? dims[1] : 1};
-    hid_t space = H5Screate_simple(rank, dims,
-                                   NULL), list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
+    enum { CHUNK_ROWS = 1 << 15, GROWING_ROWS = 1 << 10 };
+    const hsize_t width = rank > 1 ? dims[1] : 1, rows = grows && dims[0] < GROWING_ROWS ? GROWING_ROWS : dims[0];
+    const hsize_t chunk[2] = {rows < CHUNK_ROWS ? rows : CHUNK_ROWS, width}, ends[2] = {H5S_UNLIMITED, width};
+    hid_t space = H5Screate_simple(rank, dims, grows ? ends : NULL);
+    hid_t list = H5Pcreate(H5P_DATASET_CREATE), links = H5Pcreate(H5P_LINK_CREATE);
     w->good =
         w->good && H5Pset_create_intermediate_group(links, 1) >= 0 && H5Pset_char_encoding(links, H5T_CSET_UTF8) >= 0;
     w->good = w->good && H5Pset_obj_track_times(list, false) >= 0; // the same mesh, the same bytes
-    if (dims[0] > 1)
+    if (rows > 1)
         w->good = w->good && H5Pset_chunk(list, rank, chunk) >= 0 && H5Pset_deflate(list, 4) >= 0;
     hid_t set = w->good ? H5Dcreate2(w->root, name, stored, space, links, list, H5P_DEFAULT) : -1;
     w->good = set >= 0 && H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0;
@@ -39,7 +35,19 @@ static void put_set(struct writer *w, const char *name, int rank, const hsize_t 
     H5Sclose(space);
 }
 
-static void put_text_attribute(struct writer *w, hid_t where, const char *name, const char *value)
+void vtkhdf_put_set(struct vtkhdf_file *w, const char *name, int rank, const hsize_t *dims, hid_t memory, hid_t stored,
+                    const void *data)
+{
+    put_set(w, name, rank, dims, false, memory, stored, data);
+}
+
+void vtkhdf_put_growing(struct vtkhdf_file *w, const char *name, int rank, const hsize_t *dims, hid_t memory,
+                        hid_t stored, const void *data)
+{
+    put_set(w, name, rank, dims, true, memory, stored, data);
+}
+
+static void put_text_attribute(struct vtkhdf_file *w, hid_t where, const char *name, const char *value)
 {
     hid_t scalar = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
     H5Tset_size(text, strlen(value));
@@ -52,9 +60,9 @@ static void put_text_attribute(struct writer *w, hid_t where, const char *name, 
     H5Sclose(scalar);
 }
 
-static void put_attributes(struct writer *w)
+void vtkhdf_put_attributes(struct vtkhdf_file *w, int64_t major)
 {
-    const int64_t version[2] = {1, 0};
+    const int64_t version[2] = {major, 0};
     hsize_t two = 2;
     hid_t space = H5Screate_simple(1, &two, NULL);
     hid_t attribute = H5Acreate2(w->root, "Version", H5T_STD_I64LE, space, H5P_DEFAULT, H5P_DEFAULT);
@@ -64,13 +72,13 @@ static void put_attributes(struct writer *w)
     put_text_attribute(w, w->root, "Type", "UnstructuredGrid");
 }
 
-static hid_t float_type(enum tetlod_type type)
+hid_t vtkhdf_float_type(enum tetlod_type type)
 {
     return type == TETLOD_FLOAT32 ? H5T_IEEE_F32LE : H5T_IEEE_F64LE;
 }
 
 /* A unit as the attribute of a data set that netCDF, too, keeps it in. */
-static void put_unit(struct writer *w, const char *path, const char *unit)
+void vtkhdf_put_unit(struct vtkhdf_file *w, const char *path, const char *unit)
 {
     hid_t set = w->good ? H5Dopen2(w->root, path, H5P_DEFAULT) : -1;
     w->good = set >= 0;
@@ -79,7 +87,7 @@ static void put_unit(struct writer *w, const char *path, const char *unit)
 }
 
 /* The path of a data set in a group, to be freed; NULL: no memory. A '/' in a field's name would be a group. */
-static char *path_of(const char *group, const char *name)
+char *vtkhdf_path(const char *group, const char *name)
 {
     size_t before = strlen(group), length = strlen(name);
     char *path = array_new(before + length + 1, 1);
@@ -92,22 +100,22 @@ static char *path_of(const char *group, const char *name)
     return path;
 }
 
-static enum tetlod_status put_field(struct writer *w, const char *group, const struct point_field *field, uint64_t rows,
-                                    struct tetlod_error *error)
+static enum tetlod_status put_field(struct vtkhdf_file *w, const char *group, const struct point_field *field,
+                                    uint64_t rows, struct tetlod_error *error)
 {
     const hsize_t dims[2] = {rows, field->components};
-    char *path = path_of(group, field->name);
+    char *path = vtkhdf_path(group, field->name);
     if (!path)
         return tetlodi_fail_nomem(error, "a field's name", strlen(field->name));
-    put_set(w, path, field->components > 1 ? 2 : 1, dims, H5T_NATIVE_DOUBLE,
-            field->is_integer ? H5T_STD_I64LE : float_type(field->type), field->values);
+    vtkhdf_put_set(w, path, field->components > 1 ? 2 : 1, dims, H5T_NATIVE_DOUBLE,
+            field->is_integer ? H5T_STD_I64LE : vtkhdf_float_type(field->type), field->values);
     if (field->unit[0])
-        put_unit(w, path, field->unit);
+        vtkhdf_put_unit(w, path, field->unit);
     free(path);
     return TETLOD_OK;
 }
 
-static enum tetlod_status put_cells(struct writer *w, const struct tetmesh *mesh, struct tetlod_error *error)
+static enum tetlod_status put_cells(struct vtkhdf_file *w, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     const hsize_t tets = mesh->tet_count, ends = tets + 1, corners = 4 * tets;
     int64_t *offsets = array_new((size_t)ends, sizeof *offsets);
@@ -116,9 +124,9 @@ static enum tetlod_status put_cells(struct writer *w, const struct tetmesh *mesh
         memset(types, VTK_TYPE_TET, (size_t)tets);
         for (size_t i = 0; i < ends; i++)
             offsets[i] = 4 * (int64_t)i;
-        put_set(w, "Connectivity", 1, &corners, H5T_NATIVE_UINT32, H5T_STD_I64LE, mesh->corners);
-        put_set(w, "Offsets", 1, &ends, H5T_NATIVE_INT64, H5T_STD_I64LE, offsets);
-        put_set(w, "Types", 1, &tets, H5T_NATIVE_UINT8, H5T_STD_U8LE, types);
+        vtkhdf_put_set(w, "Connectivity", 1, &corners, H5T_NATIVE_UINT32, H5T_STD_I64LE, mesh->corners);
+        vtkhdf_put_set(w, "Offsets", 1, &ends, H5T_NATIVE_INT64, H5T_STD_I64LE, offsets);
+        vtkhdf_put_set(w, "Types", 1, &tets, H5T_NATIVE_UINT8, H5T_STD_U8LE, types);
     }
     bool nomem = !offsets || !types;
     free(offsets);
@@ -127,7 +135,7 @@ static enum tetlod_status put_cells(struct writer *w, const struct tetmesh *mesh
 }
 
 /* Cells of any kind but polyhedra, which the format has from a later version on. */
-static enum tetlod_status put_lists(struct writer *w, const struct cell_lists *lists, struct tetlod_error *error)
+static enum tetlod_status put_lists(struct vtkhdf_file *w, const struct cell_lists *lists, struct tetlod_error *error)
 {
     const hsize_t cells = lists->cell_count, ends = cells + 1, corners = lists->connectivity_count;
     if (lists->face_count)
@@ -137,39 +145,39 @@ static enum tetlod_status put_lists(struct writer *w, const struct cell_lists *l
     if (!offsets)
         return tetlodi_fail_nomem(error, "the cells", ends * sizeof *offsets);
     memcpy(offsets + 1, lists->ends, lists->cell_count * sizeof *offsets);
-    put_set(w, "Connectivity", 1, &corners, H5T_NATIVE_UINT32, H5T_STD_I64LE, lists->connectivity);
-    put_set(w, "Offsets", 1, &ends, H5T_NATIVE_UINT32, H5T_STD_I64LE, offsets);
-    put_set(w, "Types", 1, &cells, H5T_NATIVE_UINT32, H5T_STD_U8LE, lists->types);
+    vtkhdf_put_set(w, "Connectivity", 1, &corners, H5T_NATIVE_UINT32, H5T_STD_I64LE, lists->connectivity);
+    vtkhdf_put_set(w, "Offsets", 1, &ends, H5T_NATIVE_UINT32, H5T_STD_I64LE, offsets);
+    vtkhdf_put_set(w, "Types", 1, &cells, H5T_NATIVE_UINT32, H5T_STD_U8LE, lists->types);
     free(offsets);
     return TETLOD_OK;
 }
 
-static enum tetlod_status put_fact(struct writer *w, const struct fact *fact, struct tetlod_error *error)
+static enum tetlod_status put_fact(struct vtkhdf_file *w, const struct fact *fact, struct tetlod_error *error)
 {
     char group[64];
     snprintf(group, sizeof group, "FieldData/%s%s", fact->name, fact->field ? " " : "");
     const hsize_t rows = fact->codes ? strlen(fact->codes) : 1;
-    char *path = path_of(group, fact->field ? fact->field : "");
+    char *path = vtkhdf_path(group, fact->field ? fact->field : "");
     if (!path)
         return tetlodi_fail_nomem(error, "a field's name", strlen(group));
-    put_set(w, path, 1, &rows, fact->codes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE,
+    vtkhdf_put_set(w, path, 1, &rows, fact->codes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE,
             fact->codes ? H5T_STD_U8LE : H5T_IEEE_F64LE, fact->codes ? (const void *)fact->codes : &fact->value);
     free(path);
     return TETLOD_OK;
 }
 
-static enum tetlod_status put_mesh(struct writer *w, const struct tetmesh *mesh, struct tetlod_error *error)
+enum tetlod_status vtkhdf_put_mesh(struct vtkhdf_file *w, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     const hsize_t one = 1, points[2] = {mesh->vertex_count, 3};
     int64_t counts[3] = {mesh->vertex_count, mesh->tet_count, 4 * (int64_t)mesh->tet_count};
     struct cell_lists lists = {0};
     enum tetlod_status status = mesh->cells ? cell_lists_make(&lists, mesh->cells, error) : TETLOD_OK;
     counts[2] = mesh->cells ? (int64_t)lists.connectivity_count : counts[2];
-    put_attributes(w);
-    put_set(w, "NumberOfPoints", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[0]);
-    put_set(w, "NumberOfCells", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[1]);
-    put_set(w, "NumberOfConnectivityIds", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[2]);
-    put_set(w, "Points", 2, points, H5T_NATIVE_DOUBLE, float_type(mesh->position_type), mesh->positions);
+    vtkhdf_put_attributes(w, 1);
+    vtkhdf_put_set(w, "NumberOfPoints", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[0]);
+    vtkhdf_put_set(w, "NumberOfCells", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[1]);
+    vtkhdf_put_set(w, "NumberOfConnectivityIds", 1, &one, H5T_NATIVE_INT64, H5T_STD_I64LE, &counts[2]);
+    vtkhdf_put_set(w, "Points", 2, points, H5T_NATIVE_DOUBLE, vtkhdf_float_type(mesh->position_type), mesh->positions);
     if (status == TETLOD_OK)
         status = mesh->cells ? put_lists(w, &lists, error) : put_cells(w, mesh, error);
     cell_lists_fini(&lists);
@@ -185,34 +193,52 @@ static enum tetlod_status put_mesh(struct writer *w, const struct tetmesh *mesh,
     return TETLOD_OK;
 }
 
-static enum tetlod_status send_image(hid_t file, const struct tetlodi_sink *sink, struct tetlod_error *error)
+bool vtkhdf_create(struct vtkhdf_file *out, hsize_t user_block)
 {
-    ssize_t size = H5Fget_file_image(file, NULL, 0);
-    unsigned char *image = size > 0 ? array_new((size_t)size, 1) : NULL;
-    enum tetlod_status status = TETLOD_OK;
-    if (!image || H5Fget_file_image(file, image, (size_t)size) < 0)
-        status = tetlodi_fail_nomem(error, "the HDF5 file", size > 0 ? (uint64_t)size : 0);
-    else
-        status = sink->write(sink->opaque, image, (size_t)size);
-    free(image);
-    return status;
+    enum { GROWTH = 1 << 22 };
+    H5Eset_auto2(H5E_DEFAULT, NULL, NULL); // it would print
+    hid_t access = H5Pcreate(H5P_FILE_ACCESS), creation = H5Pcreate(H5P_FILE_CREATE);
+    *out = (struct vtkhdf_file){-1, -1, (size_t)user_block, H5Pset_fapl_core(access, GROWTH, 0) >= 0};
+    out->good = out->good && (!user_block || H5Pset_userblock(creation, user_block) >= 0);
+    out->file = out->good ? H5Fcreate("vtkhdf", H5F_ACC_TRUNC, creation, access) : -1;
+    out->good = out->file >= 0;
+    H5Pclose(creation);
+    H5Pclose(access);
+    return out->good;
+}
+
+void vtkhdf_begin(struct vtkhdf_file *w)
+{
+    w->root = w->good ? H5Gcreate2(w->file, "VTKHDF", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT) : -1;
+    w->good = w->root >= 0;
+}
+
+unsigned char *vtkhdf_image(struct vtkhdf_file *w, size_t *size)
+{
+    void **image = NULL;
+    w->good = w->good && H5Fflush(w->file, H5F_SCOPE_LOCAL) >= 0;
+    const ssize_t end = w->good ? H5Fget_file_image(w->file, NULL, 0) : -1; // as HDF5 counts: behind the user block
+    w->good = end > 0 && H5Fget_vfd_handle(w->file, H5P_DEFAULT, (void **)&image) >= 0;
+    *size = w->good ? (size_t)end + w->user_block : 0;
+    return w->good ? *image : NULL;
+}
+
+void vtkhdf_close(struct vtkhdf_file *w)
+{
+    H5Gclose(w->root);
+    H5Fclose(w->file);
 }
 
 enum tetlod_status vtkhdf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    enum { GROWTH = 1 << 22 };
-    H5Eset_auto2(H5E_DEFAULT, NULL, NULL); // it would print
-    hid_t access = H5Pcreate(H5P_FILE_ACCESS);
-    struct writer w = {-1, -1, H5Pset_fapl_core(access, GROWTH, 0) >= 0};
-    w.file = w.good ? H5Fcreate("vtkhdf", H5F_ACC_TRUNC, H5P_DEFAULT, access) : -1;
-    w.root = w.file >= 0 ? H5Gcreate2(w.file, "VTKHDF", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT) : -1;
-    w.good = w.root >= 0;
-    enum tetlod_status status = w.good ? put_mesh(&w, mesh, error) : TETLOD_OK;
-    w.good = w.good && H5Fflush(w.file, H5F_SCOPE_LOCAL) >= 0;
+    struct vtkhdf_file w;
+    vtkhdf_create(&w, 0);
+    vtkhdf_begin(&w);
+    enum tetlod_status status = w.good ? vtkhdf_put_mesh(&w, mesh, error) : TETLOD_OK;
+    size_t size;
+    unsigned char *image = vtkhdf_image(&w, &size);
     if (status == TETLOD_OK)
-        status = w.good ? send_image(w.file, sink, error) : tetlodi_fail_nomem(error, "the HDF5 file", 0);
-    H5Gclose(w.root);
-    H5Fclose(w.file);
-    H5Pclose(access);
+        status = image ? sink->write(sink->opaque, image, size) : tetlodi_fail_nomem(error, "the HDF5 file", 0);
+    vtkhdf_close(&w);
     return status;
 }

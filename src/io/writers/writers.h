@@ -23,7 +23,7 @@ TETLOD_CHECKED enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const
 
 /* The other formats. */
 io_writer gmsh_write, stl_write, ply_write, medit_write, meshb_write, sol_write, xdmf_write, vtkhdf_write, exodus_write,
-    vtp_write, glb_write;
+    vtp_write, glb_write, usda_write;
 
 /* Of a surface that was cut out of the mesh, with the mesh's fields of points: binary STL, which has no fields, VTP and
  * binary glTF 2.0. */

@@ -1,0 +1,21 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The decoder of the browser gives what format/conformance has for every stream."""
+import os
+import subprocess
+import sys
+
+from tap import finish, report
+
+ROOT = os.environ['ROOT']
+KIT = os.path.join(ROOT, 'format', 'conformance')
+if not os.path.exists(os.path.join(ROOT, 'build', 'client', 'tetlod.wasm')):
+    report('the decoder of the browser', True, skip='it was not built')
+    sys.exit(finish())
+reader = "node '%s' %%s" % os.path.join(KIT, 'wasm_reader.mjs')
+for part in ('valid/profile_0', 'valid/cells_', 'golden/series_', 'golden/topologies', 'golden/paged',
+             'invalid/parents_'):
+    done = subprocess.run([os.path.join(KIT, 'run'), '--reader', reader, '--only', part], stdout=subprocess.PIPE,
+                          text=True)
+    report('streams ' + part, done.returncode == 0, done.stdout)
+sys.exit(finish())
