@@ -118,8 +118,7 @@ static void find_pages(const struct tetlodi_replay *replay, const struct tetlodi
     }
 }
 
-/* Leaves out the tetrahedra that are in no chosen page. */
-static void leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of)
+void tetlodi_page_leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of)
 {
     for (uint32_t t = 0; t < tets; t++) {
         if (choice->left_out[t] >= choice->level) // of what was there before this level was begun again, or not known
@@ -170,7 +169,7 @@ int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct 
     memset(lists->stamps, 0, pages * sizeof *lists->stamps);
     find_pages(replay, group, lists->page_of);
     if (choice)
-        leave_out(choice, replay->tets, lists->page_of);
+        tetlodi_page_leave_out(choice, replay->tets, lists->page_of);
     for (uint32_t v = 0; v < replay->vertices; v++)
         list_vertex(lists, replay, v, true);
     size_t count = 0;

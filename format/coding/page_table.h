@@ -93,6 +93,9 @@ struct tetlodi_page_choice {
     uint32_t *left_out;    /* [tet] the level whose page was left out; those of coarser levels are known */
 };
 
+/* Leaves out the tetrahedra that are in no chosen page: they have none. */
+void tetlodi_page_leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of);
+
 /* The same of some pages. */
 int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
                                  const struct tetlodi_group *group, const struct tetlodi_page_choice *choice);

@@ -690,3 +690,22 @@ int tetlodi_level_next(struct tetlodi_recorder *recorder)
 {
     return step_inline(recorder, walk_end(recorder), 0, 0);
 }
+
+enum tetlod_status tetlodi_check_ends(const struct tetlodi_recorder *recorder, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < recorder->replay->column_count; c++) {
+        const struct tetlodi_coder *coder = &recorder->coders[c];
+        if (coder->bad)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "it holds what no writer writes");
+        for (const uint8_t *at = coder->at; at < coder->end; at++)
+            if (*at)
+                return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has bytes that belong to nothing");
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_fail_field(int bad, struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_STREAM, bad == BAD_VALUE ? "a record holds a value that is not finite"
+                                                                   : "a record holds what no writer writes");
+}

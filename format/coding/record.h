@@ -40,6 +40,13 @@ bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t colum
 int tetlodi_level_says(struct tetlodi_recorder *recorder, int split);
 int tetlodi_level_next(struct tetlodi_recorder *recorder);
 
+/* Frames hold what an encoder writes, and end where that ends, but for zero bytes. */
+TETLOD_CHECKED enum tetlod_status tetlodi_check_ends(const struct tetlodi_recorder *recorder,
+                                                     struct tetlod_error *error);
+
+/* Says what is wrong with a field's frame: its coder's `bad`. */
+enum tetlod_status tetlodi_fail_field(int bad, struct tetlod_error *error);
+
 /* Codes one record, logs it and applies it. A decoder decodes fields later, from the log. On failure the mesh is as it
  * was. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,

@@ -161,6 +161,16 @@ int tetlodi_replay_log_labels(struct tetlodi_replay *replay, const uint8_t *labe
     return 1;
 }
 
+/* Puts up to 32 labels, the first in the lowest bit, at number `at` of the log, behind what is there. There is room. */
+static void put_labels(struct tetlodi_replay *replay, size_t at, uint32_t labels)
+{
+    uint8_t *byte = replay->labels + (at >> 3);
+    unsigned have = at & 7;
+    uint64_t bits = (uint64_t)labels << have | (*byte & ((1u << have) - 1));
+    for (int i = 0; i < 5; i++)
+        byte[i] = (uint8_t)(bits >> 8 * i);
+}
+
 /* The log's labels from number `at` on, the first in the lowest bit: 32 of them, those from `count` on 0. */
 static uint32_t labels_at(const struct tetlodi_replay *replay, size_t at, uint32_t count)
 {
@@ -270,6 +280,66 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay)
     replay->label -= size;
     replay->vertices--;
     replay->splits--;
+    return 1;
+}
+
+/* A column's values before the records of a part. */
+static int append_column(struct tetlodi_replay *replay, uint32_t c, const struct tetlodi_replay *part)
+{
+    struct tetlodi_column *column = &replay->columns[c];
+    size_t n = column->components, records = replay->records + (size_t)part->records;
+    if (!TETLODI_ROOM(replay->memory, column->before, column->before_capacity, records * n))
+        return 0;
+    memcpy(column->before + replay->records * n, part->columns[c].before, part->records * n * sizeof(int64_t));
+    return 1;
+}
+
+int tetlodi_replay_append(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
+                          uint32_t count, uint32_t first)
+{
+    size_t labels = replay->label + part->label, splits = replay->all_splits + (size_t)part->splits;
+    if (!TETLODI_ROOM(replay->memory, replay->log, replay->log_capacity, splits) ||
+        !TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, labels / 8 + 9))
+        return 0;
+    for (uint32_t c = 0; c < replay->column_count; c++)
+        if (!append_column(replay, c, part))
+            return 0;
+    for (size_t at = 0; at < part->label; at += 32)
+        put_labels(replay, replay->label + at,
+                   labels_at(part, at, part->label - at < 32 ? (uint32_t)(part->label - at) : 32));
+    for (uint32_t s = 0; s < part->splits; s++) {
+        uint32_t v = part->log[s].vertex;
+        replay->log[replay->splits++] =
+            (struct tetlodi_split){v < count ? listed[v] : first + (v - count), part->log[s].tets};
+        replay->tets += part->log[s].tets & ~SPLIT_FIRST;
+    }
+    replay->label = labels;
+    replay->vertices += part->splits;
+    replay->records += part->records;
+    for (uint32_t c = 0; c < replay->column_count; c++)
+        replay->columns[c].records = replay->records;
+    tetlodi_replay_forget(replay);
+    return 1;
+}
+
+int tetlodi_replay_restar(struct tetlodi_replay *replay)
+{
+    struct tetlodi_star *stars = replay->stars;
+    size_t corners = (size_t)replay->tets * 4;
+    replay->pool_size = 0;
+    for (int i = 0; i < STAR_CLASSES; i++)
+        replay->free_runs[i] = TETLOD_NONE;
+    for (uint32_t v = 0; v < replay->vertices; v++)
+        stars[v] = (struct tetlodi_star){.leaf = stars[v].leaf};
+    for (size_t i = 0; i < corners; i++)
+        stars[replay->corners[i]].room++;
+    for (uint32_t v = 0; v < replay->vertices; v++)
+        if (!run_take(replay, stars[v].room, &stars[v]))
+            return 0;
+    for (size_t i = 0; i < corners; i++) {
+        struct tetlodi_star *star = &stars[replay->corners[i]];
+        replay->pool[star->at + star->size++] = (uint32_t)i;
+    }
     return 1;
 }
 

@@ -87,6 +87,15 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay);
 int tetlodi_replay_forward(struct tetlodi_replay *replay);
 int tetlodi_replay_back(struct tetlodi_replay *replay);
 
+/* Appends the log of a part of the mesh that was split by itself, and counts what it added: vertex v of the part is
+ * listed[v], or, from `count` on, first + (v - count). Positions, values, corners and parents are in place; stars are
+ * not: tetlodi_replay_restar makes them. 0 if out of memory, with nothing changed. */
+int tetlodi_replay_append(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
+                          uint32_t count, uint32_t first);
+
+/* Makes all stars anew from corners. 0 if out of memory: then there are none. */
+int tetlodi_replay_restar(struct tetlodi_replay *replay);
+
 /* Forgets what the log holds beyond the present. */
 void tetlodi_replay_forget(struct tetlodi_replay *replay);
 

@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#if (defined(__unix__) || defined(__APPLE__)) && !defined(__wasm__)
+#if TETLODI_THREADS
 #include <pthread.h>
 #include <stdlib.h>
 

@@ -5,6 +5,13 @@
 
 #include <stdint.h>
 
+/* Are there ever any? */
+#if (defined(__unix__) || defined(__APPLE__)) && !defined(__wasm__)
+#define TETLODI_THREADS 1
+#else
+#define TETLODI_THREADS 0
+#endif
+
 struct tetlodi_helpers;
 
 /* So many threads beside the caller's, fewer if some cannot be started; NULL if none can: everything works without. */

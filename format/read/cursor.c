@@ -12,6 +12,7 @@
 #include "format/coding/record_fields.h"
 #include "format/coding/tail.h"
 #include "format/fail.h"
+#include "format/read/page_parts.h"
 
 /* Records whose fields are decoded in one go: enough that waking helpers costs little, few enough for the cache. */
 enum { FIELD_RECORDS = 96 };
@@ -106,18 +107,9 @@ static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t lev
     return status;
 }
 
-/* Frames hold what an encoder writes, and end where that ends, but for zero bytes. */
 static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
-        const struct tetlodi_coder *coder = &cursor->recorder.coders[c];
-        if (coder->bad)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "it holds what no writer writes");
-        for (const uint8_t *at = coder->at; at < coder->end; at++)
-            if (*at)
-                return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has bytes that belong to nothing");
-    }
-    return TETLOD_OK;
+    return tetlodi_check_ends(&cursor->recorder, error);
 }
 
 /* Room for a level's mesh and columns. */
@@ -171,24 +163,44 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     return tetlodi_replay_base(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
 
-/* Which page each tetrahedron is in, and what vertices pages have. */
-static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+/* Whole levels in pages are decoded by all helpers, a part of one by this thread. */
+static bool decodes_pages_at_once(const struct tetlod_cursor *cursor, uint32_t most)
 {
-    const struct tetlodi_group *group = cursor->group;
+    return TETLODI_THREADS && cursor->group && cursor->helpers && most == UINT32_MAX && !cursor->recorder.paged;
+}
+
+/* Stars of the mesh as it is, where pages were decoded without them. */
+static enum tetlod_status make_stars(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    if (cursor->starless && !tetlodi_replay_restar(&cursor->replay))
+        return tetlodi_no_room(&cursor->memory, error);
+    cursor->starless = 0;
+    return TETLOD_OK;
+}
+
+/* Room for what is left out of a level, of some pages. */
+static enum tetlod_status begin_choice(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
     size_t known = cursor->left_out_capacity, tets = cursor->tets[level];
-    if (!cursor->chosen)
-        return tetlodi_page_lists_make(&cursor->lists, &cursor->replay, group)
-                   ? TETLOD_OK
-                   : tetlodi_no_room(&cursor->memory, error);
     if (!TETLODI_ROOM(&cursor->memory, cursor->left_out, cursor->left_out_capacity, tets))
         return tetlodi_no_room(&cursor->memory, error);
     for (; known < cursor->left_out_capacity; known++)
         cursor->left_out[known] = TETLOD_NONE;
-    struct tetlodi_page_choice choice = {cursor->chosen + group->first_page, level, cursor->left_out};
-    if (!tetlodi_page_lists_make_some(&cursor->lists, &cursor->replay, group, &choice))
-        return tetlodi_no_room(&cursor->memory, error);
-    for (size_t t = cursor->replay.tets; t < tets; t++) // of pages that are there
+    for (size_t t = cursor->replay.tets; t < tets; t++) // of pages that will be there
         cursor->left_out[t] = TETLOD_NONE;
+    return TETLOD_OK;
+}
+
+/* Which page each tetrahedron is in, and what vertices pages have. */
+static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    const struct tetlodi_group *group = cursor->group;
+    struct tetlodi_page_choice choice = {.level = level, .left_out = cursor->left_out};
+    TETLOD_TRY(make_stars(cursor, error));
+    if (cursor->chosen)
+        choice.chosen = cursor->chosen + group->first_page;
+    if (!tetlodi_page_lists_make_some(&cursor->lists, &cursor->replay, group, cursor->chosen ? &choice : NULL))
+        return tetlodi_no_room(&cursor->memory, error);
     return TETLOD_OK;
 }
 
@@ -199,7 +211,7 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
     TETLOD_TRY(make_room(cursor, level, error));
     tetlodi_level_begin(&cursor->recorder, cursor->vertices[level], cursor->tets[level]);
     cursor->next_page = 0;
-    return cursor->group ? list_pages(cursor, level, error) : TETLOD_OK;
+    return cursor->group && cursor->chosen ? begin_choice(cursor, level, error) : TETLOD_OK;
 }
 
 static int decode_field(void *opaque, uint32_t number)
@@ -218,9 +230,7 @@ static enum tetlod_status end_fields(struct tetlod_cursor *cursor, struct tetlod
     cursor->decoding = NULL;
     for (uint32_t c = 1; c < cursor->replay.column_count; c++)
         if (cursor->recorder.coders[c].bad)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, cursor->recorder.coders[c].bad == BAD_VALUE
-                                                              ? "a record holds a value that is not finite"
-                                                              : "a record holds what no writer writes");
+            return tetlodi_fail_field(cursor->recorder.coders[c].bad, error);
     return TETLOD_OK;
 }
 
@@ -290,6 +300,13 @@ static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, uint32_t
 static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most,
                                          struct tetlod_error *error)
 {
+    if (decodes_pages_at_once(cursor, *most)) {
+        TETLOD_TRY(tetlodi_decode_pages(cursor, level, error));
+        cursor->starless = 1;
+        return TETLOD_OK;
+    }
+    if (cursor->group && !cursor->recorder.paged) // before its first page, which it may not have
+        TETLOD_TRY(list_pages(cursor, level, error));
     struct tetlod_error later = {0};
     enum tetlod_status status = decode_geometry(cursor, level, most, &later);
     TETLOD_TRY(end_fields(cursor, error)); // of records before: that failure is the first
@@ -431,6 +448,8 @@ static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *mo
 /* To the end of the log, behind which decoding goes on. */
 static enum tetlod_status go_to_end(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
+    if (cursor->replay.records < cursor->replay.all_records)
+        TETLOD_TRY(make_stars(cursor, error));
     while (cursor->replay.records < cursor->replay.all_records)
         if (!tetlodi_replay_forward(&cursor->replay))
             return tetlodi_no_room(&cursor->memory, error);
@@ -566,6 +585,7 @@ static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, s
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t most = 1;
+    TETLOD_TRY(make_stars(cursor, error));
     if (replay->records < replay->all_records)
         return tetlodi_replay_forward(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
     if (cursor->decoded < level) {
@@ -580,6 +600,7 @@ static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, s
 
 static enum tetlod_status one_down(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
+    TETLOD_TRY(make_stars(cursor, error));
     if (cursor->exact)
         exchange_exact(cursor);
     else if (!tetlodi_replay_back(&cursor->replay))
@@ -632,6 +653,8 @@ enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t l
     struct tetlodi_replay *replay = &cursor->replay;
     if (cursor->exact && !is_tail(cursor, level))
         exchange_exact(cursor);
+    if (replay->records != cursor->records[level])
+        TETLOD_TRY(make_stars(cursor, error));
     while (replay->records < cursor->records[level])
         if (!tetlodi_replay_forward(replay))
             return tetlodi_no_room(&cursor->memory, error);
@@ -654,7 +677,8 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
 enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     TETLOD_TRY(check_level(cursor, level, error));
-    if (level > cursor->decoded && cursor->replay.column_count > 1 && cursor->file->options.threads > 1)
+    if (level > cursor->decoded && cursor->file->options.threads > 1 &&
+        (cursor->replay.column_count > 1 || cursor->file->index.pages.group_count))
         cursor->helpers = tetlodi_helpers_new(cursor->file->options.threads - 1);
     enum tetlod_status status = move_to(cursor, level, error);
     tetlodi_helpers_free(cursor->helpers);

@@ -29,6 +29,7 @@ struct tetlod_cursor {
     uint64_t frame_bytes;      /* theirs */
     const struct tetlodi_group *group; /* of pages, that is being decoded; NULL: the level has none */
     struct tetlodi_page_lists lists;   /* the group's */
+    int starless;            /* the replay's stars are not those of its mesh */
     uint32_t next_page;      /* the page after the one that is being decoded */
     uint8_t *chosen;         /* [page] those that levels have; NULL: all of them */
     uint32_t chosen_level;   /* the finest with any, if not all are */

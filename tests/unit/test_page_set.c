@@ -300,6 +300,86 @@ static void test_places(void)
     CHECK(inside > 300);
 }
 
+/* On several threads all is as on one: sets, whole levels, the way back, and what damage leaves. */
+static void test_threads(void)
+{
+    uint32_t state = 13;
+    for (uint32_t threads = 2; threads <= 5; threads++) {
+        struct tetlod_options options = {.struct_size = sizeof options, .threads = threads};
+        struct tetlod_file *other;
+        struct tetlod_cursor *alone, *together;
+        REQUIRE(tetlod_open_memory(&other, bytes, size, &options, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_cursor_new(&alone, file, NULL, 0, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_cursor_new(&together, other, NULL, 0, NULL) == TETLOD_OK);
+        for (int trial = 0; trial < 20; trial++) {
+            uint32_t level = chance(&state, info->level_count), records = chance(&state, 300);
+            if (trial % 4 == 1) { // other pages
+                struct tetlod_page_set *set, *same_set;
+                uint32_t from = info->first_paged_level + chance(&state, finest() - info->first_paged_level + 1);
+                uint32_t page = chance(&state, tetlod_page_count(file, from));
+                REQUIRE(tetlod_page_set_new(&set, file, 0, NULL, 0, NULL) == TETLOD_OK);
+                REQUIRE(tetlod_page_set_new(&same_set, other, 0, NULL, 0, NULL) == TETLOD_OK);
+                CHECK_INT(tetlod_page_set_add(set, from, page, NULL), TETLOD_OK);
+                CHECK_INT(tetlod_page_set_add(same_set, from, page, NULL), TETLOD_OK);
+                CHECK_INT(tetlod_cursor_select(alone, set, NULL), TETLOD_OK);
+                CHECK_INT(tetlod_cursor_select(together, same_set, NULL), TETLOD_OK);
+                CHECK(same(alone, together));
+                tetlod_page_set_free(set);
+                tetlod_page_set_free(same_set);
+                level = from;
+            } else if (trial % 4 == 3) {
+                CHECK_INT(tetlod_cursor_select(alone, NULL, NULL), TETLOD_OK);
+                CHECK_INT(tetlod_cursor_select(together, NULL, NULL), TETLOD_OK);
+            } else if (trial % 4 == 2) {
+                level = level < info->first_paged_level ? level : info->first_paged_level;
+            }
+            CHECK_INT(tetlod_cursor_seek(alone, level, NULL), tetlod_cursor_seek(together, level, NULL));
+            CHECK(same(alone, together));
+            enum tetlod_status a = tetlod_cursor_step(alone, 0, records, NULL);
+            CHECK_INT(tetlod_cursor_step(together, 0, records, NULL), a);
+            CHECK(same(alone, together));
+            a = tetlod_cursor_step(alone, level, records / 2, NULL);
+            CHECK_INT(tetlod_cursor_step(together, level, records / 2, NULL), a);
+            CHECK(same(alone, together));
+        }
+        tetlod_cursor_free(alone);
+        tetlod_cursor_free(together);
+        tetlod_close(other);
+    }
+}
+
+/* A damaged page: the same failure on any number of threads, and the level before it is whole. */
+static void test_damage(void)
+{
+    uint32_t state = 17;
+    for (int trial = 0; trial < 24; trial++) {
+        uint32_t level = info->first_paged_level + chance(&state, finest() - info->first_paged_level + 1);
+        uint64_t from = info->levels[level].offset, length = info->levels[level].end - from;
+        uint64_t at = from + chance(&state, (uint32_t)length);
+        struct tetlod_error errors[2] = {{0}};
+        struct tetlod_cursor *cursors[2];
+        struct tetlod_file *files[2];
+        bytes[at] ^= 4;
+        for (uint32_t i = 0; i < 2; i++) {
+            struct tetlod_options options = {.struct_size = sizeof options, .threads = 1 + 2 * i};
+            REQUIRE(tetlod_open_memory(&files[i], bytes, size, &options, NULL) == TETLOD_OK);
+            REQUIRE(tetlod_cursor_new(&cursors[i], files[i], NULL, 0, NULL) == TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(cursors[i], finest(), &errors[i]), TETLOD_ERR_CHECKSUM);
+        }
+        CHECK_TEXT(errors[0].message, errors[1].message);
+        CHECK(same(cursors[0], cursors[1]));
+        bytes[at] ^= 4;
+        for (int i = 0; i < 2; i++)
+            CHECK_INT(tetlod_cursor_seek(cursors[i], finest(), NULL), TETLOD_OK); // it was written anew
+        CHECK(same(cursors[0], cursors[1]));
+        for (int i = 0; i < 2; i++) {
+            CHECK_INT(tetlod_cursor_seek(cursors[i], 0, NULL), TETLOD_OK);
+            tetlod_cursor_free(cursors[i]);
+            tetlod_close(files[i]);
+        }
+    }
+}
+
 static void test_refusals(void)
 {
     struct tetlod_page_set *set;
@@ -326,6 +406,8 @@ int main(void)
     RUN(test_numbers);
     RUN(test_spans);
     RUN(test_places);
+    RUN(test_threads);
+    RUN(test_damage);
     RUN(test_refusals);
     tetlod_close(file);
     free(bytes);

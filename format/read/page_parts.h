@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * A level in pages, decoded on several threads (SPEC 7.6): pages of a level touch no tetrahedron of each other, so each
+ * is decoded as a small mesh of its own, whose numbers are its own, and put back. The result is that of one thread. Not
+ * installed.
+ */
+#ifndef TETLOD_PAGE_PARTS_H
+#define TETLOD_PAGE_PARTS_H
+
+#include "format/read/cursor.h"
+
+/* Decodes all pages of the level that has begun, whose counts are known and for which there is room. The cursor has
+ * helpers, and its log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On failure the mesh
+ * is as it was, but for stars. */
+TETLOD_CHECKED enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level,
+                                                       struct tetlod_error *error);
+
+#endif
