@@ -7,7 +7,7 @@
 #ifndef TETLOD_PAGE_PARTS_H
 #define TETLOD_PAGE_PARTS_H
 
-#include "format/read/cursor.h"
+#include "format/read/cursor_state.h"
 
 /* Decodes all pages of the level that has begun, whose counts are known and for which there is room. The cursor has
  * helpers, and its log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On failure the mesh
