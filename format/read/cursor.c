@@ -706,8 +706,10 @@ enum tetlod_status tetlodi_cursor_choose(struct tetlod_cursor *cursor, const uin
 {
     const struct tetlodi_page_table *table = &cursor->file->index.pages;
     uint32_t first = first_change(cursor, chosen), kept = first - 1 < cursor->decoded ? first - 1 : cursor->decoded;
-    uint8_t *copy = chosen ? malloc(table->page_count) : NULL;
+    uint8_t *copy = NULL;
     enum tetlod_status status = TETLOD_OK;
+    if (chosen)
+        copy = malloc(table->page_count);
     if (chosen && !copy)
         return tetlodi_fail_nomem(error, "a set of pages", table->page_count);
     if (first <= cursor->decoded + 1) { // else nothing is there of what changes

@@ -429,26 +429,24 @@ static void level_fini(struct level *level)
     free(level->leaves);
 }
 
-/* A copy of an array; NULL: out of memory. */
-static void *copy_of(const void *array, size_t size)
-{
-    void *copy = malloc(size + 1);
-    if (copy && size)
-        memcpy(copy, array, size);
-    return copy;
-}
-
 /* What is there before the level. */
 static int remember(struct level *level)
 {
     const struct tetlodi_replay *replay = &level->cursor->replay;
-    level->corners = copy_of(replay->corners, 16 * (size_t)level->tets);
+    size_t corners = 4 * (size_t)level->tets;
+    level->corners = malloc((corners + 1) * sizeof *level->corners);
     level->codes = calloc(replay->column_count, sizeof *level->codes);
     level->leaves = malloc(level->vertices + (size_t)1);
     int done = level->corners && level->codes && level->leaves;
-    for (uint32_t c = 0; c < replay->column_count && done; c++)
-        done = (level->codes[c] = copy_of(replay->columns[c].codes, level->vertices * replay->columns[c].components *
-                                                                        sizeof(int64_t))) != NULL;
+    for (uint32_t c = 0; c < replay->column_count && done; c++) {
+        size_t count = level->vertices * (size_t)replay->columns[c].components;
+        level->codes[c] = malloc((count + 1) * sizeof *level->codes[c]);
+        done = level->codes[c] != NULL;
+        if (done)
+            memcpy(level->codes[c], replay->columns[c].codes, count * sizeof *level->codes[c]);
+    }
+    if (done && corners)
+        memcpy(level->corners, replay->corners, corners * sizeof *level->corners);
     for (uint32_t v = 0; v < level->vertices && done; v++)
         level->leaves[v] = (uint8_t)replay->stars[v].leaf;
     return done;
@@ -565,9 +563,10 @@ enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t l
         counted += replay->vertices * (uint64_t)replay->columns[c].components * 8;
     if (!tetlodi_count(&cursor->memory, counted))
         return tetlodi_no_room(&cursor->memory, error);
-    enum tetlod_status status = allocate(&all) ? decode_all(&all, error)
-                                               : tetlodi_fail_nomem(error, "a level in pages", replay->tets * (uint64_t)40);
-    if (status != TETLOD_OK && all.leaves) {
+    bool begins = allocate(&all);
+    enum tetlod_status status = begins ? decode_all(&all, error)
+                                       : tetlodi_fail_nomem(error, "a level in pages", replay->tets * (uint64_t)40);
+    if (status != TETLOD_OK && begins) {
         put_back(&all);
         replay->splits = splits;
         replay->records = records;
