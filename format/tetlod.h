@@ -233,7 +233,8 @@ struct tetlod_options {
     void *(*allocate)(void *opaque, void *block, size_t size);
     void *opaque;
     /* Threads that tetlod_cursor_seek decodes with, each a field, or a page of a level in pages; the caller's is one; 0
-     * and 1: that one alone. They end before it returns. The source's `read` is called by all of them. Results do not depend on it. */
+     * and 1: that one alone. They end before it returns. The source's `read` is called by all of them. Results do not
+     * depend on it. */
     uint32_t threads;
 };
 
