@@ -169,8 +169,7 @@ static bool decodes_pages_at_once(const struct tetlod_cursor *cursor, uint32_t m
     return TETLODI_THREADS && cursor->group && cursor->helpers && most == UINT32_MAX && !cursor->recorder.paged;
 }
 
-/* Stars of the mesh as it is, where pages were decoded without them. */
-static enum tetlod_status make_stars(struct tetlod_cursor *cursor, struct tetlod_error *error)
+enum tetlod_status tetlodi_cursor_stars(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     if (cursor->starless && !tetlodi_replay_restar(&cursor->replay))
         return tetlodi_no_room(&cursor->memory, error);
@@ -196,7 +195,7 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t leve
 {
     const struct tetlodi_group *group = cursor->group;
     struct tetlodi_page_choice choice = {.level = level, .left_out = cursor->left_out};
-    TETLOD_TRY(make_stars(cursor, error));
+    TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     if (cursor->chosen)
         choice.chosen = cursor->chosen + group->first_page;
     if (!tetlodi_page_lists_make_some(&cursor->lists, &cursor->replay, group, cursor->chosen ? &choice : NULL))
@@ -449,7 +448,7 @@ static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *mo
 static enum tetlod_status go_to_end(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     if (cursor->replay.records < cursor->replay.all_records)
-        TETLOD_TRY(make_stars(cursor, error));
+        TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     while (cursor->replay.records < cursor->replay.all_records)
         if (!tetlodi_replay_forward(&cursor->replay))
             return tetlodi_no_room(&cursor->memory, error);
@@ -585,7 +584,7 @@ static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, s
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t most = 1;
-    TETLOD_TRY(make_stars(cursor, error));
+    TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     if (replay->records < replay->all_records)
         return tetlodi_replay_forward(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
     if (cursor->decoded < level) {
@@ -600,7 +599,7 @@ static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, s
 
 static enum tetlod_status one_down(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    TETLOD_TRY(make_stars(cursor, error));
+    TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     if (cursor->exact)
         exchange_exact(cursor);
     else if (!tetlodi_replay_back(&cursor->replay))
@@ -654,7 +653,7 @@ enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t l
     if (cursor->exact && !is_tail(cursor, level))
         exchange_exact(cursor);
     if (replay->records != cursor->records[level])
-        TETLOD_TRY(make_stars(cursor, error));
+        TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     while (replay->records < cursor->records[level])
         if (!tetlodi_replay_forward(replay))
             return tetlodi_no_room(&cursor->memory, error);

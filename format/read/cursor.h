@@ -16,6 +16,9 @@ static inline uint32_t finest_level(const struct tetlod_cursor *cursor)
     return cursor->chosen ? cursor->chosen_level : cursor->file->index.info.level_count - 1;
 }
 
+/* Makes stars of the mesh as it is, where pages were decoded without them. */
+TETLOD_CHECKED enum tetlod_status tetlodi_cursor_stars(struct tetlod_cursor *cursor, struct tetlod_error *error);
+
 /* Forgets what the log holds beyond the present, which is decoded anew. */
 void tetlodi_cursor_forget(struct tetlod_cursor *cursor);
 
