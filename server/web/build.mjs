@@ -58,8 +58,8 @@ const refinerName = named('refine.js', refiner.outputFiles[0].contents);
 writeFileSync(join(made, refinerName), refiner.outputFiles[0].contents);
 // the worker is one file: it is asked for late, and would ask for the rest later still, but for what is seldom wanted
 const worker = await build({
-  ...options, entryPoints: ['client/worker.js'], write: false, metafile: true, external: [`./${refinerName}`],
-  plugins: [renamed('worker.js', { 'tetlod.wasm': wasmName, 'refine.wasm': refineName }), renamed('engine.js', { 'refine.js': refinerName })],
+  ...options, entryPoints: ['client/worker.js'], write: false, metafile: true,
+  plugins: [renamed('worker.js', { 'tetlod.wasm': wasmName, 'refine.wasm': refineName, 'refine.js': refinerName })],
 });
 const [{ contents }] = worker.outputFiles;
 const workerName = named('worker.js', contents);

@@ -69,8 +69,8 @@ export class Engine {
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
   #draft = null;      // {tets, resolve}: a picture of a coarser level that is wanted beside
-  #refining;          // promises the module that makes meshes finer in boxes
-  #refiner = null;    // such a mesh's maker, while one is wanted
+  #refining;          // promises a maker of meshes that are finer in boxes
+  #refiner = null;    // one, while such a mesh is wanted
   #finer = null;      // {key, level, counts} of the mesh that is shown, if it is such a one
   #unrefinable = '';  // key of one that could not be made
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
@@ -632,8 +632,7 @@ export class Engine {
   // Decodes on its own, in turns, as long as that is wanted.
   async #openRefiner(fine, key) {
     this.#refiner = null;
-    const { Refiner } = await import('./refine.js'); // a file of its own beside the worker's
-    const refiner = await Refiner.create(await this.#refining());
+    const refiner = await this.#refining();
     const selected = this.#source.partial ? this.#source.fields : null;
     refiner.open(this.#view.added, { fields: this.#fields, selected, level: fine });
     while (!this.#closed && key === this.#boxesWanted && !refiner.grow()) await this.#takeTurn();

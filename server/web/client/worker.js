@@ -36,8 +36,13 @@ function takeBytes({ id, bytes, failure }) {
   else resolve(bytes);
 }
 
-// Of what makes a mesh finer in boxes, which is beside the worker: a copy of the worker in a page has none.
-const refining = () => moduleOf(new URL('./refine.wasm', import.meta.url).href);
+// What makes a mesh finer in boxes lies beside the worker: a copy of the worker in a page has none. Bundlers take both
+// files as they are: a worker of theirs is one file.
+async function refining() {
+  const code = new URL('./refine.js', import.meta.url).href;
+  const { Refiner } = await import(/* webpackIgnore: true */ /* @vite-ignore */ code);
+  return Refiner.create(await moduleOf(new URL('./refine.wasm', import.meta.url).href));
+}
 
 const actions = {
   open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, source, ...options }) =>
