@@ -2,11 +2,9 @@
 // What is around the picture: the panel and its words, handles, keys, and what leaves the page.
 
 import { Axes } from './axes.js';
-import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
-import { Handles } from './handles.js';
 import { bindKeys } from './keys.js';
 import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, shownField, shownMeasure, spanOf, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
 import { promiseOf } from './promises.js';
@@ -141,7 +139,7 @@ function watch() {
     askForMore();
     tellShown();
   });
-  store.watch(['slices', 'clip'], () => handles.update());
+  store.watch(['slices', 'clip'], () => handles?.update());
   store.watch(['axes'], (state) => axes.show(state.axes));
   store.addEventListener('change', remember);
   addEventListener('hashchange', () => { viewer.fragment = location.hash; });
@@ -151,8 +149,8 @@ function watch() {
 function watchScene() {
   const { scene } = viewer;
   scene.addEventListener('render', () => {
-    compass.draw(scene.axes());
-    handles.update();
+    compass?.draw(scene.axes());
+    handles?.update();
     axes.update();
     tools?.update();
   });
@@ -200,7 +198,7 @@ const textsOfPicture = () => ({
 });
 const drawOver = () => {
   viewer.drawBarNow();
-  compass.draw(viewer.scene.axes());
+  compass?.draw(viewer.scene.axes());
 };
 const sharing = () => import('./share.js');
 const copyLink = async () => (await sharing()).copyLink();
@@ -264,9 +262,13 @@ function bindActions() {
 // What is not needed at first comes when everything else is there.
 async function openTools() {
   try {
-    const [{ Tools }, { lateStyles }] = await Promise.all([import('./tools.js'), import('./late_styles.js')]);
+    const [tool, { lateStyles }] = await Promise.all([import('./tools.js'), import('./late_styles.js')]);
     await lateStyles();
-    tools = new Tools(viewer, { layer: byId('handles'), save: saveAs, picture, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
+    compass = new tool.Compass(byId('compass'), (view) => viewer.scene.look(view));
+    compass.draw(viewer.scene.axes());
+    handles = new tool.Handles(byId('handles'), viewer.scene, planes);
+    handles.update();
+    tools = new tool.Tools(viewer, { layer: byId('handles'), save: saveAs, picture, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
     tools.update();
   } catch (error) {
     notice('tools', `Some of the controls cannot be loaded: ${error.message}`, { failed: true, seconds: 0 });
@@ -277,9 +279,7 @@ async function openTools() {
 export async function openPanel() {
   const { scene, stream, info } = viewer;
   const look = (view) => scene.look(view);
-  compass = new Compass(byId('compass'), look);
   axes = new Axes(byId('handles'), scene, info.bounds);
-  handles = new Handles(byId('handles'), scene, planes);
   probe = new Probe(byId('picture'), scene, stream, () => viewer.title);
   watchScene();
   await pause();

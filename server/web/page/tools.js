@@ -15,6 +15,9 @@ import { bindWarp } from './warp.js';
 import { bindCompare } from './compare.js';
 import { bindSecondView } from './second_view.js';
 
+export { Compass } from './compass.js';
+export { Handles } from './handles.js';
+
 export class Tools {
   pictureSize = pictureSize;
 
