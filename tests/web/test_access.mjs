@@ -177,6 +177,7 @@ async function letters_are_large_enough() {
     await page.locator('#probe').waitFor();
     await checkLetters(page, id, 'notice-share', 'probe', 'controls', 'name', 'about', ...wanted);
     await page.keyboard.press('?');
+    await page.locator('#keys kbd').first().waitFor();
     await checkLetters(page, id, 'keys');
     await page.keyboard.press('Escape');
   }
