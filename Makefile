@@ -600,13 +600,14 @@ dist: all
 	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c $(DIST) | gzip -9n > build/$(DIST).tar.gz
 	@echo "build/$(DIST).tar.gz"
 
-## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc
+## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc; with paraview-dev tetlod-paraview
+DEB_PROFILES = $(if $(wildcard /usr/lib/*/cmake/paraview-*),pkg.tetlod.paraview)
 .PHONY: deb
 deb: all $(MANUAL)
 	@command -v dh >/dev/null || { echo "make: debhelper is missing (run: make deps)" >&2; exit 1; }
 	@rm -rf build/deb && mkdir -p build/deb/$(DIST)
 	$(Q)cp -R server/deploy/debian build/deb/$(DIST)/
-	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym TREE=$(CURDIR) debian/rules binary
+	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym DEB_BUILD_PROFILES=$(DEB_PROFILES) TREE=$(CURDIR) debian/rules binary
 	@cd build/deb && ls *.deb
 
 ## clean: remove build/

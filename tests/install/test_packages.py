@@ -32,7 +32,8 @@ def test_deb():
     done = make('deb')
     assert done.returncode == 0, done.stdout
     packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
-    assert sorted(packages) == ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc'], packages
+    plugin = ['tetlod-paraview'] if glob.glob('/usr/lib/*/cmake/paraview-*') else []
+    assert sorted(packages) == ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *plugin], packages
     root = os.path.join(SCRATCH, 'root')
     for path in packages.values():
         assert call('dpkg-deb', '-x', path, root).returncode == 0
@@ -46,6 +47,7 @@ def test_deb():
               r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
               r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py',
               r'usr/share/doc/tetlod/format/SPEC\.md', r'usr/share/doc/tetlod/examples/c/insitu_series\.c']
+    wanted += [r'usr/lib/\S+/paraview-\S+/plugins/TetlodReader/(TetlodReader|libvtkIOTetlod)\.so'] if plugin else []
     assert all(any(re.fullmatch(pattern, name) for name in there) for pattern in wanted), sorted(there)
     code = 'import tetlod, importlib.metadata as m; assert tetlod.__file__.startswith(%r); ' \
         'assert m.version("tetlod") == tetlod.__version__' % root
