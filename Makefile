@@ -30,7 +30,7 @@ NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setupto
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
@@ -574,7 +574,7 @@ install-python:
 	$(INSTALL) -d $(DESTDIR)$(pythondir)/tetlod $(DESTDIR)$(distinfo)
 	$(INSTALL) -m 644 $(addprefix client-examples/python/tetlod/,*.py py.typed) $(DESTDIR)$(pythondir)/tetlod/
 	printf 'Metadata-Version: 2.1\nName: tetlod\nVersion: %s\nRequires-Dist: numpy\n' '$(VERSION)' > $(DESTDIR)$(distinfo)/METADATA
-	printf '[pyvista.readers]\n.tetlod = tetlod.adapters:read_pyvista\n' > $(DESTDIR)$(distinfo)/entry_points.txt
+	printf '[pyvista.readers]\n.tetlod = tetlod.adapters:read_pyvista\n[pyvista.writers]\n.tetlod = tetlod.adapters:write_pyvista\n[xarray.backends]\ntetlod = tetlod._xarray:TetlodBackend\n' > $(DESTDIR)$(distinfo)/entry_points.txt
 
 ## install-doc: documents and examples into $(DESTDIR)$(docdir)
 DOCUMENTS = README.md CHANGELOG.md format/SPEC.md server/HTTP.md src/README.md src/io/FORMATS.md \

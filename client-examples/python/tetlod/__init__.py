@@ -26,15 +26,15 @@ from ._build import build
 from ._library import library_path
 from ._mesh import Mesh
 from ._model import Field, FieldError, Level
+from ._sequences import FieldSequence, LevelSequence
 from ._series import StepSequence
 from ._stream import Stream, open, read
 from .adapters import register_meshio
 from .reference import StreamError
 
 __version__ = '0.1.0'
-__all__ = ['Answer', 'Field', 'FieldError', 'Level', 'Mesh', 'StepSequence', 'Stream', 'StreamError', 'build', 'library_path',
-           'open',
-           'paraview_plugin', 'read', 'register_meshio']
+__all__ = ['Answer', 'Field', 'FieldError', 'FieldSequence', 'Level', 'LevelSequence', 'Mesh', 'StepSequence', 'Stream',
+           'StreamError', 'build', 'library_path', 'open', 'paraview_plugin', 'read', 'register_meshio']
 
 
 def paraview_plugin() -> str:

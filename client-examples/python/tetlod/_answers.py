@@ -71,6 +71,8 @@ def ask(source: Source, question: str, within: Union[float, str, None], time: Op
             with open(place, 'wb') as file:
                 file.write(source.data)
             return answer_of(run(['ask', place, question, *options])[1])
+    if source.headers or not isinstance(source.location, (str, bytes)):
+        raise ValueError('ask reads a path, bytes or a URL without headers of its own, as the program does')
     place = source.url if isinstance(source, Remote) else source.name
     return answer_of(run(['ask', place, question, *options])[1])
 

@@ -256,7 +256,7 @@ class LibraryDecoder:
         ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i,
                   number in enumerate(self._series_fields)}
         return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]),
-                     ranges)
+                     ranges, self._moves)
 
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         mesh, error = CMesh(), CError()

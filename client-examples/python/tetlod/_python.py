@@ -39,7 +39,8 @@ class PythonDecoder:
         if self._series is None:
             return None
         return Steps(tuple(self._series.times), tuple((band['error'], band['level']) for band in self._series.bands),
-                     {field['name']: (field['range'][0], field['range'][1]) for field in self._series.fields})
+                     {field['name']: (field['range'][0], field['range'][1]) for field in self._series.fields},
+                     self._series.displacement is not None)
 
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         with collector_paused():

@@ -13,7 +13,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import warnings
-from typing import Any, Callable, Dict, Optional, Union
+from typing import Any, BinaryIO, Callable, Dict, Mapping, Optional, Union
 
 from ._model import Choice
 from .reference import POINTER_MAGIC, StreamError, pointer_of
@@ -25,7 +25,9 @@ MAX_TETS = 1 << 30   # of the format
 TIMEOUT = 60          # seconds without a byte
 
 Progress = Callable[[int, int], None]
-Location = Union[str, 'os.PathLike[str]', bytes, bytearray, memoryview]
+Fetch = Callable[[int, int], bytes]
+Location = Union[str, 'os.PathLike[str]', bytes, bytearray, memoryview, Fetch, BinaryIO]
+Headers = Mapping[str, str]
 
 
 class Source:
@@ -35,6 +37,7 @@ class Source:
     late: float = math.inf  # where the levels end, once that is known: sections lie behind them
     server: Optional[str] = None  # that has a viewer, too
     page: Optional[str] = None    # where that shows it
+    headers: Headers = {}         # of requests for it
     location: Optional[Location] = None  # what opens the same stream again; None: a part of another source
 
     def read(self, offset: int, size: int) -> bytes:
@@ -69,6 +72,21 @@ class File(Source):
         return b''.join(parts)
 
 
+class Fetched(Source):
+    """Bytes that a function of the caller's gives: fetch(offset, size), fewer where the stream ends."""
+
+    def __init__(self, fetch: Fetch) -> None:
+        self.name, self.fetch = getattr(fetch, '__name__', 'fetch'), fetch
+        self.head = fetch(0, FIRST)
+        self.size = struct.unpack_from('<Q', self.head, 32)[0] if len(self.head) >= HEADER else len(self.head)
+        if self.head[:8] == POINTER_MAGIC:
+            self.size = sum(pointer_of(self.head[:HEADER]) or ())
+
+    def read(self, offset: int, size: int) -> bytes:
+        end = offset + size
+        return self.head[offset:end] if end <= len(self.head) else bytes(self.fetch(offset, size))
+
+
 class Part(Source):
     """Bytes of a larger source. What a level needs is read at once."""
 
@@ -92,6 +110,7 @@ class Inside(Part):
 
     def __init__(self, whole: Source, offset: int, size: int) -> None:
         super().__init__(whole, offset, size)
+        self.headers = whole.headers
         header = whole.read(offset, HEADER)
         if len(header) == HEADER and struct.unpack_from('<Q', header, 32)[0] != size:
             raise StreamError('%s: the pointer to the stream gives another length' % self.name)
@@ -104,8 +123,8 @@ class Inside(Part):
 class Remote(Source):
     """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
 
-    def __init__(self, url: str, progress: Optional[Progress]) -> None:
-        self.name, self.url, self.progress = url, url, progress
+    def __init__(self, url: str, headers: Headers, progress: Optional[Progress]) -> None:
+        self.name, self.url, self.headers, self.progress = url, url, dict(headers), progress
         self.data, self.wanted, self.requests = bytearray(), 0, 0
         self.answer: Optional[http.client.HTTPResponse] = None
         self.tag: Optional[str] = None
@@ -181,8 +200,8 @@ class Remote(Source):
     def _open(self, url: str, headers: Dict[str, str]) -> http.client.HTTPResponse:
         self.requests += 1
         try:
-            answer: http.client.HTTPResponse = urllib.request.urlopen(urllib.request.Request(url, headers=headers),
-                                                                      timeout=TIMEOUT)
+            request = urllib.request.Request(url, headers={**self.headers, **headers})
+            answer: http.client.HTTPResponse = urllib.request.urlopen(request, timeout=TIMEOUT)
             return answer
         except urllib.error.HTTPError as refused:
             raise OSError('%s: %s' % (url, explanation(refused))) from None
@@ -193,28 +212,30 @@ class Remote(Source):
 class Host(Remote):
     """A stream on any web host."""
 
-    def __init__(self, url: str, progress: Optional[Progress]) -> None:
-        super().__init__(url, progress)
+    def __init__(self, url: str, headers: Headers, progress: Optional[Progress]) -> None:
+        super().__init__(url, headers, progress)
         self.wanted = FIRST
         self.start()
         self.wanted = 0
 
 
 class Server(Remote):
-    """/v1/meshes/{id} of a tetlod server: the first request asks for the level itself, later ones for bytes of the stream."""
+    """/v1/meshes/{id} of a tetlod server: the first request asks for the level itself, later ones for bytes of the stream.
+    `own`: a query that goes with all of them, such as a signature."""
 
-    def __init__(self, url: str, choice: Choice, progress: Optional[Progress]) -> None:
-        super().__init__(url, progress)
+    def __init__(self, url: str, own: str, choice: Choice, headers: Headers, progress: Optional[Progress]) -> None:
+        super().__init__(url, headers, progress)
         self.server, _, mesh = url.rpartition('/v1/meshes/')
         self.page = '%s/view/%s' % (self.server, mesh)
         query = choice.query()
         if set(query) <= {'field', 'measure'}:
             query['tets'] = str(MAX_TETS)  # the finest level
-        self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query, quote_via=urllib.parse.quote), {})
+        asked = urllib.parse.urlencode(query, quote_via=urllib.parse.quote)
+        self.answer = self._open(url + '/prefix?' + '&'.join(part for part in (asked, own) if part), {})
         self.wanted = int(self.answer.headers.get('Content-Length') or 0)
         self.start()
         if len(self.data) >= HEADER:
-            self.url = '%s/%s/stream' % (url, self.data[40:56].hex())
+            self.url = '%s/%s/stream%s' % (url, self.data[40:56].hex(), '?' + own if own else '')
 
 
 def explanation(refused: urllib.error.HTTPError) -> str:
@@ -230,28 +251,47 @@ def is_url(path: str) -> bool:
     return re.match(r'https?://', path, re.I) is not None
 
 
-def open_source(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
-    found = source_at(location, choice, progress)
-    head = found.read(0, HEADER)
-    pointer = pointer_of(head)
+def open_source(location: Location, choice: Choice, progress: Optional[Progress], headers: Optional[Headers]) -> Source:
+    found = source_at(location, choice, progress, headers or {})
+    if headers and not isinstance(found, Remote):
+        found.close()
+        raise ValueError('headers= go with requests: the source is no URL')
+    pointer = pointer_of(found.read(0, HEADER))
     if pointer:
         found = Inside(found, *pointer)
     if isinstance(location, (bytes, bytearray, memoryview)):
         found.location = bytes(location)
-    else:
+    elif isinstance(location, (str, os.PathLike)):
         path = os.fspath(location)
         found.location = path if is_url(path) else os.path.abspath(path)
+    else:
+        found.location = location
     return found
 
 
-def source_at(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
+def source_at(location: Location, choice: Choice, progress: Optional[Progress], headers: Headers) -> Source:
     if isinstance(location, (bytes, bytearray, memoryview)):
         return Memory(location)
+    if callable(location):
+        return kept(location)
+    if not isinstance(location, (str, os.PathLike)):
+        file = location
+
+        def read(offset: int, size: int) -> bytes:
+            file.seek(offset)
+            return file.read(size)
+        return kept(read)
     path = os.fspath(location)
     if not is_url(path):
         return File(path)
-    bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1',
-                  path.split('#')[0].split('?')[0])  # a link to the viewer names the mesh, too
+    address, _, query = path.partition('#')[0].partition('?')
+    bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1', address)  # a link to the viewer names the mesh, too
     if re.search(r'/v1/meshes/[^/]+/?$', bare):
-        return Server(bare.rstrip('/'), choice, progress)
-    return Host(path, progress)
+        return Server(bare.rstrip('/'), query if bare == address else '', choice, headers, progress)
+    return Host(path, headers, progress)
+
+
+def kept(fetch: Fetch) -> Source:
+    """What a level needs is fetched at once, and no byte of the levels twice."""
+    fetched = Fetched(fetch)
+    return Part(fetched, 0, fetched.size)

@@ -11,10 +11,12 @@ from ._model import Choice
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps in time of a stream. `bands`: error and level of each, coarse to fine; `ranges` by field, over all steps."""
+    """The steps in time of a stream. `bands`: error and level of each, coarse to fine; `ranges` by field, over all steps; do
+    points move?"""
     times: Tuple[float, ...]
     bands: Tuple[Tuple[float, int], ...]
     ranges: Dict[str, Tuple[float, float]]
+    moves: bool
 
     def band_for(self, choice: Choice) -> int:
         """The coarsest band within the error; without an error, the exact one. ValueError if there is none."""

@@ -7,15 +7,16 @@ import math
 import os
 import warnings
 from types import TracebackType
-from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Type, Union
+from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Type, Union, overload
 
 from ._answers import Answer, ask
 from ._library import LibraryDecoder, library_path
 from ._mesh import Cells, Mesh
-from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for, names_of
+from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for, names_of, unknown_field
 from ._python import PythonDecoder
+from ._sequences import FieldSequence, LevelSequence
 from ._series import GROUP, StepSequence
-from ._sources import Location, Part, Progress, Source, open_source
+from ._sources import Headers, Location, Part, Progress, Source, open_source
 from ._steps import Steps
 from .reference import StreamError
 
@@ -31,6 +32,7 @@ class Stream:
     def __init__(self, source: Source, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str]) -> None:
         self._source, self._choice, self._selected, self._wanted = source, choice, fields, decoder
         self._topologies: Dict[int, Stream] = {0: self}
+        self._others: Dict[str, Stream] = {}
         self._decoder = choose_decoder(source, fields, decoder)
         self.info: Info = self._decoder.info
         source.late = self.levels[-1].bytes
@@ -149,6 +151,34 @@ class Stream:
         """Ends a download that is under way. Meshes stay."""
         self._source.close()
 
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    @overload
+    def __getitem__(self, key: int) -> Mesh: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> LevelSequence: ...
+
+    @overload
+    def __getitem__(self, key: str) -> FieldSequence: ...
+
+    def __getitem__(self, key: Any) -> Any:
+        """`stream[3]` is the mesh of a level, `stream[2:5]` are levels, `stream['Pressure']` are a field's values: at the
+        steps of a series, or at the levels. Nothing is decoded before a mesh or values are asked for; of a field, it alone."""
+        if not isinstance(key, str):
+            return LevelSequence(self._apart('', self._selected))[key]
+        if key not in [field.name for field in self.fields]:
+            raise unknown_field(key, [field.name for field in self.fields])
+        alone, steps = self._apart(key, [key]), self._decoder.steps
+        return FieldSequence(key, StepSequence(alone) if steps and key in steps.ranges else LevelSequence(alone))
+
+    def _apart(self, name: str, fields: Optional[Sequence[str]]) -> 'Stream':
+        """The same stream once more, over the same bytes: it moves while this one stays."""
+        if name not in self._others:
+            self._others[name] = Stream(self._source, Choice(level=0), fields, self._wanted)
+        return self._others[name]
+
     def __iter__(self) -> Iterator[Mesh]:
         for level in range(max(self.level, 0), self.target + 1):
             self._seek(level)
@@ -165,7 +195,7 @@ class Stream:
         location = self._source.location
         if location is None:
             raise TypeError('%s cannot be pickled: it is a part of another stream' % self)
-        return reopen, (location, self._choice, self._selected, self._wanted, self.level)
+        return reopen, (location, self._choice, self._selected, self._wanted, self.level, self._source.headers)
 
     def __repr__(self) -> str:
         return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
@@ -199,6 +229,9 @@ class Stream:
         self._decoder.seek(level)
         self.level = level
         return self
+
+    def _level_mesh(self, number: int) -> Mesh:
+        return self._seek(number).mesh
 
     def _step(self, by: int) -> bool:
         level = max(self.level, 0) + by
@@ -245,8 +278,8 @@ class Stream:
 
 
 def reopen(location: Location, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str],
-           level: int) -> Stream:
-    stream = Stream(open_source(location, choice, None), choice, fields, decoder)
+           level: int, headers: Optional[Headers]) -> Stream:
+    stream = Stream(open_source(location, choice, None, headers), choice, fields, decoder)
     return stream._seek(level) if level >= 0 else stream
 
 
@@ -281,15 +314,17 @@ def choose_decoder(source: Source, fields: Optional[Sequence[str]], decoder: Opt
 def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optional[float] = None, level: Optional[int] = None,
          tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
          fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
-         progress: Optional[Progress] = None) -> Stream:
-    """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, or the URL of a stream on any host.
+         progress: Optional[Progress] = None, headers: Optional[Headers] = None) -> Stream:
+    """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, the URL of a stream on any host, a
+    file that is open for reading, or a function fetch(offset, size) that gives bytes of the stream.
 
     The choice, as in `read`, is the level where iterating ends; what a server sends first goes up to it.
     `fields` are the fields to decode, or one (default: all), `decoder` is 'library' or 'python' (default: the library
-    where it is installed), `progress(bytes, expected)` is called as bytes arrive.
+    where it is installed), `progress(bytes, expected)` is called as bytes arrive. `headers` go with every request of a URL;
+    so does the URL's own query.
     """
     choice = Choice(error, abs_error, level, tets, bytes, field, measure)
-    found = open_source(source, choice, progress)
+    found = open_source(source, choice, progress, headers)
     try:
         return Stream(found, choice, names_of(fields), decoder)
     except BaseException:
@@ -300,7 +335,7 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
 def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None, level: Optional[int] = None,
          tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
          fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
-         progress: Optional[Progress] = None) -> Mesh:
+         progress: Optional[Progress] = None, headers: Optional[Headers] = None) -> Mesh:
     """One level as a mesh. Its arrays are the decoder's own memory, without a copy.
 
     error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of `field`, or of
@@ -308,6 +343,6 @@ def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optio
     level of at most so many tetrahedra or bytes. Without a choice: the finest level.
     """
     stream = open(source, error=error, abs_error=abs_error, level=level, tets=tets, bytes=bytes, field=field, measure=measure, fields=fields,
-                  decoder=decoder, progress=progress)
+                  decoder=decoder, progress=progress, headers=headers)
     with stream:
         return stream._seek(stream.target)._mesh(copy=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""tetlod for VTK, PyVista (entry point `pyvista.readers`) and meshio."""
+"""tetlod for VTK, PyVista (entry points `pyvista.readers` and `pyvista.writers`) and meshio."""
 from __future__ import annotations
 
 import math
@@ -47,6 +47,17 @@ def grid(mesh: Mesh) -> Any:
 def read_pyvista(path: str, **choice: Any) -> Any:
     """What `pyvista.read('x.tetlod', error=0.01)` calls."""
     return _stream.read(path, **choice).to_pyvista()
+
+
+def write_pyvista(dataset: Any, path: str, **options: Any) -> None:
+    """What `mesh.save('x.tetlod', field='p')` calls; options are those of `tetlod.build`."""
+    from ._build import build
+    if not dataset.IsA('vtkUnstructuredGrid'):
+        cast = getattr(dataset, 'cast_to_unstructured_grid', None)
+        if cast is None:
+            raise TypeError('%s cannot become a stream: it has to be a volume of cells' % type(dataset).__name__)
+        dataset = cast()
+    build(dataset, output=path, **options)
 
 
 def register_meshio() -> None:
