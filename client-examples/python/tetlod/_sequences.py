@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The levels of a stream as a sequence of meshes, and the values of one field at levels or steps. Nothing is read before
-a mesh or values are asked for."""
+"""The levels of a stream as a sequence of meshes, and the values of one field at levels or steps. Nothing is read
+before a mesh or values are asked for."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Optional, Sequence, Tuple, Union, overload
@@ -47,8 +47,8 @@ class LevelSequence(Sequence[Mesh]):
 
 
 class FieldSequence(Sequence[Any]):
-    """A field's values, of the points of each level, or of each step of a series: `stream['p'][-1]`, `stream['p'][2:5]`,
-    `stream['p'].sel(time=0.4)`. It is decoded without the others."""
+    """A field's values, of the points of each level, or of each step of a series: `stream['p'][-1]`,
+    `stream['p'][2:5]`, `stream['p'].sel(time=0.4)`. It is decoded without the others."""
 
     def __init__(self, name: str, meshes: Union[LevelSequence, StepSequence]) -> None:
         self.name, self.meshes = name, meshes

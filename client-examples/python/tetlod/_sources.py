@@ -220,8 +220,8 @@ class Host(Remote):
 
 
 class Server(Remote):
-    """/v1/meshes/{id} of a tetlod server: the first request asks for the level itself, later ones for bytes of the stream.
-    `own`: a query that goes with all of them, such as a signature."""
+    """/v1/meshes/{id} of a tetlod server: the first request asks for the level itself, later ones for bytes of the
+    stream. `own`: a query that goes with all of them, such as a signature."""
 
     def __init__(self, url: str, own: str, choice: Choice, headers: Headers, progress: Optional[Progress]) -> None:
         super().__init__(url, headers, progress)

@@ -11,8 +11,8 @@ from ._model import Choice
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps in time of a stream. `bands`: error and level of each, coarse to fine; `ranges` by field, over all steps; do
-    points move?"""
+    """The steps in time of a stream. `bands`: error and level of each, coarse to fine; `ranges` by field, over all
+    steps; do points move?"""
     times: Tuple[float, ...]
     bands: Tuple[Tuple[float, int], ...]
     ranges: Dict[str, Tuple[float, float]]

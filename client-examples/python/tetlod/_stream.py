@@ -165,7 +165,8 @@ class Stream:
 
     def __getitem__(self, key: Any) -> Any:
         """`stream[3]` is the mesh of a level, `stream[2:5]` are levels, `stream['Pressure']` are a field's values: at the
-        steps of a series, or at the levels. Nothing is decoded before a mesh or values are asked for; of a field, it alone."""
+        steps of a series, or at the levels. Nothing is decoded before a mesh or values are asked for; of a field, it
+        alone."""
         if not isinstance(key, str):
             return LevelSequence(self._apart('', self._selected))[key]
         if key not in [field.name for field in self.fields]:
@@ -320,8 +321,8 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
 
     The choice, as in `read`, is the level where iterating ends; what a server sends first goes up to it.
     `fields` are the fields to decode, or one (default: all), `decoder` is 'library' or 'python' (default: the library
-    where it is installed), `progress(bytes, expected)` is called as bytes arrive. `headers` go with every request of a URL;
-    so does the URL's own query.
+    where it is installed), `progress(bytes, expected)` is called as bytes arrive. `headers` go with every request of a
+    URL; so does the URL's own query.
     """
     choice = Choice(error, abs_error, level, tets, bytes, field, measure)
     found = open_source(source, choice, progress, headers)
