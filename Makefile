@@ -139,6 +139,8 @@ REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter
     src/stream/forest.c src/stream/region.c src/mesh/mixed_cells.c src/mesh/tetmesh.c src/util/array.c src/util/room.c
 REFINE := build/wasm/refine.wasm
 CLIENT := build/client
+# The widget of notebooks, one module, which the Python package brings along
+WIDGET := $(if $(PREBUILT),$(PREBUILT)/widget.js,build/widget.js)
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
 EMBEDDED := $(if $(ALONE),,$(B)/server/embedded$(if $(filter 0,$(WEB)),-api).o)
@@ -157,7 +159,7 @@ Q := $(if $(V),,@)
 
 ## all: the program, the libraries and the package of the web client (WEB=0: without the page and the package, needs no npm; SERVER=0: without the server; config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json)
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json $(WIDGET))
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
@@ -206,6 +208,9 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DI
 	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
+
+build/widget.js: $(CLIENT)/package.json $(WEB_DIR)/widget.mjs $(wildcard $(WEB_DIR)/page/*.js)
+	$(Q)node $(WEB_DIR)/widget.mjs $(CLIENT)/inline.js $@
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(REFINE) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
@@ -573,8 +578,11 @@ distinfo = $(pythondir)/tetlod-$(VERSION).dist-info
 install-python:
 	$(INSTALL) -d $(DESTDIR)$(pythondir)/tetlod $(DESTDIR)$(distinfo)
 	$(INSTALL) -m 644 $(addprefix client-examples/python/tetlod/,*.py py.typed) $(DESTDIR)$(pythondir)/tetlod/
+	$(if $(wildcard $(WIDGET)),$(INSTALL) -m 644 $(WIDGET) $(WEB_OUT)/notices.txt $(DESTDIR)$(pythondir)/tetlod/)
 	printf 'Metadata-Version: 2.1\nName: tetlod\nVersion: %s\nRequires-Dist: numpy\n' '$(VERSION)' > $(DESTDIR)$(distinfo)/METADATA
-	printf '[pyvista.readers]\n.tetlod = tetlod.adapters:read_pyvista\n[pyvista.writers]\n.tetlod = tetlod.adapters:write_pyvista\n[xarray.backends]\ntetlod = tetlod._xarray:TetlodBackend\n' > $(DESTDIR)$(distinfo)/entry_points.txt
+	printf '[%s]\n%s\n' pyvista.readers '.tetlod = tetlod.adapters:read_pyvista' \
+	    pyvista.writers '.tetlod = tetlod.adapters:write_pyvista' \
+	    xarray.backends 'tetlod = tetlod._xarray:TetlodBackend' > $(DESTDIR)$(distinfo)/entry_points.txt
 
 ## install-doc: documents and examples into $(DESTDIR)$(docdir)
 DOCUMENTS = README.md CHANGELOG.md format/SPEC.md server/HTTP.md src/README.md src/io/FORMATS.md \
@@ -596,7 +604,9 @@ DIST := tetlod-$(VERSION)
 dist: all
 	@rm -rf build/dist && mkdir -p build/dist/$(DIST)/$(WEB_DIR)/prebuilt
 	$(Q)git ls-files -z | xargs -0 cp -p --parents -t build/dist/$(DIST)
-	$(Q)cp -R $(WEB_OUT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/page && cp -R $(CLIENT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/client
+	$(Q)cp -R $(WEB_OUT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/page
+	$(Q)cp -R $(CLIENT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/client
+	$(Q)cp $(WIDGET) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/
 	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c $(DIST) | gzip -9n > build/$(DIST).tar.gz
 	@echo "build/$(DIST).tar.gz"
 
@@ -607,7 +617,8 @@ deb: all $(MANUAL)
 	@command -v dh >/dev/null || { echo "make: debhelper is missing (run: make deps)" >&2; exit 1; }
 	@rm -rf build/deb && mkdir -p build/deb/$(DIST)
 	$(Q)cp -R server/deploy/debian build/deb/$(DIST)/
-	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym DEB_BUILD_PROFILES=$(DEB_PROFILES) TREE=$(CURDIR) debian/rules binary
+	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym DEB_BUILD_PROFILES=$(DEB_PROFILES) TREE=$(CURDIR) \
+	    debian/rules binary
 	@cd build/deb && ls *.deb
 
 ## clean: remove build/

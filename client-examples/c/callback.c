@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * callback URL ERROR: reads a stream on any web host through a callback that fetches bytes by Range, as a program with
- * a storage of its own would. Only the bytes of the level are fetched.
+ * callback URL ERROR [HEADER]...: reads a stream on any web host through a callback that fetches bytes by Range, as a
+ * program with a storage of its own would. Only the bytes of the level are fetched. The URL may have a query, such as a
+ * signature; headers ("Authorization: Bearer ...") go with every request.
  *
  * cc callback.c $(pkg-config --cflags --libs tetlod libcurl) -lm -o callback
  * ./callback https://example.org/data/fin.tetlod 0.01
@@ -58,8 +59,9 @@ static enum tetlod_status size_of(struct remote *remote, uint64_t *size)
 
 int main(int argc, char **argv)
 {
-    if (argc != 3)
-        return fprintf(stderr, "usage: callback URL ERROR\n"), 2;
+    if (argc < 3)
+        return fprintf(stderr, "usage: callback URL ERROR [HEADER]...\n"), 2;
+    struct curl_slist *headers = NULL;
     struct remote remote = {.curl = curl_easy_init()};
     struct tetlod_source source = {.read = read_range, .opaque = &remote};
     struct tetlod_error error = {0};
@@ -67,6 +69,9 @@ int main(int argc, char **argv)
     struct tetlod_cursor *cursor = NULL;
     struct tetlod_mesh mesh;
     curl_easy_setopt(remote.curl, CURLOPT_URL, argv[1]);
+    for (int i = 3; i < argc; i++)
+        headers = curl_slist_append(headers, argv[i]);
+    curl_easy_setopt(remote.curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(remote.curl, CURLOPT_FAILONERROR, 1L);
     curl_easy_setopt(remote.curl, CURLOPT_WRITEFUNCTION, take);
     curl_easy_setopt(remote.curl, CURLOPT_WRITEDATA, &remote);
@@ -87,5 +92,6 @@ int main(int argc, char **argv)
     tetlod_cursor_free(cursor);
     tetlod_close(file);
     curl_easy_cleanup(remote.curl);
+    curl_slist_free_all(headers);
     return !good;
 }

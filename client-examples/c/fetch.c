@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * fetch URL ERROR: the level of a tetlod server's mesh at ERROR, a fraction of the range, in one request.
+ * fetch URL ERROR [HEADER]...: the level of a tetlod server's mesh at ERROR, a fraction of the range, in one request.
+ * The URL's own query, such as a signature, and the headers ("Authorization: Bearer ...") go along.
  *
  * cc fetch.c $(pkg-config --cflags --libs tetlod libcurl) -lm -o fetch
  * ./fetch http://127.0.0.1:8080/v1/meshes/fin 0.01
@@ -29,11 +30,14 @@ static size_t append(char *data, size_t one, size_t count, void *opaque)
     return one * count;
 }
 
-static int fetch(const char *url, const char *limit, struct bytes *bytes)
+static int fetch(const char *url, const char *limit, struct curl_slist *headers, struct bytes *bytes)
 {
     char request[2048];
     CURL *curl = curl_easy_init();
-    snprintf(request, sizeof request, "%s/prefix?error=%s", url, limit);
+    const size_t path = strcspn(url, "?");
+    snprintf(request, sizeof request, "%.*s/prefix?error=%s%s%s", (int)path, url, limit, url[path] ? "&" : "",
+             url[path] ? url + path + 1 : "");
+    curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(curl, CURLOPT_URL, request);
     curl_easy_setopt(curl, CURLOPT_FAILONERROR, 1L);
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, append);
@@ -61,9 +65,14 @@ int main(int argc, char **argv)
     struct tetlod_file *file = NULL;
     struct tetlod_cursor *cursor = NULL;
     struct tetlod_mesh mesh;
-    if (argc != 3)
-        return fprintf(stderr, "usage: fetch URL ERROR\n"), 2;
-    if (!fetch(argv[1], argv[2], &bytes))
+    struct curl_slist *headers = NULL;
+    if (argc < 3)
+        return fprintf(stderr, "usage: fetch URL ERROR [HEADER]...\n"), 2;
+    for (int i = 3; i < argc; i++)
+        headers = curl_slist_append(headers, argv[i]);
+    int fetched = fetch(argv[1], argv[2], headers, &bytes);
+    curl_slist_free_all(headers);
+    if (!fetched)
         return 1;
     int good = tetlod_open_memory(&file, bytes.data, bytes.size, NULL, &error) == TETLOD_OK &&
                tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK &&

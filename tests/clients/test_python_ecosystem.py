@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import types
+import urllib.request
 
 import numpy as np
 
@@ -84,10 +85,7 @@ class Host(http.server.BaseHTTPRequestHandler):
         if self.headers.get('X-Key') != 'secret' or 'sig=a%2Fb' not in self.path:
             return self.send_error(403)
         if self.path.startswith('/v1/'):
-            path = re.sub(r'[?&]sig=a%2Fb', '', self.path)
-            self.send_response(307)
-            self.send_header('Location', Host.behind + path[1:])
-            return self.end_headers()
+            return self.pass_on(re.sub(r'[?&]sig=a%2Fb', '', self.path))
         with open(FIN, 'rb') as file:
             data = file.read()
         first, last = map(int, re.findall(r'\d+', self.headers['Range']))
@@ -98,8 +96,33 @@ class Host(http.server.BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(part)
 
+    def pass_on(self, path):
+        asked = urllib.request.Request(Host.behind + path[1:])
+        if self.headers['Range']:
+            asked.add_header('Range', self.headers['Range'])
+        with urllib.request.urlopen(asked) as answer:
+            self.send_response(answer.status)
+            for name in 'Content-Length', 'Content-Range', 'ETag':
+                if answer.headers[name]:
+                    self.send_header(name, answer.headers[name])
+            self.end_headers()
+            self.wfile.write(answer.read())
+
     def log_message(self, *_):
         pass
+
+
+def check_example(name, url, mesh):
+    """The C example takes them, too."""
+    program = os.path.join(SCRATCH, name)
+    built = subprocess.run(['cc', '-I' + os.path.join(ROOT, 'format'), '-o', program,
+                            os.path.join(ROOT, 'client-examples', 'c', name + '.c'),
+                            os.path.join(ROOT, 'build', 'release', 'libtetlod.a'), '-lcurl', '-lm', '-pthread'],
+                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert built.returncode == 0, built.stdout
+    done = subprocess.run([program, url, '0.05', 'X-Other: 1', 'X-Key: secret'], stdout=subprocess.PIPE, text=True)
+    assert done.returncode == 0 and ' %d tetrahedra' % len(mesh.tets) in done.stdout, (name, done.stdout)
+    assert subprocess.run([program, url, '0.05'], stderr=subprocess.DEVNULL).returncode == 1
 
 
 def test_headers_and_queries():
@@ -116,6 +139,8 @@ def test_headers_and_queries():
             assert same(pickle.loads(pickle.dumps(stream)).mesh, whole)
             raises(OSError, '403', tetlod.open, url)
             raises(OSError, '403', tetlod.open, url.split('?')[0], headers=key)
+        for name, url in ('callback', place + 'fin.tetlod?sig=a%2Fb'), ('fetch', place + 'v1/meshes/fin?sig=a%2Fb'):
+            check_example(name, url, coarse)
     host.shutdown()
     host.server_close()
 
@@ -195,6 +220,45 @@ def test_pyvista():
     raises(TypeError, 'cannot become a stream', write_pyvista, surface, 'surface.tetlod')
 
 
+ANYWIDGET = '''
+"""As much of anywidget as a widget calls: attributes, and messages of both directions."""
+import traitlets
+class AnyWidget(traitlets.HasTraits):
+    def __init__(self, **attributes):
+        super().__init__(**attributes)
+        self.sent = []
+    def on_msg(self, call):
+        self.hear = lambda content: call(self, content, [])
+    def send(self, content, buffers=None):
+        self.sent.append((content, [bytes(one) for one in buffers]))
+'''
+
+
+def test_widget():
+    """The installed package has the module; the kernel's side gives bytes of any source, and says what goes wrong."""
+    if importlib.util.find_spec('traitlets') is None:
+        return 'traitlets is not installed'
+    where = environment()
+    with open(os.path.join(where['PYTHONPATH'], 'anywidget.py'), 'w') as file:
+        file.write(ANYWIDGET)
+    code = """
+import sys, tetlod
+data = open(sys.argv[1], 'rb').read()
+w = tetlod.widget(sys.argv[1], 0.05, field='Pressure')
+assert (w.error, w.field, w.height) == ('0.05', 'Pressure', 480) and len(w._esm) > 500000 and 'render' in w._esm
+for offset, size in (0, 64), (100, 999), (len(data) - 5, 64), (len(data), 1):
+    w.hear({'question': 'q', 'offset': offset, 'size': size})
+    assert w.sent.pop() == ({'answer': 'q'}, [data[offset:offset + size]]), offset
+for bad in {'question': 'q', 'offset': -1, 'size': 5}, {'question': 'q'}, {'question': 'q', 'offset': 'x', 'size': 1}:
+    w.hear(bad)
+    reply, buffers = w.sent.pop()
+    assert reply['answer'] == 'q' and reply['error'] and not buffers, reply
+print('good')
+"""
+    assert python(code, where, FIN) == ['good']
+    return None
+
+
 def test_meshio():
     import meshio
     tetlod.register_meshio()
@@ -249,4 +313,5 @@ for command in (('sample', 'fin', '--size', '14', '-o', 'fin.vtu'), ('build', 'f
                 ('sample', 'wake', '--size', '8', '--steps', '9', '-o', 'wake.pvd'),
                 ('build', 'wake.pvd', '--field', 'Pressure', '-o', WAKE, '--quiet')):
     subprocess.run([TETLOD, *command], cwd=SCRATCH, check=True, stdout=subprocess.DEVNULL)
-run([test_functions_and_files, test_headers_and_queries, test_sequences, test_pyvista, test_meshio, test_xarray])
+run([test_functions_and_files, test_headers_and_queries, test_sequences, test_pyvista, test_meshio, test_xarray,
+     test_widget])

@@ -33,7 +33,8 @@ def test_deb():
     assert done.returncode == 0, done.stdout
     packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
     plugin = ['tetlod-paraview'] if glob.glob('/usr/lib/*/cmake/paraview-*') else []
-    assert sorted(packages) == ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *plugin], packages
+    wanted = ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *plugin]
+    assert sorted(packages) == wanted, packages
     root = os.path.join(SCRATCH, 'root')
     for path in packages.values():
         assert call('dpkg-deb', '-x', path, root).returncode == 0

@@ -29,12 +29,13 @@ from ._model import Field, FieldError, Level
 from ._sequences import FieldSequence, LevelSequence
 from ._series import StepSequence
 from ._stream import Stream, open, read
+from ._widget import widget
 from .adapters import register_meshio
 from .reference import StreamError
 
 __version__ = '0.1.0'
 __all__ = ['Answer', 'Field', 'FieldError', 'FieldSequence', 'Level', 'LevelSequence', 'Mesh', 'StepSequence', 'Stream',
-           'StreamError', 'build', 'library_path', 'open', 'paraview_plugin', 'read', 'register_meshio']
+           'StreamError', 'build', 'library_path', 'open', 'paraview_plugin', 'read', 'register_meshio', 'widget']
 
 
 def paraview_plugin() -> str:

@@ -164,9 +164,9 @@ class Stream:
     def __getitem__(self, key: str) -> FieldSequence: ...
 
     def __getitem__(self, key: Any) -> Any:
-        """`stream[3]` is the mesh of a level, `stream[2:5]` are levels, `stream['Pressure']` are a field's values: at the
-        steps of a series, or at the levels. Nothing is decoded before a mesh or values are asked for; of a field, it
-        alone."""
+        """`stream[3]` is the mesh of a level, `stream[2:5]` are levels, `stream['Pressure']` are a field's values: at
+        the steps of a series, or at the levels. Nothing is decoded before a mesh or values are asked for; of a field,
+        it alone."""
         if not isinstance(key, str):
             return LevelSequence(self._apart('', self._selected))[key]
         if key not in [field.name for field in self.fields]:
@@ -316,8 +316,8 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
          tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
          fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
          progress: Optional[Progress] = None, headers: Optional[Headers] = None) -> Stream:
-    """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, the URL of a stream on any host, a
-    file that is open for reading, or a function fetch(offset, size) that gives bytes of the stream.
+    """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, the URL of a stream on any host,
+    a file that is open for reading, or a function fetch(offset, size) that gives bytes of the stream.
 
     The choice, as in `read`, is the level where iterating ends; what a server sends first goes up to it.
     `fields` are the fields to decode, or one (default: all), `decoder` is 'library' or 'python' (default: the library
