@@ -67,7 +67,7 @@ def test_readme():
     section = page.split('\n## Your own mesh\n')[1].split('\n## ')[0]
     folder = place('readme')
     shell('tetlod sample fin --size 8 -o mesh.vtu', folder)
-    assert len(follow(section, folder)) == 7
+    assert len(follow(section, folder)) == 8
     series = text('client-examples/SERIES.md')
     assert len(follow(series.replace('--steps 32', '--size 5 --steps 8'), folder)) == 5
     assert os.path.getsize(os.path.join(folder, 'mail.tetlod')) < os.path.getsize(os.path.join(folder, 'part.tetlod'))
