@@ -18,8 +18,8 @@ const char build_help[] =
     "begins: a stream inside the stream, with levels of its own; errors are of the range over all steps.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder).\n"
-    "                          OUT.vtkhdf is the stream inside a VTKHDF file: ParaView and VTK see a coarse\n"
-    "                          level of it, tetlod the whole stream\n"
+    "                          OUT.vtkhdf is the stream inside a VTKHDF file: ParaView and VTK see a\n"
+    "                          coarse level of it, tetlod the whole stream\n"
     "      --show E            that level's error, a fraction of the range (default: the finest level of at\n"
     "                          most 200,000 tetrahedra)\n"
     READING_HELP

@@ -81,7 +81,11 @@ async function lengths_and_what_is_missing() {
   await page.waitForFunction(() => window.tetlod.viewer.shade && window.tetlod.viewer.dataRange()[0] >= 0);
 }
 
-const inFrame = (act, argument) => page.frame('tetlod-second').waitForFunction(act, argument);
+// The frame has its name only after it was attached, and is attached again where the second view is arranged anew.
+async function inFrame(act, argument) {
+  const frame = await (await page.waitForSelector('iframe', { state: 'attached' })).contentFrame();
+  return frame.waitForFunction(act, argument);
+}
 
 async function a_curtain_is_between_them() {
   await open('&compare=curtain&curtain=0.4');

@@ -299,8 +299,8 @@ async function a_body_is_warped() {
   );
   assert.ok(Math.abs((await lowest()) + 0.15) < 0.01, `${await lowest()}`);
   await page.locator('#outline').check();
-  await page.waitForFunction(() => window.tetlod.scene.outline?.actor.getVisibility());
-  const edges = await page.evaluate(() => window.tetlod.scene.outline.data.getLines().getData().length / 3);
+  await page.waitForFunction(() => window.tetlod.scene.edges.outline?.actor.getVisibility());
+  const edges = await page.evaluate(() => window.tetlod.scene.edges.outline.data.getLines().getData().length / 3);
   assert.ok(edges >= 12 && edges < 200, `${edges} edges`); // those of a cube, in pieces
   await page.locator('#warp-scale').fill('-1');
   await page.locator('#warp-scale').press('Enter');
@@ -313,10 +313,10 @@ async function a_body_is_warped() {
   const link = page.url();
   await page.goto('about:blank');
   await page.goto(link);
-  await page.waitForFunction(() => window.tetlod?.settled && window.tetlod.scene.outline?.actor.getVisibility());
+  await page.waitForFunction(() => window.tetlod?.settled && window.tetlod.scene.edges.outline?.actor.getVisibility());
   assert.ok((await lowest()) > -0.01);
   await page.locator('#warp').selectOption('');
-  await page.waitForFunction(() => window.tetlod.settled && !window.tetlod.scene.outline.actor.getVisibility());
+  await page.waitForFunction(() => window.tetlod.settled && !window.tetlod.scene.edges.outline.actor.getVisibility());
   assert.deepEqual(page.complaints, []);
 }
 
