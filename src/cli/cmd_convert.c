@@ -18,9 +18,10 @@ static const char help[] =
     "\n"
     "  -o, --output OUT        the file to write; 'tetlod formats' lists the formats that are read and\n"
     "                          written\n"
-    "      --stream            INPUT is a stream, OUT.vtkhdf a VTKHDF file with the whole stream in it, as\n"
-    "                          'tetlod build -o OUT.vtkhdf' makes it: ParaView and VTK see a coarse level,\n"
-    "                          tetlod the stream. 'tetlod extract OUT.vtkhdf -o X.tetlod' takes it out again\n"
+    "      --stream            INPUT is a stream, OUT.vtkhdf a VTKHDF file with the whole stream in it,\n"
+    "                          as 'tetlod build -o OUT.vtkhdf' makes it: ParaView and VTK see a coarse\n"
+    "                          level, tetlod the stream. 'tetlod extract OUT.vtkhdf -o X.tetlod' takes it\n"
+    "                          out again\n"
     "      --show E            with --stream: that level's error, a fraction of the range (default: the\n"
     "                          finest level of at most 200,000 tetrahedra)\n"
     READING_HELP

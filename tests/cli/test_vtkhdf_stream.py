@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from common import ROOT, TETLOD, case, fails, finish, must, path, report, tetlod, write
+from common import ROOT, case, fails, finish, must, path, report, tetlod, write
 
 sys.path[:0] = [os.path.join(ROOT, 'tests', 'http'), os.path.join(ROOT, 'client-examples', 'python')]
 
@@ -23,7 +23,8 @@ if b'VTKHDF' not in tetlod('formats').stdout:
 import h5py  # noqa: E402
 import vtk  # noqa: E402
 from vtk.util.numpy_support import vtk_to_numpy  # noqa: E402
-os.environ['TETLOD_LIBRARY'] = glob.glob(os.path.join(os.path.dirname(TETLOD), 'libtetlod.so.*'))[0]
+# Python cannot load the library that the sanitizers have changed: the program is the one that they look at
+os.environ['TETLOD_LIBRARY'] = glob.glob(os.path.join(ROOT, 'build', 'release', 'libtetlod.so.*'))[0]
 import tetlod as client  # noqa: E402
 from served import Server  # noqa: E402
 from tetlod import reference  # noqa: E402
