@@ -16,13 +16,14 @@ async function catalogue_lists_streams() {
   const list = await openPage(browser, origin);
   await list.goto(origin);
   await list.getByRole('link', { name: 'View' }).waitFor();
-  assert.match(await list.locator('section').innerText(), /38\u202f880/);
+  // the list is drawn before what it says of each stream has come
+  await list.waitForFunction(() => document.querySelector('section').innerText.includes('38\u202f880'));
   await list.waitForFunction(() => {
     const canvas = document.querySelector('canvas.thumbnail');
     return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x > 0);
   });
   await list.getByText('Levels and files').click();
-  assert.ok(await list.locator('tbody tr').count() > 5);
+  await list.locator('tbody tr').nth(5).waitFor();
   assert.deepEqual([list.complaints, list.strangers], [[], []]);
   await list.getByRole('link', { name: 'View' }).click();
   await firstPicture(list);
