@@ -69,7 +69,8 @@ static bool is_in_range(const struct view *view, uint32_t tet)
 static bool is_hidden(const struct view *view, uint32_t tet)
 {
     const struct view_hidden *hidden = &view->hidden;
-    return bsearch(&view->cells[hidden->field][view_number(view, tet)], hidden->numbers, hidden->count, sizeof *hidden->numbers,
+    return bsearch(&view->cells[hidden->field][view_number(view, tet)], hidden->numbers, hidden->count,
+                   sizeof *hidden->numbers,
                    by_number) != NULL;
 }
 
