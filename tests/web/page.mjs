@@ -16,7 +16,7 @@ async function catalogue_lists_streams() {
   const list = await openPage(browser, origin);
   await list.goto(origin);
   await list.getByRole('link', { name: 'View' }).waitFor();
-  // the list is drawn before what it says of each stream has come
+  // the list is drawn before the figures of each stream have come
   await list.waitForFunction(() => document.querySelector('section').innerText.includes('38\u202f880'));
   await list.waitForFunction(() => {
     const canvas = document.querySelector('canvas.thumbnail');
