@@ -57,6 +57,8 @@ def file_case():
     with h5py.File(path('fin.vtkhdf')) as file:
         stream = file['tetlod/stream']
         at = stream.id.get_offset()
+        kind = file['VTKHDF'].attrs.get_id('Type').get_type()
+        assert kind.get_cset() == h5py.h5t.CSET_ASCII  # ParaView 5.11 refuses another
         assert stream.dtype == 'u1' and stream.chunks is None and stream.compression is None and 512 <= at < 4096, at
         assert stream[:].tobytes() == bytes_of('fin.tetlod')
     whole = bytes_of('fin.vtkhdf')

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The ParaView plugin in pvpython ($PVPYTHON, or one that is installed): file and URL at three errors, fields, steps in
-time, and pictures where there is a display; and its messages, also without ParaView."""
+time, and pictures where there is a display; VTKHDF files with a stream in them; and the plugin's messages, also
+without ParaView."""
 import os
 import re
 import shlex
@@ -56,10 +57,47 @@ def check_steps(series, printed):
     found = re.findall(r'^step (\S+) (\S+) (\d+) (\S+) (\S+) (\S+)$', printed, re.M)
     assert len(found) == 12, printed
     for percent, time, cells, low, high, shown in found:
-        mesh = series.at(float(time), percent + '%')
+        mesh = series.at(min(float(time), series.times[-1]), percent + '%')
         values = mesh.fields['Pressure']
         assert (int(cells), float(low), float(high), float(shown)) == (len(mesh.tets), values.min(), values.max(),
                                                                        mesh.time), (percent, time, printed)
+
+
+VTKHDF = """
+import os, sys
+from paraview.simple import OpenDataFile, VTKHDFReader, Show, ColorBy, CreateView, SaveScreenshot
+for name in sys.argv[1:]:
+    reader = OpenDataFile(name) if name.endswith('.hdf') else VTKHDFReader(FileName=[name])
+    reader.UpdatePipeline()
+    data = reader.GetDataInformation()
+    print('shown', data.GetNumberOfCells(), data.GetNumberOfPoints(), sorted(reader.PointData.keys()))
+    if os.environ.get('DISPLAY'):
+        view = CreateView('RenderView')
+        view.ViewSize = [400, 300]
+        ColorBy(Show(reader, view), ('POINTS', 'Pressure'))
+        view.ResetCamera()
+        SaveScreenshot(name + '.png', view)
+"""
+
+
+def test_vtkhdf():
+    """ParaView opens a file with a stream in it as it is: by the ending .hdf, and as a VTKHDF file."""
+    if not PVPYTHON:
+        return 'pvpython is not there'
+    for arguments in (('sample', 'fin', '--size', '14', '-o', 'bare.vtu'),
+                      ('build', 'bare.vtu', '-o', 'bare.tetlod', '--quiet'),
+                      *(('convert', 'bare.tetlod', '--stream', '--show', '1%', '-o', name)
+                        for name in ('shown.hdf', 'shown.vtkhdf'))):
+        subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
+    names = [os.path.join(SCRATCH, name) for name in ('shown.hdf', 'shown.vtkhdf')]
+    done = subprocess.run([*PVPYTHON, '--force-offscreen-rendering', '-', *names], input=VTKHDF, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True)
+    mesh = tetlod.read(os.path.join(SCRATCH, 'bare.tetlod'), error='1%')
+    wanted = 'shown %d %d %s' % (len(mesh.tets), len(mesh.points), sorted(mesh.fields))
+    assert done.returncode == 0 and done.stdout.splitlines() == [wanted] * 2, (done.stdout, wanted)
+    for name in names if os.environ.get('DISPLAY') else ():
+        assert os.path.getsize(name + '.png') > 2000
+    return None
 
 
 STUB = """
@@ -85,11 +123,17 @@ for path, percent in zip(sys.argv[2::2], sys.argv[3::2]):
     reader.Update()
     print(reader.GetOutputDataObject(0).GetNumberOfCells(), told)
     told.clear()
+series = plugin.TetlodReader()
+series.SetFileName('series.tetlod')
+for time in -9.0, 1e9:
+    series.UpdateTimeStep(time)
+    print(series.GetOutputDataObject(0).GetInformation().Get(plugin.vtkDataObject.DATA_TIME_STEP()))
 """
 
 
 def test_messages():
-    """The plugin's own code over VTK, without ParaView: a message for what goes wrong; a cut file by its levels."""
+    """The plugin's own code over VTK, without ParaView: a message for what goes wrong; a cut file by its levels; of
+    a time outside of the series the nearest step."""
     whole, cut, other = (os.path.join(SCRATCH, name) for name in ('whole.tetlod', 'cut.tetlod', 'other.tetlod'))
     for arguments in ('sample', 'fin', '--size', '10', '-o', 'whole.vtu'), ('build', 'whole.vtu', '-o', whole,
                                                                             '--quiet'):
@@ -98,18 +142,21 @@ def test_messages():
     here = next(level for level in levels if level.errors['Pressure']['max'] <= 0.05)
     open(cut, 'wb').write(data[:here.bytes + 1])
     open(other, 'wb').write(b'something else')
+    shutil.copy(os.path.join(ROOT, 'tests', 'golden', 'series_float32.tetlod'), os.path.join(SCRATCH, 'series.tetlod'))
     done = subprocess.run(['/usr/bin/python3', '-c', STUB, tetlod.paraview_plugin(), whole, '5', cut, '5', cut, '0.1',
                            other, '1', 'none.tetlod', '1'],
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                           cwd=SCRATCH)
-    lines = done.stdout.splitlines()
+    *lines, before, behind = done.stdout.splitlines()
     assert done.returncode == 0 and len(lines) == 5 and not done.stderr, (lines, done.stderr)
     assert lines[0] == '%d []' % here.tets and lines[1] == lines[0], lines
     said = 'warning tetlod: the file is cut off: it holds levels 0 to %d' % here.level
     assert lines[2].startswith('%d [' % here.tets) and said in lines[2], lines
     assert lines[3].startswith("0 [") and "error tetlod: " in lines[3] and 'not a tetlod stream' in lines[3], lines
     assert lines[4].startswith("0 [") and "error tetlod: " in lines[4] and 'none.tetlod' in lines[4], lines
+    times = tetlod.open(os.path.join(SCRATCH, 'series.tetlod')).times
+    assert (before, behind) == (repr(times[0]), repr(times[-1])), (before, behind, times)
     return None
 
 
-run([test_plugin, test_messages])
+run([test_plugin, test_vtkhdf, test_messages])

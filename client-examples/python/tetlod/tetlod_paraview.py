@@ -111,8 +111,10 @@ class StreamSource(VTKPythonAlgorithmBase):
 
     def _mesh(self, stream, information):
         error = self._percent / 100
-        if stream.times:  # the step that is nearest to the time that is asked for
-            return stream.at(information.Get(UPDATE_TIME) if information.Has(UPDATE_TIME) else stream.times[0], error)
+        if stream.times:  # the step that is nearest to the time that is asked for: other sources may go on for longer
+            first, last = stream.times[0], stream.times[-1]
+            time = information.Get(UPDATE_TIME) if information.Has(UPDATE_TIME) else first
+            return stream.at(min(max(time, first), last), error)
         wanted = stream.level_for(error=error if stream.info.lossless or error > 0 else None)
         if wanted > stream.available:
             warnings.warn('the file is cut off: it holds levels 0 to %d of %d, and level %d is asked for' % (

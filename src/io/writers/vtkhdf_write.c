@@ -47,12 +47,14 @@ void vtkhdf_put_growing(struct vtkhdf_file *w, const char *name, int rank, const
     put_set(w, name, rank, dims, true, memory, stored, data);
 }
 
-static void put_text_attribute(struct vtkhdf_file *w, hid_t where, const char *name, const char *value)
+/* What VTKHDF itself reads is ASCII: ParaView 5.11 refuses a file whose Type is marked as UTF-8. */
+static void put_text_attribute(struct vtkhdf_file *w, hid_t where, const char *name, H5T_cset_t letters,
+                               const char *value)
 {
     hid_t scalar = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
     H5Tset_size(text, strlen(value));
     H5Tset_strpad(text, H5T_STR_NULLPAD);
-    H5Tset_cset(text, H5T_CSET_UTF8);
+    H5Tset_cset(text, letters);
     hid_t attribute = H5Acreate2(where, name, text, scalar, H5P_DEFAULT, H5P_DEFAULT);
     w->good = w->good && attribute >= 0 && H5Awrite(attribute, text, value) >= 0;
     H5Aclose(attribute);
@@ -69,7 +71,7 @@ void vtkhdf_put_attributes(struct vtkhdf_file *w, int64_t major)
     w->good = w->good && attribute >= 0 && H5Awrite(attribute, H5T_NATIVE_INT64, version) >= 0;
     H5Aclose(attribute);
     H5Sclose(space);
-    put_text_attribute(w, w->root, "Type", "UnstructuredGrid");
+    put_text_attribute(w, w->root, "Type", H5T_CSET_ASCII, "UnstructuredGrid");
 }
 
 hid_t vtkhdf_float_type(enum tetlod_type type)
@@ -82,7 +84,7 @@ void vtkhdf_put_unit(struct vtkhdf_file *w, const char *path, const char *unit)
 {
     hid_t set = w->good ? H5Dopen2(w->root, path, H5P_DEFAULT) : -1;
     w->good = set >= 0;
-    put_text_attribute(w, set, H5_UNITS, unit);
+    put_text_attribute(w, set, H5_UNITS, H5T_CSET_UTF8, unit);
     H5Dclose(set);
 }
 
