@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the command line share: the program, its scratch folder, and results in TAP."""
+import http.server
 import json
 import os
 import subprocess
+import threading
 
 from tap import finish, note, report  # noqa: F401 (for the tests)
 
@@ -82,6 +84,53 @@ def survived(done):
 
 def info(name):
     return json.loads(tetlod('info', '--json', name).stdout)
+
+
+class Host:
+    """A host of files that answers ranges alone, while `with` lasts. `files`: their bytes by name, or None for those of
+    the scratch folder; `asked`: (offset, size) of each range that left."""
+
+    def __init__(self, files=None):
+        self.files, self.asked = files, []
+        host = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            protocol_version = 'HTTP/1.1'
+
+            def do_GET(self):
+                data = host.read(self.path[1:])
+                first, last = map(int, self.headers['Range'][len('bytes='):].split('-'))
+                part = data[first:last + 1]
+                host.asked.append((first, len(part)))
+                self.send_response(206)
+                self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
+                self.send_header('Content-Length', str(len(part)))
+                self.end_headers()
+                self.wfile.write(part)
+
+            def log_message(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
+        self.url = 'http://127.0.0.1:%d/' % self.server.server_port
+
+    def read(self, name):
+        if self.files is not None:
+            return self.files[name]
+        with open(path(name), 'rb') as file:
+            return file.read()
+
+    @property
+    def sent(self):
+        return sum(size for _, size in self.asked)
+
+    def __enter__(self):
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        return self
+
+    def __exit__(self, *_):
+        self.server.shutdown()
+        self.server.server_close()
 
 
 def read_grid(name):

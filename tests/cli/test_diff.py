@@ -1,18 +1,15 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """`tetlod diff`: PAIRS pairs with known differences, bodies, seams, domains, series, URLs, tolerance files."""
-import functools
-import http.server
 import json
 import os
 import sys
-import threading
 
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.environ.get('ROOT', '.'), 'tests'))
 import common
-from common import fails, finish, must, note, path, read_grid, report, write
+from common import Host, fails, finish, must, note, path, read_grid, report, write
 
 PAIRS = int(os.environ.get('PAIRS', '15' if common.CONFIG == 'release' else '5'))  # the sanitizers are slow
 FACTORS = (0.5, 0.9, 1.1, 2)
@@ -222,42 +219,19 @@ def written():
            (where[covered > 0] == 1).all() and (where[covered == 0] == 0).all(), arrays)
 
 
-class Ranges(http.server.SimpleHTTPRequestHandler):
-    """A host that answers Range requests, and counts what it sends."""
-    sent = 0
-
-    def do_GET(self):
-        with open(path(os.path.basename(self.path)), 'rb') as file:
-            data = file.read()
-        first, last = (int(n) for n in self.headers['Range'].split('=')[1].split('-'))
-        part = data[first:last + 1]
-        Ranges.sent += len(part)
-        self.send_response(206)
-        self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
-        self.send_header('Content-Length', str(len(part)))
-        self.end_headers()
-        self.wfile.write(part)
-
-    def log_message(self, *_):
-        pass
-
-
 def over_http():
     must('sample', 'cube', '--size', '16', '-o', path('big.vtu'))
     must('build', path('big.vtu'), '-o', path('big.tetlod'), '--quiet')
     grid_field = 'xyz'
-    server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), functools.partial(Ranges))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    url = 'http://127.0.0.1:%d/' % server.server_port
     files = [path('big.tetlod'), path('big.vtu')]
     local = diff(*files, '--field', grid_field, '--limit', '30%')
-    remote = diff(url + 'big.tetlod', files[1], '--field', grid_field, '--limit', '30%')
-    report('a URL gives the same answer', local == remote, (local, remote))
     question = ('max(xyz) in box(1,1,1, 2,2,2) < 4096', '--json')
-    report('ask too', common.tetlod('ask', url + 'big.tetlod', *question).stdout ==
-           common.tetlod('ask', files[0], *question).stdout)
+    with Host() as host:
+        remote = diff(host.url + 'big.tetlod', files[1], '--field', grid_field, '--limit', '30%')
+        answer = common.tetlod('ask', host.url + 'big.tetlod', *question).stdout
+    report('a URL gives the same answer', local == remote, (local, remote))
+    report('ask too', answer == common.tetlod('ask', files[0], *question).stdout, answer)
     fails('a host that is not there', 1, ('cannot be read',), 'ask', 'http://127.0.0.1:1/x.tetlod', 'volume()')
-    server.shutdown()
 
 
 def limits():

@@ -4,17 +4,15 @@
 exactly, and verify of a URL by ranges."""
 import csv
 import glob
-import http.server
 import os
 import re
 import sys
-import threading
 
 import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
-from common import ROOT, case, fails, finish, info, must, path, report, tetlod, write
+from common import ROOT, Host, case, fails, finish, info, must, path, report, tetlod, write
 
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
 # Python cannot load the library that the sanitizers have changed: the program is the one that they look at
@@ -208,31 +206,13 @@ def box_case():
 # ---- verify of a URL
 
 def verify_url_case():
-    data, asked = open(path('fin.tetlod'), 'rb').read(), []
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self):
-            first, last = map(int, self.headers['Range'][6:].split('-'))
-            part = data[first:last + 1]
-            asked.append((first, len(part)))
-            self.send_response(206)
-            self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
-            self.send_header('Content-Length', str(len(part)))
-            self.end_headers()
-            self.wfile.write(part)
-
-        def log_message(self, *_):
-            pass
-
-    server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    url = 'http://127.0.0.1:%d/fin.tetlod' % server.server_port
-    done = must('verify', url)
-    assert done.stdout.decode() == url + ': ok\n' and sum(size for _, size in asked) == len(data), asked
-    data = data[:len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1:]
-    done = tetlod('verify', url)
-    assert done.returncode == 3 and b'checksum' in done.stderr and done.stderr.count(b'\n') == 1, done
-    server.shutdown()
+    data = open(path('fin.tetlod'), 'rb').read()
+    with Host({'fin.tetlod': data}) as host:
+        done = must('verify', host.url + 'fin.tetlod')
+        assert done.stdout.decode() == host.url + 'fin.tetlod: ok\n' and host.sent == len(data), host.asked
+        host.files['fin.tetlod'] = data[:len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1:]
+        done = tetlod('verify', host.url + 'fin.tetlod')
+        assert done.returncode == 3 and b'checksum' in done.stderr and done.stderr.count(b'\n') == 1, done
 
 
 def main():

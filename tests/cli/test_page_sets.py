@@ -1,16 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """extract --box of streams in pages: what the reference decoder has, within what is certified, out of few bytes."""
-import http.server
 import itertools
 import json
 import os
 import random
 import re
 import sys
-import threading
 
-from common import ROOT, case, fails, finish, info, must, path, write
+from common import ROOT, Host, case, fails, finish, info, must, path, write
 
 sys.path[:0] = [os.path.join(ROOT, 'client-examples', 'python'), os.path.join(ROOT, 'tests', 'http')]
 import numpy  # noqa: E402
@@ -159,41 +157,17 @@ def cells_follow():
     return None if not wrong.any() and len(set(material)) == 2 else int(wrong.sum())
 
 
-class Ranges(http.server.SimpleHTTPRequestHandler):
-    """A host that answers Range requests. It counts them, and what it sends; each waits for all that were sent with it."""
-    protocol_version = 'HTTP/1.1'
-    asked, sent = [], 0
-
-    def do_GET(self):
-        with open(path(os.path.basename(self.path)), 'rb') as file:
-            data = file.read()
-        first, last = (int(n) for n in self.headers['Range'].split('=')[1].split('-'))
-        part = data[first:last + 1]
-        Ranges.asked.append((first, last))
-        Ranges.sent += len(part)
-        self.send_response(206)
-        self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
-        self.send_header('Content-Length', str(len(part)))
-        self.end_headers()
-        self.wfile.write(part)
-
-    def log_message(self, *_):
-        pass
-
-
 def over_http():
     """Of a URL only what the box needs is fetched, and what it gives is the same."""
     must('sample', 'fin', '--size', '28', '-o', 'big.vtu')
     must('build', 'big.vtu', '-o', 'big.tetlod', '--paged=8000', '--quiet')
-    server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Ranges)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    place, options = 'http://127.0.0.1:%d/big.tetlod' % server.server_port, ('--error', '2%', '--box', '1,1,1,1,1,1')
+    options = '--error', '2%', '--box', '1,1,1,1,1,1'
     must('extract', 'big.tetlod', *options, '-o', 'here.vtu')
-    must('extract', place, *options, '-o', 'there.vtu')
-    size, sent, asked = os.path.getsize(path('big.tetlod')), Ranges.sent, list(Ranges.asked)
     must('extract', 'big.tetlod', '--level', '3', '-o', 'level.vtu')
-    must('extract', place, '--level', '3', '-o', 'there_level.vtu')
-    server.shutdown()
+    with Host() as host:
+        must('extract', host.url + 'big.tetlod', *options, '-o', 'there.vtu')
+        size, sent, asked = os.path.getsize(path('big.tetlod')), host.sent, list(host.asked)
+        must('extract', host.url + 'big.tetlod', '--level', '3', '-o', 'there_level.vtu')
     with open(path('here.vtu'), 'rb') as here, open(path('there.vtu'), 'rb') as there:
         if here.read() != there.read():
             return 'another mesh'

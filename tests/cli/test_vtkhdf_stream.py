@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from common import ROOT, case, fails, finish, must, path, report, tetlod, write
+from common import ROOT, Host, case, fails, finish, must, path, report, tetlod, write
 
 sys.path[:0] = [os.path.join(ROOT, 'tests', 'http'), os.path.join(ROOT, 'client-examples', 'python')]
 
@@ -174,53 +174,25 @@ def series_case(name):
         assert len(by_vtk(name + '.vtkhdf')[1]) == len(shown[0][2])
 
 
-class Counting:
-    """A host of files that answers ranges, and counts them."""
-
-    def __init__(self, data):
-        import http.server
-        import threading
-        self.asked, outer = [], self
-
-        class Handler(http.server.BaseHTTPRequestHandler):
-            protocol_version = 'HTTP/1.1'
-
-            def do_GET(self):
-                first, last = map(int, self.headers['Range'][6:].split('-'))
-                part = data[first:last + 1]
-                outer.asked.append(len(part))
-                self.send_response(206)
-                self.send_header('Content-Range', 'bytes %d-%d/%d' % (first, first + len(part) - 1, len(data)))
-                self.send_header('Content-Length', str(len(part)))
-                self.end_headers()
-                self.wfile.write(part)
-
-            def log_message(self, *_):
-                pass
-
-        self.server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
-        self.url = 'http://127.0.0.1:%d/x' % self.server.server_port
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+def read_within(url, decoder):
+    """Something that a reader gives of a stream on a host, to be compared."""
+    if decoder == 'ask':
+        return must('ask', url, 'mean(Pressure)', '--within', '10%').stdout.replace(url.encode(), b'')
+    if decoder == 'reference':
+        stream = reference.open(url)
+        points = stream.cursor()
+        points.seek(stream.level_for_error(0.05))
+        return hashlib.sha256(points.positions.tobytes()).digest()
+    return hashlib.sha256(client.read(url, error='1%', decoder=decoder).points.tobytes()).digest()
 
 
 def ranges_case(decoder):
     """1 % over HTTP: the same mesh, at most one request and 4 KiB more than of the bare stream."""
     found = []
     for name in ('large.tetlod', 'large.vtkhdf'):
-        host = Counting(bytes_of(name))
-        if decoder == 'reference':
-            stream = reference.open(host.url)
-            cursor = stream.cursor()
-            cursor.seek(stream.level_for_error(0.05))
-            found.append((hashlib.sha256(cursor.positions.tobytes()).digest(), host.asked))
-        elif decoder == 'ask':
-            done = must('ask', host.url, 'mean(Pressure)', '--within', '10%')
-            found.append((done.stdout.replace(host.url.encode(), b''), host.asked))
-        else:
-            mesh = client.read(host.url, error='1%', decoder=decoder)
-            found.append((hashlib.sha256(mesh.points.tobytes()).digest(), host.asked))
-        host.server.shutdown()
-        host.server.server_close()
+        with Host() as host:
+            result = read_within(host.url + name, decoder)
+        found.append((result, [size for _, size in host.asked]))
     (bare, few), (inside, more) = found
     assert bare == inside, found
     assert len(more) <= len(few) + 1 and sum(more) <= sum(few) + (4096 if decoder != 'ask' else 65536), (few, more)
