@@ -570,6 +570,12 @@ TETLOD_API uint32_t tetlod_band_for_error(const struct tetlod_series_info *info,
 /* The same for an error in the fields' units, which holds for every field. */
 TETLOD_API uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *info, double error);
 
+/* The coarsest band in which the errors of one step (tetlod_step_error) are at most `error`, those of all fields: often
+ * a coarser one than that which holds for every step. A fraction of the range over all steps, or in the fields' units.
+ * Where the metadata say that errors are fractions of each step's own range (format/SPEC.md, 3.7), the bands' hold. */
+TETLOD_API uint32_t tetlod_band_for_step(const struct tetlod_series *series, uint32_t step, double error);
+TETLOD_API uint32_t tetlod_band_for_step_abs(const struct tetlod_series *series, uint32_t step, double error);
+
 /* The step whose time is nearest: the first of several. */
 TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
 

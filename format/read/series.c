@@ -265,6 +265,35 @@ double tetlod_step_error(const struct tetlod_series *series, uint32_t field, uin
     return fmin(stored, series->time.bands[band].error);
 }
 
+static int step_is_within(const struct tetlod_series *series, uint32_t band, uint32_t step, double error, int absolute)
+{
+    for (uint32_t f = 0; f < series->time.field_count; f++) {
+        const double *range = series->time.fields[f].range;
+        double width = absolute ? range[1] - range[0] : 1;
+        if (width > 0 && !(tetlod_step_error(series, f, band, step) * width <= error))
+            return 0;
+    }
+    return step < series->time.step_count;
+}
+
+static uint32_t band_for_step(const struct tetlod_series *series, uint32_t step, double error, int absolute)
+{
+    for (uint32_t b = 0; b < series->time.band_count; b++)
+        if (step_is_within(series, b, step, error, absolute))
+            return b;
+    return TETLOD_NONE;
+}
+
+uint32_t tetlod_band_for_step(const struct tetlod_series *series, uint32_t step, double error)
+{
+    return band_for_step(series, step, error, 0);
+}
+
+uint32_t tetlod_band_for_step_abs(const struct tetlod_series *series, uint32_t step, double error)
+{
+    return band_for_step(series, step, error, 1);
+}
+
 /* Of a group that there is. */
 static struct tetlod_span group_span(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t group)
 {

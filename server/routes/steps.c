@@ -11,6 +11,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "src/stream/level_mesh.h"
+#include "src/stream/metadata.h"
 #include "src/stream/series_time.h"
 #include "src/stream/selection.h"
 #include "src/util/array.h"
@@ -105,7 +106,8 @@ static bool take_band(struct exchange *exchange, struct step_selection *selectio
                          "a step goes with one of error=0.01 and abs_error=0.2, a number of at least 0");
         return false;
     }
-    out->band = selection_band(info, selection);
+    selection->own_ranges = metadata_own_ranges(dataset_info(out->dataset));
+    out->band = selection_band(dataset_series(out->dataset), selection, out->step);
     if (out->band != TETLOD_NONE) {
         out->level = info->bands[out->band].level;
         return true;

@@ -13,9 +13,9 @@
 #include "src/mesh/displacement.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
+#include "src/stream/metadata.h"
 #include "src/stream/level_mesh.h"
 #include "src/pipeline/build.h"
-#include "src/report/series_json.h"
 #include "src/util/array.h"
 
 /* A band: a cursor that stays at its level, so that a step is one frame. */
@@ -54,7 +54,7 @@ static enum tetlod_status open_bands(struct steps_check *check)
     uint32_t bands = info->band_count;
     check->field_count = info->field_count;
     check->step_count = info->step_count;
-    check->own_ranges = series_own_ranges(tetlod_info(check->file));
+    check->own_ranges = metadata_own_ranges(tetlod_info(check->file));
     check->has_exact = !(info->bands[bands - 1].error > 0);
     tetlod_series_free(first);
     check->bands = array_zero(bands, sizeof *check->bands);

@@ -17,7 +17,7 @@
 #include "src/pipeline/field_choice.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/topology_spool.h"
-#include "src/report/series_json.h"
+#include "src/stream/metadata.h"
 #include "src/util/file.h"
 #include "src/util/json_text.h"
 #include "src/util/spool.h"

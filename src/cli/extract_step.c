@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
 #include "src/stream/level_mesh.h"
+#include "src/stream/metadata.h"
 #include "src/report/promise.h"
 #include "src/stream/series_time.h"
 
@@ -81,13 +82,13 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
 {
     const struct tetlod_info *info = tetlod_info(file);
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    uint32_t band = selection_band(steps, choice->selection);
     uint32_t step = selection_step(steps, choice->selection, choice->step);
+    if (step == TETLOD_NONE)
+        return fail_step(steps->step_count, choice->step, error);
+    uint32_t band = selection_band(series, choice->selection, step);
     if (band == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g",
                             choice->selection->error);
-    if (step == TETLOD_NONE)
-        return fail_step(steps->step_count, choice->step, error);
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, choice, band, step, about, about_size);
@@ -121,9 +122,11 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_sele
                                 struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
-    struct step_choice choice = {.selection = selection};
+    struct step_selection wanted = *selection;
+    struct step_choice choice = {.selection = &wanted};
     struct tetlod_file *part;
     uint32_t topology = selection_topology(info, selection, &choice.step);
+    wanted.own_ranges = metadata_own_ranges(info);
     if (selection->by_time)
         TETLOD_TRY(series_check_time(file, selection->time, error));
     if (!info->topology_count)

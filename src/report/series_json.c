@@ -2,18 +2,8 @@
 #include "src/report/series_json.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "src/stream/metadata.h"
-
-bool series_own_ranges(const struct tetlod_info *info)
-{
-    json_t *metadata = metadata_json(info);
-    const char *range = json_string_value(json_object_get(json_object_get(metadata, "options"), SERIES_RANGE));
-    bool own = range && strcmp(range, "step") == 0;
-    json_decref(metadata);
-    return own;
-}
 
 /* What all steps of a band come to: bytes, and the largest error of a field. */
 static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t *bytes, double *error)
@@ -66,7 +56,7 @@ json_t *series_json(const struct tetlod_series *series, const struct tetlod_info
     const char *displacement =
         steps->displacement == TETLOD_NONE ? NULL : info->fields[steps->fields[steps->displacement]].name;
     json_t *object = json_pack("{s:i, s:s, s:s?, s:o, s:o, s:o, s:o}", "steps", (int)steps->step_count, "relative_to",
-                               series_own_ranges(info) ? "step" : "series", "displacement", displacement, "times",
+                               metadata_own_ranges(info) ? "step" : "series", "displacement", displacement, "times",
                                times, "fields", fields, "cell_fields", cells, "bands", bands);
     if (room)
         return object;
@@ -100,7 +90,7 @@ void series_print(FILE *out, const struct tetlod_series *series, const struct te
         fprintf(out, "points        move by %s; errors are those at the same point of the body, proved on the mesh of "
                      "the first step\n",
                 info->fields[steps->fields[steps->displacement]].name);
-    if (series_own_ranges(info))
+    if (metadata_own_ranges(info))
         fprintf(out, "bands         are fractions of each step's own range; 'max' is one of the range over all "
                      "steps\n");
     fprintf(out, "\n band     level   vertices tetrahedra   bytes/step   max %%\n");

@@ -151,6 +151,15 @@ json_t *metadata_json(const struct tetlod_info *info)
     return json_object();
 }
 
+bool metadata_own_ranges(const struct tetlod_info *info)
+{
+    json_t *metadata = metadata_json(info);
+    const char *range = json_string_value(json_object_get(json_object_get(metadata, "options"), SERIES_RANGE));
+    bool own = range && strcmp(range, "step") == 0;
+    json_decref(metadata);
+    return own;
+}
+
 bool metadata_is_part(const struct tetlod_info *info)
 {
     json_t *metadata = metadata_json(info);

@@ -18,6 +18,11 @@ bool metadata_is_part(const struct tetlod_info *info);
 /* May the stream lack fields of its input: by the option "carry" of its build, or because no options are said? */
 bool metadata_is_selection(const struct tetlod_info *info);
 
+/* An option of the build, in the metadata: "step" if the bands' errors are fractions of each step's own range (SPEC
+ * 3.7). */
+#define SERIES_RANGE "series_range"
+bool metadata_own_ranges(const struct tetlod_info *info);
+
 /* The names of fields that are ids, as an array; NULL if the metadata have none. */
 json_t *metadata_ids(const struct tetlod_info *info);
 

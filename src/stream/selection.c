@@ -104,8 +104,11 @@ uint32_t selection_step(const struct tetlod_series_info *series, const struct st
     return step < series->step_count ? (uint32_t)step : TETLOD_NONE;
 }
 
-uint32_t selection_band(const struct tetlod_series_info *series, const struct step_selection *selection)
+/* By the step's own errors; the table has them as fractions of the range over all steps alone. */
+uint32_t selection_band(const struct tetlod_series *series, const struct step_selection *selection, uint32_t step)
 {
-    return selection->absolute ? tetlod_band_for_abs_error(series, selection->error)
-                               : tetlod_band_for_error(series, selection->error);
+    if (selection->absolute)
+        return tetlod_band_for_step_abs(series, step, selection->error);
+    return selection->own_ranges ? tetlod_band_for_error(tetlod_series_info(series), selection->error)
+                                 : tetlod_band_for_step(series, step, selection->error);
 }

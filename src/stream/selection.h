@@ -40,6 +40,7 @@ bool selection_read_box(const char *text, size_t size, struct region_box *out);
 /* A step of a series and its coarsest form within an error. */
 struct step_selection {
     bool by_time, absolute;
+    bool own_ranges; /* the series' errors are fractions of each step's own range: metadata_own_ranges */
     double time;   /* the nearest step's is taken */
     uint64_t step; /* or its number, counted through all topology groups */
     double error;  /* a fraction of the range, or in the fields' units */
@@ -51,6 +52,6 @@ uint32_t selection_topology(const struct tetlod_info *info, const struct step_se
 
 /* The step and the band, of the series of a topology group that has `step`; TETLOD_NONE: there is none. */
 uint32_t selection_step(const struct tetlod_series_info *series, const struct step_selection *selection, uint64_t step);
-uint32_t selection_band(const struct tetlod_series_info *series, const struct step_selection *selection);
+uint32_t selection_band(const struct tetlod_series *series, const struct step_selection *selection, uint32_t step);
 
 #endif

@@ -1,18 +1,23 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """A series in time: `build` of a PVD file or of several files, `extract --time`, `info`, `verify --against`."""
+import glob
 import json
 import os
 import re
 import sys
+import urllib.request
 
 import numpy as np
 
 from cell_meshes import block, coil, save
 from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod, write
 
-sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples', 'python'))
+sys.path[:0] = [os.path.join(os.environ['ROOT'], *part) for part in (('client-examples', 'python'), ('tests', 'http'))]
+os.environ['TETLOD_LIBRARY'] = glob.glob(os.path.join(os.environ['ROOT'], 'build', 'release', 'libtetlod.so.*'))[0]
 import tetlod as client  # noqa: E402
+from served import Server  # noqa: E402
+from tetlod import reference  # noqa: E402
 
 STEPS = 20
 
@@ -192,6 +197,38 @@ def clipped_case():
     must('verify', path('waves.tetlod'), *[word for name in names for word in ('--against', name)])
 
 
+def own_error_case():
+    """A step is taken in the coarsest band in which its own errors are within the asked one, by every reader."""
+    stream = reference.open(path('wake.tetlod'))
+    series, fields = stream.series(), range(len(stream.series().fields))
+
+    def own(band, number):
+        return max(series.error(band, number, f) for f in fields)
+
+    number = min(range(STEPS), key=lambda at: own(0, at))
+    error, below = own(0, number), np.nextafter(own(0, number), 0)
+    widths = [field['range'][1] - field['range'][0] for field in series.fields]
+    units = max(series.error(0, number, f) * widths[f] for f in fields)
+    if not error < series.bands[0]['error'] or series.band_for_error(error) == 0:
+        return 'nothing to choose: %g' % error
+    for choice, band in (({'error': error}, 0), ({'error': below}, 1), ({'abs_error': units}, 0),
+                         ({'abs_error': np.nextafter(units, 0)}, 1)):
+        wanted = stream.levels[series.bands[band]['level']]['tets']
+        words = ['--%s' % name.replace('_', '-') for name in choice] + [repr(float(limit)) for limit in choice.values()]
+        found = [len(step('wake.tetlod', '--step', str(number), *words)[0][1])]
+        found += [len(client.open(path('wake.tetlod'), decoder=decoder).at(series.times[number], **choice).tets)
+                  for decoder in ('library', 'python')]
+        with Server(path('wake.tetlod')) as server:
+            query = '&'.join('%s=%r' % (name, float(limit)) for name, limit in choice.items())
+            with urllib.request.urlopen('%sv1/meshes/wake/mesh?step=%d&%s' % (server.url, number, query)) as answer:
+                found.append(int(answer.headers['Tetlod-Tets']))
+        if found != [wanted] * 4 or ('error' in choice and series.band_for_step(number, choice['error']) != band):
+            return choice, found, wanted
+    same = client.open(path('wake.tetlod')).steps.within(error)
+    tets = [stream.levels[series.bands[series.band_for_step(at, error)]['level']]['tets'] for at in range(STEPS)]
+    return None if [len(mesh.tets) for mesh in same] == tets and len(set(tets)) == 2 else (tets, error)
+
+
 def own_range_case():
     """A field that fades: with --range step each step is within the error of its own range, else only of that over all."""
     from vtk.util.numpy_support import numpy_to_vtk
@@ -212,6 +249,14 @@ def own_range_case():
             return info(path('fading.tetlod'))['series']
         for number, name in enumerate(names[:3]):
             step('fading.tetlod', '--step', str(number), '--error', '5%')
+            tets = stream_tets = len(read_vtu('step.vtu')[1])
+            if relative == 'step':  # in its own range no band but the promised one is known to be within
+                stream = reference.open(path('fading.tetlod'))
+                band = stream.series().band_for_step(number, 0.05)
+                stream_tets = stream.levels[stream.series().bands[band]['level']]['tets']
+                tets = len(client.open(path('fading.tetlod')).at(float(number), '5%').tets)
+            if not tets == stream_tets == len(read_vtu('step.vtu')[1]):
+                return number, tets, stream_tets
             done = must('compare', name, path('step.vtu'), '--field', 'fading').stdout.decode()
             largest[relative] = max(largest[relative], float(re.search(r'max +(\S+) % of the range', done).group(1)))
     return None if 2 < largest['step'] <= 5.001 and largest['series'] > 10 else largest
@@ -411,6 +456,7 @@ def stretched_case():
 
 case('exact steps are the input bit for bit', exact_case)
 case('steps within an error', within_case)
+case('a step by its own error', own_error_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
 case('a picture of the errors over time', plot_case)

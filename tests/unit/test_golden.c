@@ -185,6 +185,18 @@ static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cu
     CHECK_INT(tetlod_seek_step(series, cursor, 0, steps->step_count, NULL), TETLOD_ERR_ARGUMENT);
     CHECK(tetlod_step_values(series, steps->field_count) == NULL);
     CHECK_INT(tetlod_band_for_error(steps, steps->bands[0].error), 0);
+    for (uint32_t s = 0; s < steps->step_count; s++) {
+        double error = 0, units = 0;
+        for (uint32_t f = 0; f < steps->field_count; f++) {
+            error = fmax(error, tetlod_step_error(series, f, 0, s));
+            units = fmax(units, tetlod_step_error(series, f, 0, s) * (steps->ranges[f][1] - steps->ranges[f][0]));
+        }
+        CHECK_INT(tetlod_band_for_step(series, s, error), 0);
+        CHECK_INT(tetlod_band_for_step_abs(series, s, units), 0);
+        CHECK(error == 0 || tetlod_band_for_step(series, s, nextafter(error, 0)) != 0);
+        CHECK(units == 0 || tetlod_band_for_step_abs(series, s, nextafter(units, 0)) != 0);
+    }
+    CHECK_INT(tetlod_band_for_step(series, steps->step_count, 1), TETLOD_NONE);
     CHECK_INT(tetlod_step_for_time(steps, steps->times[steps->step_count - 1] + 1), steps->step_count - 1);
     fclose(list);
     free(hashes);

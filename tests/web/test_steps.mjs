@@ -106,6 +106,26 @@ async function aStepIsOneRange() {
   host.close();
 }
 
+// The coarsest band in which the step's own errors are within the asked one, though the band promises less.
+async function byItsOwnError(stream) {
+  const { bands, times } = stream.series;
+  const told = Promise.all(times.map(() => heard(stream, 'step')));
+  const own = [];
+  for (const step of times.keys()) {
+    const shown = heard(stream, 'step');
+    await stream.seekStep(step, { band: 0 });
+    own.push(Math.max(...Object.values((await shown).errors)));
+  }
+  await told;
+  const least = own.indexOf(Math.min(...own));
+  assert.ok(own[least] < bands[0].error);
+  for (const [error, band] of [[own[least], 0], [own[least] * (1 - 1e-9), 1]]) {
+    const shown = heard(stream, 'step');
+    await stream.seekStep(least, { error });
+    assert.equal((await shown).band, band);
+  }
+}
+
 // Levels and steps in turn: each has its own values.
 async function thereAndBack() {
   const stream = await TetlodStream.open(new Blob([readFileSync(pathOf('series_float32'))]));
@@ -115,6 +135,7 @@ async function thereAndBack() {
   assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[3]);
   await stream.refineTo({ level: 1 });
   assert.deepEqual(await stream.mesh(), level);
+  await byItsOwnError(stream);
   await assert.rejects(stream.seekStep(1000), RangeError);
   await assert.rejects(stream.seekStep(0, { band: 99 }), RangeError);
   stream.close();

@@ -15,7 +15,7 @@ import numpy as np
 
 from ._model import MEASURES, Field, Info, Level, Topology, unknown_field
 from ._sources import Source
-from ._steps import Steps
+from ._steps import Steps, own_ranges
 from ._words import speak
 from .reference import StreamError
 
@@ -256,7 +256,7 @@ class LibraryDecoder:
         ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i,
                   number in enumerate(self._series_fields)}
         return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]),
-                     ranges, self._moves)
+                     ranges, self._moves, self.step_error, own_ranges(self.info.metadata))
 
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         mesh, error = CMesh(), CError()

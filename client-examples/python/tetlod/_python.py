@@ -10,7 +10,7 @@ from typing import Any, Dict, Iterator, Optional, Sequence, Tuple
 from . import reference
 from ._model import Field, Info, Level, Topology, unknown_field
 from ._sources import Source
-from ._steps import Steps
+from ._steps import Steps, own_ranges
 
 
 class PythonDecoder:
@@ -40,7 +40,7 @@ class PythonDecoder:
             return None
         return Steps(tuple(self._series.times), tuple((band['error'], band['level']) for band in self._series.bands),
                      {field['name']: (field['range'][0], field['range'][1]) for field in self._series.fields},
-                     self._series.displacement is not None)
+                     self._series.displacement is not None, self.step_error, own_ranges(self.info.metadata))
 
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         with collector_paused():

@@ -22,8 +22,9 @@ class StepSequence(Sequence[Mesh]):
     Steps pickle where their stream does: a worker of another process opens the stream itself.
     """
 
-    def __init__(self, stream: 'Stream', numbers: Optional[range] = None, error: Optional[Fraction] = None) -> None:
-        self._stream, self._error = stream, error
+    def __init__(self, stream: 'Stream', numbers: Optional[range] = None, error: Optional[Fraction] = None,
+                 band: Optional[int] = None) -> None:
+        self._stream, self._error, self._band = stream, error, band
         self._numbers = range(len(stream.times)) if numbers is None else numbers
 
     @property
@@ -55,8 +56,13 @@ class StepSequence(Sequence[Mesh]):
         return [self[begin:end] for begin, end in zip(begins, begins[1:])]
 
     def within(self, error: Optional[Fraction]) -> 'StepSequence':
-        """These steps at an error: a fraction of each field's range over all steps (0.01 or '1%')."""
+        """These steps at an error: a fraction of each field's range over all steps (0.01 or '1%'). Each has the
+        coarsest mesh that is within it at that step."""
         return StepSequence(self._stream, self._numbers, error)
+
+    def in_band(self, band: int) -> 'StepSequence':
+        """These steps in one band: all on one mesh."""
+        return StepSequence(self._stream, self._numbers, band=band)
 
     def isel(self, time: Union[int, slice]) -> Union[Mesh, 'StepSequence']:
         """By number, as xarray has it."""
@@ -93,9 +99,9 @@ class StepSequence(Sequence[Mesh]):
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            return StepSequence(self._stream, self._numbers[index], self._error)
+            return StepSequence(self._stream, self._numbers[index], self._error, self._band)
         try:
-            return self._stream._step_mesh(self._numbers[index], self._error)
+            return self._stream._step_mesh(self._numbers[index], self._error, self._band)
         except IndexError:
             raise IndexError('no step %d; there are %d' % (index, len(self))) from None
 

@@ -89,13 +89,13 @@ class Stream:
             raise ValueError('%s is no series: it has one moment only' % self._source.name)
         return self._step_of(steps, steps.step_for(time), Choice(error=error, abs_error=abs_error))
 
-    def _step_mesh(self, number: int, error: Optional[Fraction]) -> Mesh:
-        """A step by its number through all topology groups."""
+    def _step_mesh(self, number: int, error: Optional[Fraction], band: Optional[int] = None) -> Mesh:
+        """A step by its number through all topology groups, in a band or within an error."""
         topology, own = self._place(number)
         stream = self._topology(topology)
         steps = stream._decoder.steps
         assert steps is not None  # there are times
-        return stream._step_of(steps, own, Choice(error=error))
+        return stream._step_of(steps, own, Choice(error=error)) if band is None else stream._step_in(steps, own, band)
 
     def _place(self, number: int) -> Tuple[int, int]:
         """The topology group of a step, and its number there."""
@@ -111,7 +111,9 @@ class Stream:
         return topology, own // GROUP
 
     def _step_of(self, steps: Steps, step: int, choice: Choice) -> Mesh:
-        band = steps.band_for(choice)
+        return self._step_in(steps, step, steps.band_at(step, choice))
+
+    def _step_in(self, steps: Steps, step: int, band: int) -> Mesh:
         level = self.levels[steps.bands[band][1]]
         self._source.expect(level.bytes)
         points, tets, values = self._decoder.seek_step(band, step)

@@ -11,6 +11,7 @@ from xarray.backends import BackendArray, BackendEntrypoint
 from xarray.core import indexing
 
 from ._model import Choice, Fraction
+from ._sequences import FieldSequence
 from ._stream import Stream, open as open_stream
 
 Shape = Tuple[int, ...]
@@ -85,9 +86,9 @@ def of_steps(stream: Stream, choice: Choice) -> Dict[str, Variable]:
         raise ValueError('the meshes of the steps differ, a dataset has one: use tetlod.open(...).steps')
     steps = stream._decoder.steps
     assert steps is not None  # there are times
-    here = stream.levels[steps.bands[steps.band_for(choice)][1]]
-    error = steps.bands[steps.band_for(choice)][0]
-    meshes, count = stream.steps.within(error), len(steps.times)
+    band = steps.band_for(choice)
+    error, level = steps.bands[band]
+    here, meshes, count = stream.levels[level], stream.steps.in_band(band), len(steps.times)
     points = (lambda step: meshes[step].points) if steps.moves else (lambda: meshes[0].points)
     dims = ['time', 'vertex', 'xyz'][0 if steps.moves else 1:]
     made = {'time': Variable(['time'], np.array(steps.times)),
@@ -95,7 +96,7 @@ def of_steps(stream: Stream, choice: Choice) -> Dict[str, Variable]:
             'tets': variable(['tet', 'corner'], (here.tets, 4), np.uint32, lambda: meshes[0].tets)}
     for field in stream.fields:
         if field.name in steps.ranges:
-            values = stream[field.name].within(error)
+            values = FieldSequence(field.name, meshes)
             shape, dims = shaped(here.vertices, field, ['time', 'vertex'])
             made[field.name] = variable(dims, (count, *shape), float, lambda step, values=values: values[step],
                                         max_error=error)

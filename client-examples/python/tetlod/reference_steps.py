@@ -3,8 +3,8 @@
 
     stream = reference.open('wake.tetlod')
     series = stream.series()                       # None: the stream has one moment only
-    band = series.band_for_error(0.01)
-    cursor, values = series.seek(band, series.step_for_time(0.5))
+    step = series.step_for_time(0.5)
+    cursor, values = series.seek(series.band_for_step(step, 0.01), step)
     series.points(), cursor.tets, values['Pressure']
     series.cells('Pressure', 3)[:len(cursor.tets)]  # None: it has no steps, and is known at the first one only
 """
@@ -71,6 +71,16 @@ class Series:
     def band_for_error(self, error):
         """The coarsest band within the error; None if there is none."""
         return next((number for number, band in enumerate(self.bands) if band['error'] <= error), None)
+
+    def band_for_step(self, step, error):
+        """The coarsest band in which the step's own errors, those of all fields, are at most `error`; of a series whose
+        errors are fractions of each step's own range (SPEC 3.7), the bands' hold. None if there is none."""
+        options = self.stream.metadata.get('options')
+        if isinstance(options, dict) and options.get('series_range') == 'step':
+            return self.band_for_error(error)
+        fields = range(len(self.fields))
+        within = (band for band in range(len(self.bands)) if all(self.error(band, step, f) <= error for f in fields))
+        return next(within, None)
 
     def step_for_time(self, time):
         return min(range(len(self.times)), key=lambda step: abs(self.times[step] - time))

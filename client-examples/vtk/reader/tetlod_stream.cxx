@@ -188,6 +188,26 @@ tetlod_stream::part& tetlod_stream::part_of(double time, uint32_t& step)
   return at;
 }
 
+namespace
+{
+// Where errors are fractions of each step's own range (format/SPEC.md, 3.7). More than needed may only be finer.
+bool own_ranges(const struct tetlod_info* in)
+{
+  const std::string text(in->metadata, in->metadata_size);
+  const std::string key = "\"series_range\":";
+  size_t at = text.find(key);
+  at = at == std::string::npos ? at : text.find_first_not_of(' ', at + key.size());
+  return at != std::string::npos && text.compare(at, 6, "\"step\"") == 0;
+}
+
+uint32_t band_within(const struct tetlod_series* series, uint32_t step, double limit, bool absolute, bool own)
+{
+  if (absolute)
+    return tetlod_band_for_step_abs(series, step, limit);
+  return own ? tetlod_band_for_error(tetlod_series_info(series), limit) : tetlod_band_for_step(series, step, limit);
+}
+}
+
 uint32_t tetlod_stream::band_for(double time, const tetlod_choice& choice)
 {
   uint32_t step = 0;
@@ -195,8 +215,8 @@ uint32_t tetlod_stream::band_for(double time, const tetlod_choice& choice)
   const struct tetlod_series_info* steps = tetlod_series_info(at.series);
   const bool absolute = choice.abs_error >= 0;
   const double limit = absolute ? choice.abs_error : choice.error;
-  uint32_t band = absolute ? tetlod_band_for_abs_error(steps, limit) : tetlod_band_for_error(steps, limit);
   const struct tetlod_info* in = tetlod_info(at.file);
+  uint32_t band = band_within(at.series, step, limit, absolute, own_ranges(in));
   if (band == TETLOD_NONE && limit > 0)
     throw std::runtime_error("the steps have no error of at most " +
       (absolute ? std::to_string(limit) : percent(limit)) + "; the finest is " +

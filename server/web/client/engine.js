@@ -4,7 +4,7 @@
 import { boundOf, chooseLevel } from './choose.js';
 import { Held, readerOf, readerOfPart } from './held.js';
 import { FetchError, Source, canList, query, sleep } from './network.js';
-import { Groups, chooseBand, infoOfSteps } from './steps.js';
+import { Groups, chooseBandAt, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
 import { Flow, drawVectors } from './vectors.js';
 
@@ -139,9 +139,10 @@ export class Engine {
    */
   async seekStep({ step, band, error = 0, blend = 0 }, id) {
     if (!this.#series) throw new RangeError('the stream is no series in time');
-    const { times, bands } = await this.#series;
-    const wanted = band ?? chooseBand({ bands }, error);
+    const { times, bands, fields } = await this.#series;
     if (!(step in times)) throw new RangeError(`step is a whole number from 0 to ${times.length - 1}, not ${step}`);
+    const errors = (number) => fields.map((_, field) => this.#view.stepError(field, number, step));
+    const wanted = band ?? chooseBandAt({ bands }, error, errors, this.#base.metadata);
     if (!(wanted in bands)) throw new RangeError(`band is a whole number from 0 to ${bands.length - 1}, not ${wanted}`);
     const asked = this.#ask(bands[wanted].level, id);
     this.#time = { band: wanted, step, blend };

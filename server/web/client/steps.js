@@ -12,6 +12,16 @@ export function chooseBand({ bands }, error, finest = Infinity) {
 }
 
 /**
+ * The coarsest band in which a step's own errors are within `error`: `errors(band)` gives them. Where the metadata say
+ * that errors are fractions of each step's own range (SPEC 3.7), those of the bands hold.
+ */
+export function chooseBandAt(series, error, errors, metadata) {
+  if (metadata?.options?.series_range === 'step') return chooseBand(series, error);
+  const within = series.bands.findIndex((_, band) => errors(band).every((own) => own <= error));
+  return within < 0 ? series.bands.length - 1 : within;
+}
+
+/**
  * The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise.
  * `own`: errors of fields at a step that is shown, in place of its band's.
  */
