@@ -439,6 +439,12 @@ TETLOD_API uint32_t tetlod_page_count(const struct tetlod_file *file, uint32_t l
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page(const struct tetlod_file *file, uint32_t level, uint32_t page,
                                                          struct tetlod_page *out, struct tetlod_error *error);
 
+/* The bytes of one page alone, as tetlod_page_set_spans says those of a set: for readers that keep or drop pages one by
+ * one. 0 spans: there is no such page, or it adds nothing. */
+TETLOD_API size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t level, uint32_t page,
+                                    const uint32_t *fields, uint32_t field_count, struct tetlod_span *out,
+                                    size_t capacity);
+
 /* From now on levels have the pages of this set only (NULL: all), up to the set's level. The cursor stays where it is,
  * or goes back to the last level whose pages are the same; what is finer is decoded again when it is asked for. Pages
  * that are no longer in the set are gone. The set is copied. ERR_ARGUMENT if it is another file's; else as the cursor,

@@ -126,6 +126,7 @@ static void check_pages(struct tetlod_file *file, const struct tetlod_info *info
             continue;
         demand(tetlod_page_set_add(set, level, (uint32_t)(seed % pages), NULL) == TETLOD_OK);
         demand(tetlod_page_set_spans(set, NULL, 0, 100, NULL, 0) <= info->page_count * (1 + (size_t)info->field_count));
+        demand(tetlod_page_spans(file, level, (uint32_t)(seed % pages), NULL, 0, NULL, 0) <= 1 + info->field_count);
         tetlod_page_set_info(set, &what);
         demand(tetlod_cursor_select(cursor, set, NULL) == TETLOD_OK);
         if (tetlod_cursor_seek(cursor, level, NULL) == TETLOD_OK)

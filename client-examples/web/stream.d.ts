@@ -49,6 +49,8 @@ export interface Info {
   invertedTets: number;
   bounds: [Point, Point];
   lossless: boolean;
+  /** The first level in pages, of which some can be shown without the others (`look`); 0: none is. */
+  paged: number;
   fields: Field[];
   cellFields: CellField[];
   /** Of a series whose mesh changes; else none. Where the stream of each lies, and the times of its steps. */
@@ -222,7 +224,7 @@ export interface Pictures {
   /** One for each isosurface: null where none was asked for. */
   zones: (Zone | null)[];
   /** Where the mesh is finer in boxes: numbers of tetrahedra there, elsewhere and between, and edges of those between. */
-  finer: { boxLevel: number; inside: number; outside: number; between: number; edges: Pick<Part, 'points' | 'lines'>[] } | null;
+  finer: ((Boxes | Pages) & { edges: Pick<Part, 'points' | 'lines'>[] }) | null;
   rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
@@ -230,6 +232,56 @@ export interface Pictures {
   vectors?: Part | null;
   /** The boundary without being moved; absent as `vectors` is. */
   outline?: Part | null;
+  seconds: number;
+}
+
+/** What is shown of a mesh that is finer in boxes: how many tetrahedra are of each level, and between them. */
+export interface Boxes {
+  tets: number;
+  boxLevel: number;
+  inside: number;
+  outside: number;
+  between: number;
+  seconds: number;
+}
+
+/** A view of a stream in pages, in the stream's coordinates. */
+export interface Look {
+  /** Four numbers each, x, y, z, d: what is seen has x · X + y · Y + z · Z + d ≥ 0. */
+  planes: [number, number, number, number][];
+  eye: Point;
+  /** Nothing is seen from nearer. */
+  near: number;
+  /** Pixels of a length of 1 at a distance of 1; where `parallel`, at any. */
+  scale: number;
+  parallel: boolean;
+  /** That a place may be off on the screen: an error of the whole range counts as the diagonal of the bounds. */
+  pixels: number;
+  /** Budgets of the mesh, and of the pages' bytes that are held. */
+  tets: number;
+  bytes: number;
+  field: string;
+  measure: Measure;
+  /** Comes back with what is shown. */
+  id: number;
+}
+
+/** What is shown of a view. */
+export interface Pages {
+  pages: number;
+  tets: number;
+  /** Of these pages, and of all that are held. */
+  bytes: number;
+  held: number;
+  /** Pages that are left out for the budgets. */
+  refused: number;
+  /** The worst place that is seen: how far it is off, and its level, whose errors hold for all that is seen. */
+  pixels: number;
+  worst: number;
+  /** The finest level that has a page. */
+  finest: number;
+  /** Of the look; null: on the way to it. */
+  look: number | null;
   seconds: number;
 }
 
@@ -249,8 +301,8 @@ export interface Events {
   /** Another topology group is shown: `info` is its own. */
   topology: { topology: number; info: Info };
   buffered: { band: number; groups: number[]; steps: [number, number][]; received: number };
-  /** The mesh is finer in boxes now. */
-  refined: { level: number; boxLevel: number; inside: number; outside: number; between: number; seconds: number };
+  /** The mesh is finer in boxes now, or has other pages. */
+  refined: { level: number } & (Boxes | Pages);
   finished: { level: number };
   /** What is decoded stays, unless the decoder itself has stopped: then the stream has ended. */
   error: { message: string };
@@ -308,7 +360,7 @@ export class TetlodStream extends EventTarget {
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of what is drawn of the mesh; null elsewhere. */
-  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]>; part?: 'inside' | 'outside' | 'between' } | null>;
+  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]>; part?: 'inside' | 'outside' | 'between'; level?: number } | null>;
   /** Fetches values of cells, which are there from the event `cells` on. show() does so for those that it needs. */
   loadCells(name: string): Promise<void>;
   /** Bytes of values of cells, beside `received`. */
@@ -319,6 +371,8 @@ export class TetlodStream extends EventTarget {
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array; bounds?: Float64Array }>;
   /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
   draft(tets: number): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
+  /** Pages are those that a view needs, from now on, where the level that is shown has none; null: no more than its own. */
+  look(look: Look | null): void;
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;
   /** `whole`: the first pictures leave nothing out that is the same as in the last message. */

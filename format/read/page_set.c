@@ -185,6 +185,29 @@ enum tetlod_status tetlod_page(const struct tetlod_file *file, uint32_t level, u
     return TETLOD_OK;
 }
 
+/* One part after the other, each the frame of the geometry or of a field. */
+static void add_frames(const struct tetlod_file *file, const struct tetlodi_group *group, uint32_t page,
+                       const uint32_t *fields, uint32_t field_count, struct tetlodi_span_list *spans)
+{
+    uint32_t parts = 1 + file->index.info.field_count;
+    for (uint32_t part = 0; part < parts; part++) {
+        if (!tetlodi_is_wanted(part, fields, field_count))
+            continue;
+        const struct tetlodi_page_frame *frame = tetlodi_page_frame(&file->index.pages, parts - 1, group, page, part);
+        tetlodi_span_add(spans, frame->offset, frame->size);
+    }
+}
+
+size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t level, uint32_t page, const uint32_t *fields,
+                         uint32_t field_count, struct tetlod_span *out, size_t capacity)
+{
+    const struct tetlodi_group *group = tetlodi_group_of(&file->index.pages, level);
+    struct tetlodi_span_list spans = {.out = out, .capacity = capacity};
+    if (group && page < group->page_count)
+        add_frames(file, group, page, fields, field_count, &spans);
+    return spans.count;
+}
+
 /* ---- the set */
 
 void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_set_info *out)

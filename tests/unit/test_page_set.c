@@ -192,6 +192,31 @@ static void test_numbers(void)
     }
 }
 
+/* The bytes of a set are those of its pages, each once. */
+static void test_spans_of_pages(void)
+{
+    uint32_t state = 5, few[] = {0};
+    for (int trial = 0; trial < 20; trial++) {
+        const uint32_t *fields = trial % 2 ? few : NULL;
+        struct tetlod_page_set *set = random_set(&state, 4);
+        struct tetlod_span spans[400], own[8];
+        size_t count = tetlod_page_set_spans(set, fields, fields != NULL, 0, spans, 400), held = 0, single = 0;
+        for (size_t i = 0; i < count; i++)
+            held += spans[i].size;
+        for (uint32_t level = info->first_paged_level; level <= finest(); level++)
+            for (uint32_t p = 0; p < tetlod_page_count(file, level); p++) {
+                size_t parts = tetlod_page_spans(file, level, p, fields, fields != NULL, own, 8);
+                CHECK(parts <= (fields ? 2 : 1 + (size_t)info->field_count));
+                for (size_t i = 0; i < parts && tetlod_page_set_has(set, level, p); i++)
+                    single += own[i].size;
+            }
+        CHECK(held > 0 && held == single);
+        tetlod_page_set_free(set);
+    }
+    CHECK_INT(tetlod_page_spans(file, 0, 0, NULL, 0, NULL, 0), 0);
+    CHECK_INT(tetlod_page_spans(file, finest(), tetlod_page_count(file, finest()), NULL, 0, NULL, 0), 0);
+}
+
 struct allowed {
     const struct tetlod_span *spans;
     size_t count;
@@ -405,6 +430,7 @@ int main(void)
     RUN(test_moves);
     RUN(test_numbers);
     RUN(test_spans);
+    RUN(test_spans_of_pages);
     RUN(test_places);
     RUN(test_threads);
     RUN(test_damage);

@@ -24,7 +24,7 @@ function a_state_survives_its_fragment() {
   assert.equal(toFragment(defaults), '');
   assert.deepEqual(fromFragment(''), { ...defaults });
   const state = {
-    ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, formula: 'q * 2', units: 'q=m/s', range: 'manual', low: -1.25, high: 3e-7,
+    ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, pixels: 2.5, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, formula: 'q * 2', units: 'q=m/s', range: 'manual', low: -1.25, high: 3e-7,
     log: true, cells: 'material', regions: 'part', hidden: [-2, 7], map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
     sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, warp: 'u', warpScale: -2.5, outline: true, volume: true, volumeSize: 64,
     refine: { boxes: [[0, 0.25, 0.5, 0.5, 0.75, 1], [0, 0, 0, 1, 1, 1]], error: 0.002 },

@@ -15,8 +15,6 @@ const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump
 const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
-const transition = 2;   // of the parts of a mesh that is finer in boxes (src/stream/region.h)
-
 const mostRegions = 500; // that somebody may want to choose from
 
 // Which numbers there are, ascending, and how many tetrahedra have each; null: too many.
@@ -69,9 +67,13 @@ export class Engine {
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
   #draft = null;      // {tets, resolve}: a picture of a coarser level that is wanted beside
-  #refining;          // promises a maker of meshes that are finer in boxes
-  #refiner = null;    // one, while such a mesh is wanted
-  #finer = null;      // {key, level, counts} of the mesh that is shown, if it is such a one
+  #refining;          // promises makers of meshes that are finer somewhere: refine.js, and its module
+  #tools = null;      // which are here
+  #refiner = null;    // one for boxes, while such a mesh is wanted
+  #look = null;       // the view that pages follow
+  #pager = null;      // what follows it, and what ends that
+  #offered = null;    // {made, told, taken}: a mesh of pages that is not shown yet
+  #finer = null;      // {key, told} of the mesh that is shown, if it is such a one
   #unrefinable = '';  // key of one that could not be made
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
 
@@ -167,7 +169,8 @@ export class Engine {
   /** Values at a point of what is drawn. */
   probe(point) {
     this.#filter(); // the mesh may have gone on
-    return this.#view.probe(point, this.#info.fields, this.#info.cellFields);
+    const found = this.#view.probe(point, this.#info.fields, this.#info.cellFields);
+    return found && this.#finer ? { ...found, ...this.#tools.placeOf(this.#view.probedPart, this.#finer.told) } : found;
   }
 
   /**
@@ -245,6 +248,14 @@ export class Engine {
     });
   }
 
+  /** From now on pages are those that a view needs, beyond levels that have none; null: no more than the level's. */
+  look(look) {
+    this.#look = look;
+    if (!look) this.#leavePages();
+    this.#pager?.look(look);
+    this.#wake();
+  }
+
   seen() {
     this.#seen?.();
   }
@@ -258,6 +269,7 @@ export class Engine {
   close() {
     this.#stop.abort(aborted());
     this.#source?.close();
+    this.#leavePages();
     this.#endRequest('reject', aborted());
     this.#wake();
   }
@@ -495,6 +507,7 @@ export class Engine {
         else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
         else if (this.#canRefine) await this.#refineInBoxes();
+        else if (this.#offered && this.#isPaged && this.#shown === this.#coarse) this.#adoptPages();
         else if (this.#draft) this.#makeDraft();
         else await this.#settle();
       } catch (error) {
@@ -589,40 +602,53 @@ export class Engine {
     await this.#present(1);
   }
 
-  // ---- finer in boxes
+  // ---- finer in boxes, or where somebody looks
 
-  // Their level; -1: no boxes are wanted, or none finer than the goal.
+  // Their level, or the last one without pages; -1: neither is wanted, or it is not finer than the goal.
   get #boxLevel() {
+    if (this.#isPaged) return this.#base.paged - 1;
     const level = this.#spec?.refine && !this.#time ? Math.min(this.#spec.refine.level, this.#limit) : -1;
     return level > this.#goal ? level : -1;
+  }
+
+  get #coarse() {
+    return Math.max(this.#goal, 0);
+  }
+
+  get #isPaged() {
+    return this.#look && !this.#time && this.#goal < (this.#base.paged || -1) && this.#base.paged <= this.#limit;
   }
 
   // Which mesh is wanted in place of the goal's level; '': none.
   get #boxesWanted() {
     const level = this.#boxLevel;
-    return level < 0 ? '' : JSON.stringify([this.#goal, level, this.#spec.refine.boxes]);
+    return level < 0 ? '' : JSON.stringify([this.#coarse, level, !this.#isPaged && this.#spec.refine.boxes]);
   }
 
   get #canRefine() {
     const key = this.#boxesWanted;
     const isNew = key && key !== this.#finer?.key && key !== this.#unrefinable;
-    return isNew && this.#shown === this.#goal && this.#view.ready >= this.#boxLevel;
+    return isNew && this.#shown === this.#coarse && this.#view.ready >= this.#boxLevel;
   }
 
+  // Decodes on its own, in turns, as long as that is wanted.
   async #refineInBoxes() {
     const key = this.#boxesWanted;
-    const [coarse, fine, boxes] = JSON.parse(key);
-    const started = performance.now();
     try {
       await this.#series; // which goes back to the cursor's mesh
-      if (!this.#refiner?.reaches(fine)) await this.#openRefiner(fine, key);
-      if (key !== this.#boxesWanted || this.#shown !== coarse) return;
-      if (this.#view.level !== coarse) this.#view.seek(coarse);
-      const made = this.#refiner.make(coarse, fine, boxes);
-      this.#view.adopt(made);
-      this.#finer = { key, level: fine, counts: made.counts };
-      this.#emit('refined', { level: coarse, boxLevel: fine, ...made.counts, seconds: (performance.now() - started) / 1000 });
-      this.#changed();
+      const started = performance.now();
+      const { Refiner, Pager, module } = this.#tools ??= await this.#refining();
+      if (key !== this.#boxesWanted) return;
+      if (this.#isPaged) {
+        this.#unrefinable = key; // it is on its way
+        this.#pager ??= await Pager.create(module, this.#hostOf());
+        return this.#pager.look(this.#look, true);
+      }
+      this.#refiner ??= new Refiner(module, this.#hostOf());
+      const takeTurn = () => !this.#closed && key === this.#boxesWanted && this.#takeTurn();
+      const made = await this.#refiner.make(...JSON.parse(key), takeTurn);
+      if (!made || this.#shown !== this.#coarse) return;
+      this.#adopt(key, made, { ...made.told, seconds: (performance.now() - started) / 1000 });
     } catch (error) {
       this.#unrefinable = key;
       this.#refiner = null;
@@ -630,24 +656,43 @@ export class Engine {
     }
   }
 
-  // Decodes on its own, in turns, as long as that is wanted.
-  async #openRefiner(fine, key) {
-    this.#refiner = null;
-    const refiner = await this.#refining();
-    const selected = this.#source.partial ? this.#source.fields : null;
-    refiner.open(this.#view.added, { fields: this.#fields, selected, level: fine });
-    while (!this.#closed && key === this.#boxesWanted && !refiner.grow()) await this.#takeTurn();
-    if (refiner.reaches(fine)) this.#refiner = refiner;
+  // What they know of the stream.
+  #hostOf() {
+    return {
+      bytes: () => this.#view.added, info: this.#base, fields: this.#fields,
+      selected: this.#source.partial ? this.#source.fields : null,
+      apart: (offset, size, signal) => this.#source.apart(offset, size, { signal }),
+      offer: (made, told) => new Promise((taken) => { this.#offered = { made, told, taken }; this.#wake(); }),
+      fail: ({ message }) => this.#emit('error', { message: `pages are missing: ${message}` }),
+    };
+  }
+
+  #adoptPages() {
+    const { made, told, taken } = this.#offered;
+    this.#offered = null;
+    if (made || this.#finer) this.#adopt(this.#boxesWanted, made, told);
+    taken();
+  }
+
+  #adopt(key, made, told) {
+    if (this.#view.level !== this.#shown) this.#view.seek(this.#shown);
+    if (made) this.#view.adopt(made);
+    this.#finer = { key, told };
+    this.#emit('refined', { level: this.#shown, ...told });
+    if (made) this.forget(); // another mesh is shown at the same level
+    this.#dirty = true;
+  }
+
+  #leavePages() {
+    this.#pager?.close();
+    this.#pager = this.#offered = null;
+    this.#unrefinable = '';
   }
 
   #leaveBoxes() {
     this.#finer = null;
     this.#view.readopt(false);
-    this.#changed();
-  }
-
-  // Another mesh is shown at the same level.
-  #changed() {
+    this.#unrefinable = '';
     this.forget();
     this.#dirty = true;
   }
@@ -810,21 +855,8 @@ export class Engine {
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
       zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),
-      finer: this.#finer && this.#drawFiner(),
+      finer: this.#finer && this.#tools.drawFiner(this.#view, this.#finer.told, this.#spec),
     };
-  }
-
-  // Which levels are shown where, and the edges of the tetrahedra between them, of which nothing is proved.
-  #drawFiner() {
-    const { surface, slices, threshold, regions } = this.#spec;
-    const marked = surface ? [this.#view.marks(transition)] : [];
-    this.#view.pick(transition);
-    this.#view.filter(threshold, regions);
-    const cut = slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines: true }));
-    const edges = [...marked, ...cut].map(({ points, lines }) => ({ points, lines }));
-    this.#view.pick(null);
-    this.#view.filter(threshold, regions);
-    return { boxLevel: this.#finer.level, ...this.#finer.counts, edges };
   }
 
   // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's
@@ -840,7 +872,7 @@ export class Engine {
       near &&= this.#view.isNear;
       return side;
     });
-    return { bound, certified: certified && near && !this.#finer, sides };
+    return { bound, certified: certified && near && !(this.#finer && !this.#finer.told.pages), sides };
   }
 
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is

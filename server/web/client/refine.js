@@ -1,100 +1,70 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels that are finer in boxes, of the bytes that a view has: a module of its own. See ../refine/finer.h.
-import { NONE, TetlodError, instantiate } from './tetlod.js';
+import { MORE, Maker } from './maker.js';
+export { Pager } from './paging.js';
 
-const MORE = 1; // TETLOD_MORE
+const kinds = ['outside', 'inside', 'between']; // of the parts of a mesh that is finer in boxes (src/stream/region.h)
+const transition = 2;
+
+/** Where a probe is: a part of a mesh that is finer in boxes, or a level of one of pages. */
+export const placeOf = (part, { pages }) => (pages === undefined ? { part: kinds[part] } : { level: part });
+
+/** Which levels are shown where, and the edges of the tetrahedra between them, of which nothing is proved. */
+export function drawFiner(view, told, { surface, slices, threshold, regions }) {
+  if (told.pages !== undefined) return { ...told, edges: [] };
+  const marked = surface ? [view.marks(transition)] : [];
+  view.pick(transition);
+  view.filter(threshold, regions);
+  const cut = slices.map(({ origin, normal }) => view.slice(origin, normal, { lines: true }));
+  const edges = [...marked, ...cut].map(({ points, lines }) => ({ points, lines }));
+  view.pick(null);
+  view.filter(threshold, regions);
+  return { ...told, edges };
+}
 
 export class Refiner {
-  #code;
-  #maker;
-  #fields = null;
-  #level = -1;
-  #ready = false;
+  #module;
+  #host;
+  #maker = null;
+  #level = -1; // the finest that it has
 
-  static async create(module) {
-    return new Refiner(await instantiate(module));
+  /**
+   * `host`: {bytes(), of the stream; selected, names of the fields these are of, or null; fields, numbers of those to
+   * decode, or null}.
+   */
+  constructor(module, host) {
+    this.#module = module;
+    this.#host = host;
   }
 
-  constructor(code) {
-    this.#code = code;
-    this.#maker = code.refine_new();
-    if (!this.#maker) throw new TetlodError(10, 'out of memory');
-  }
-
-  #words(address, count) {
-    return new Uint32Array(this.#code.memory.buffer, address >>> 0, count);
-  }
-  #doubles(address, count) {
-    return new Float64Array(this.#code.memory.buffer, address >>> 0, count);
-  }
-
-  #check(status) {
-    if (!status || status === MORE) return status;
-    const bytes = new Uint8Array(this.#code.memory.buffer, this.#code.refine_message(this.#maker) >>> 0);
-    throw new TetlodError(status, new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))));
-  }
-
-  #lend(bytes, use) {
-    const address = this.#code.refine_allocate(bytes.byteLength) >>> 0;
-    if (!address) throw new TetlodError(10, 'out of memory: the browser gives no room for a finer mesh');
-    new Uint8Array(this.#code.memory.buffer, address, bytes.byteLength).set(
-      new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength),
-    );
-    try {
-      return this.#check(use(address));
-    } finally {
-      this.#code.refine_release(address);
-    }
+  // Decodes on its own, in turns; false: it is not wanted any more.
+  async #open(level, takeTurn) {
+    this.#level = -1;
+    this.#maker = await Maker.create(this.#module, 'refine');
+    this.#maker.open(this.#host.bytes(), this.#host, (...fields) => this.#maker.try('begin', level, ...fields));
+    while (this.#maker.try('grow') === MORE) if (!(await takeTurn())) return false;
+    this.#level = level;
+    return true;
   }
 
   /**
-   * `bytes` of a stream's levels up to `level`, of the fields with the names `selected` (null: all); `fields`: the
-   * numbers of those to decode, null for all. Then grow(), until it is true.
+   * The mesh of level `coarse`, and of `fine` in the boxes, as View.adopt takes it; `told`: tetrahedra of its parts.
+   * Its arrays hold until the next call. `takeTurn` waits for the next turn, or is false; then null.
    */
-  open(bytes, { fields, selected, level }) {
-    if (selected) {
-      const names = new TextEncoder().encode(selected.map((name) => `${name}\0`).join(''));
-      this.#lend(names, (address) => this.#code.refine_select(this.#maker, address, selected.length));
-    }
-    this.#lend(bytes, (address) => this.#code.refine_add(this.#maker, address, bytes.byteLength));
-    const list = Uint32Array.from(fields ?? []);
-    this.#lend(list, (address) => this.#code.refine_begin(this.#maker, level, address, fields ? list.length : NONE));
-    this.#fields = fields;
-    this.#level = level;
-  }
-
-  /** Decodes one level more. True when all are there. */
-  grow() {
-    this.#ready = this.#check(this.#code.refine_grow(this.#maker)) !== MORE;
-    return this.#ready;
-  }
-
-  /** Whether boxes of a level can be made. */
-  reaches(level) {
-    return this.#ready && level <= this.#level;
-  }
-
-  /** The mesh of level `coarse`, and of `fine` in the boxes, as View.adopt takes it; `counts`: tetrahedra of its parts.
-   *  Its arrays hold until the next call. */
-  make(coarse, fine, boxes) {
+  async make(coarse, fine, boxes, takeTurn) {
+    if (fine > this.#level && !(await this.#open(fine, takeTurn))) return null;
+    const maker = this.#maker;
+    const { fields } = this.#host;
     const numbers = Float64Array.from(boxes.flat());
-    this.#lend(numbers, (address) => this.#code.refine_make(this.#maker, coarse, fine, address, boxes.length));
-    const [vertices, tets, positions, corners, originals, parts, outside, inside, between] = this.#words(
-      this.#code.refine_mesh(this.#maker),
-      9,
-    );
-    const valuesOf = (f) =>
-      this.#doubles(this.#code.refine_values(this.#maker, f), vertices * this.#code.refine_components(this.#maker, f));
-    const count = this.#code.refine_field_count(this.#maker);
-    return {
-      vertices,
-      tets,
-      positions: this.#doubles(positions, 3 * vertices),
-      corners: this.#words(corners, 4 * tets),
-      numbers: this.#words(originals, tets),
-      parts: this.#doubles(parts, tets),
-      fields: Array.from({ length: count }, (_, f) => (!this.#fields || this.#fields.includes(f) ? valuesOf(f) : null)),
-      counts: { outside, inside, between },
-    };
+    maker.lend(numbers, (address) => maker.try('make', coarse, fine, address, boxes.length));
+    const valuesOf = (vertices) =>
+      Array.from({ length: maker.run('field_count') }, (_, f) =>
+        !fields || fields.includes(f)
+          ? maker.doubles(maker.run('values', f), vertices * maker.run('components', f))
+          : null,
+      );
+    const { counts, ...mesh } = maker.mesh(maker.run('mesh'), valuesOf);
+    const [outside, inside, between] = counts;
+    return { ...mesh, told: { tets: mesh.tets, boxLevel: fine, outside, inside, between } };
   }
 }

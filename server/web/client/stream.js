@@ -170,6 +170,7 @@ let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
   #link; #next = null; #crossing = null; #ahead = null; #asks = 0; #asking = null; #topologies = []; #options; #spec = null; #step = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
+  #look = null;
   info = null;
   fields = []; // names of those that are decoded
   level = 0;
@@ -331,7 +332,7 @@ export class TetlodStream extends EventTarget {
     Object.assign(this, link.received);
     this.#take(opened);
     this.series = this.#whole(link.series);
-    link.send({ action: 'show', argument: this.#spec });
+    this.#showBy(link);
     before.handOver(link);
     this.#dispatch('topology', { topology, info: this.info });
     this.#tell('level', link.level, link);
@@ -397,7 +398,7 @@ export class TetlodStream extends EventTarget {
       if (this.#step) await this.#next.call(nextId++, 'seekStep', { ...this.#step, blend: 0 });
       if (this.#next.topology !== this.topology) throw closedReason(); // it has gone on to another mesh
       this.#take(opened);
-      this.#next.send({ action: 'show', argument: this.#spec });
+      this.#showBy(this.#next);
       this.#link.handOver(this.#next);
       this.#link = this.#next;
     } catch (error) {
@@ -446,6 +447,21 @@ export class TetlodStream extends EventTarget {
   /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
   draft(tets) {
     return this.#call('draft', tets);
+  }
+
+  /**
+   * Of a stream with levels in pages, where the level that is shown has none (`info.paged` is the first that has):
+   * pages are those that a view needs, from now on; null: no others than the level's. `look`: {planes: [[x, y, z, d]],
+   * eye, near, scale, parallel, pixels, tets, bytes, field, measure, id}. The event `refined` says what is shown.
+   */
+  look(look) {
+    this.#look = look;
+    this.#link.send({ action: 'look', argument: look });
+  }
+
+  #showBy(link) {
+    link.send({ action: 'show', argument: this.#spec });
+    if (this.#look) link.send({ action: 'look', argument: this.#look });
   }
 
   /** Which pictures to make of this and every following level; null: none. `whole`: the first ones leave nothing out that is the same. */

@@ -439,7 +439,11 @@ export class View {
       const address = this.#code.view_cells(this.#view, f) >>> 0;
       if (address) cells[name] = [...this.#doubles(address + 8 * components * tet, components)];
     });
-    const part = ['outside', 'inside', 'between'][this.#code.view_probed_part(this.#view) >>> 0];
-    return part ? { tet, values, cells, part } : { tet, values, cells };
+    return { tet, values, cells };
+  }
+
+  /** The part of an adopted mesh that the last probe was in. */
+  get probedPart() {
+    return this.#code.view_probed_part(this.#view);
   }
 }

@@ -40,8 +40,8 @@ function takeBytes({ id, bytes, failure }) {
 // files as they are: a worker of theirs is one file.
 async function refining() {
   const code = new URL('./refine.js', import.meta.url).href;
-  const { Refiner } = await import(/* webpackIgnore: true */ /* @vite-ignore */ code);
-  return Refiner.create(await moduleOf(new URL('./refine.wasm', import.meta.url).href));
+  const module = await moduleOf(new URL('./refine.wasm', import.meta.url).href);
+  return { ...await import(/* webpackIgnore: true */ /* @vite-ignore */ code), module };
 }
 
 const actions = {
@@ -59,6 +59,7 @@ const actions = {
   show: (spec) => engine.show(spec),
   forget: () => engine.forget(),
   draft: (tets) => engine.draft(tets),
+  look: (look) => engine.look(look),
   seen: () => engine.seen(),
   close: () => engine.close(),
 };

@@ -41,6 +41,7 @@ export const errorOf = (level, field, measure) => level.errors[field]?.[measure]
 export function wantedLevel(info, state) {
   let k = levelForError(info, state);
   const most = state.maxTets || defaultTets();
+  if (state.pixels && info.paged) k = Math.min(k, info.paged - 1);
   while (k > 0 && (info.levels[k].tets > most || (state.maxBytes && info.levels[k].bytes > state.maxBytes))) k--;
   return k;
 }

@@ -66,13 +66,14 @@ function tellShown() {
   controls.setShown(level, stream.received);
   if (!now) return;
   const field = shownField(info, state);
-  const error = errorOf(viewer.told.levels[level], field, measure);
-  put('shown-error', percent(roundedUp(error, 3)), error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${unitOf(info, field) || 'in its units'}` : 'exact');
   const { finer } = viewer;
-  const tets = finer ? finer.outside + finer.inside + finer.between : now.tets;
+  const error = errorOf(viewer.told.levels[finer?.worst ?? level], field, measure);
+  put('shown-error', percent(roundedUp(error, 3)), error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${unitOf(info, field) || 'in its units'}` : 'exact');
+  const tets = finer?.tets ?? now.tets;
   put('shown-tets', count(tets), percent(tets / info.tets));
   byId('promise').textContent = promiseOf(viewer.told, level);
-  put('shown-level', String(level), `of ${info.levels.length - 1}`);
+  if (finer?.finest) put('shown-level', `${finer.worst}–${finer.finest}`);
+  else put('shown-level', String(level), `of ${info.levels.length - 1}`);
   const { at } = viewer;
   if (id) byId('download').href = `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
   byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;

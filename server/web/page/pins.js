@@ -149,7 +149,7 @@ export class Pins {
       const { words } =
         formula && answer
           ? formulaBound(formula, info, level, answer.values)
-          : boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined, answer?.part);
+          : boundShown(info, answer?.level ?? level, viewer.coloredState, local >= 0 ? local : undefined, answer?.part);
       const number =
         found &&
         significant(

@@ -7,6 +7,7 @@ import { count, percent, roundedUp, significant } from './numbers.js';
 
 // What a level promises of every field, as `tetlod extract` says it.
 export function promiseOf({ finer, ...info }, level) {
+  if (finer?.pages >= 0) return `${promiseOf(info, finer.worst)} in the picture; elsewhere ${promiseOf(info, level)}`;
   if (finer)
     return `${promiseOf(info, level)}; in boxes ${promiseOf(info, finer.boxLevel)}; between them ${count(finer.between)} tetrahedra without a bound`;
   const { errors } = info.levels[level];
@@ -51,9 +52,10 @@ export const wordsOfBound = (info, name, { bound, certified }) =>
 // `local`: what the local bound says there, if it is known.
 // `part`: of a mesh that is finer in boxes, where that is known: outside, inside, or between them.
 export function boundShown(info, level, state, local, part = 'between') {
-  if (info.finer && part === 'between')
+  const inBoxes = info.finer && info.finer.pages === undefined;
+  if (inBoxes && part === 'between')
     return { bound: null, certified: false, words: 'without a bound, where levels meet' };
-  if (info.finer && part === 'inside') level = info.finer.boxLevel;
+  if (inBoxes && part === 'inside') level = info.finer.boxLevel;
   const { field, cells, component, formula } = colouredOf(info, state);
   if (formula) return formulaBound(formula, info, level);
   if (!cells && field.bounds)

@@ -99,7 +99,8 @@ export function specOf(state, info) {
  * The level, as `TetlodStream.refineTo` takes it; without `info`, which says what there is, for `TetlodStream.open`.
  */
 export function targetOf(state, info) {
-  const target = { error: state.error, tets: state.maxTets || defaultTets() };
+  const target = { error: state.pixels && !info ? 1 : state.error, tets: state.maxTets || defaultTets() };
+  if (state.pixels && info?.paged) target.level = info.paged - 1;
   if (state.maxBytes) target.bytes = state.maxBytes;
   return info ? { ...target, field: targetFieldOf(info, state), measure: measureFor(info, state) } : target;
 }

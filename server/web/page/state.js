@@ -14,6 +14,7 @@ export const defaults = Object.freeze({
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
   maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
+  pixels: 0, // of error on the screen, in pages; 0: none are chosen by what is seen
   refine: null, // { boxes: of six fractions of the bounds, error } in them
   step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
@@ -106,6 +107,7 @@ const codecs = {
   errorField: text,
   maxTets: positive,
   maxBytes: positive,
+  pixels: positive,
   refine: { read: readBoxes, write: ({ boxes, error }) => `${boxes.map((b) => b.map(round).join(',')).join(';')}@${round(error)}` },
   step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,

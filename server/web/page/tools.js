@@ -6,6 +6,7 @@ import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { bindLate } from './late_controls.js';
 import { bindFilm } from './film.js';
+import { LookHere } from './look_here.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
 import { RefineHere } from './refine_here.js';
@@ -30,6 +31,7 @@ export class Tools {
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);
     this.boxes = new RefineHere(viewer, layer, pointer);
+    this.look = new LookHere(viewer);
     bindCalculator(viewer);
     bindUnits(viewer);
     bindRegions(viewer);

@@ -51,6 +51,7 @@ export class Viewer extends EventTarget {
   #told = null; #toldAt = null; // the step that the errors are told of
   #early = null;   // pictures that came before there was where to draw them
   #most = 0;       // tetrahedra of the finest level since memory was given back
+  looking = null;  // the number of the view that pages follow (look_here.js)
   difference = null; // of another stream, that is subtracted from the pictures (difference.js)
   #failedToSubtract;
   #whole = false;  // the next pictures are to leave nothing out
@@ -107,7 +108,7 @@ export class Viewer extends EventTarget {
                  'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'], () => this.#remake());
     store.watch(['measure', 'errorField'], ({ refine }) => refine && this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
-    store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
+    store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'pixels', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
                 (state) => scene.restyle(state));
     store.watch(['units'], () => this.#takeUnits());
@@ -117,6 +118,7 @@ export class Viewer extends EventTarget {
   get settled() {
     const { step } = this.store.state;
     const level = this.#inTime ? this.series.bands[this.wantedBand].level : wantedLevel(this.info, this.store.state);
+    if (this.looking && !this.#inTime && this.finer?.look !== this.looking) return false;
     return this.level === level && this.#drawn === this.level && (!this.#inTime ||
                                                                   (this.at?.step === step &&
                                                                    this.at.band === this.wantedBand));
@@ -518,7 +520,7 @@ export class Viewer extends EventTarget {
 
   #drawPictures(pictures) {
     if (pictures.outline !== undefined) this.outline = pictures.outline;
-    const changed = pictures.finer?.boxLevel !== this.finer?.boxLevel || pictures.finer?.inside !== this.finer?.inside;
+    const changed = pictures.finer?.seconds !== this.finer?.seconds;
     this.finer = pictures.finer;
     this.scene.addEventListener('render', this.#tellPictured, { once: true });
     this.scene.update(pictures, this.store.state, this.#lengthsOf(pictures.shade));

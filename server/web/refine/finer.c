@@ -45,16 +45,22 @@ const char *refine_message(const struct refine *refine)
     return refine->error.message;
 }
 
-uint32_t refine_select(struct refine *refine, const char *names, uint32_t count)
+enum tetlod_status refine_select_names(struct tetlod_feed *feed, const char *names, uint32_t count,
+                                       struct tetlod_error *error)
 {
     const char **list = array_new(count, sizeof *list);
     if (!list)
-        return tetlodi_fail_nomem(&refine->error, "a selection of fields", count);
+        return tetlodi_fail_nomem(error, "a selection of fields", count);
     for (uint32_t i = 0; i < count; i++, names += strlen(names) + 1)
         list[i] = names;
-    enum tetlod_status status = tetlod_feed_select(refine->feed, list, count, &refine->error);
+    enum tetlod_status status = tetlod_feed_select(feed, list, count, error);
     free(list);
     return status;
+}
+
+uint32_t refine_select(struct refine *refine, const char *names, uint32_t count)
+{
+    return refine_select_names(refine->feed, names, count, &refine->error);
 }
 
 uint32_t refine_add(struct refine *refine, const void *bytes, uint32_t size)

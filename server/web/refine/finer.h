@@ -51,4 +51,10 @@ REFINE_EXPORT(refine_field_count) uint32_t refine_field_count(const struct refin
 REFINE_EXPORT(refine_values) const double *refine_values(const struct refine *refine, uint32_t field);
 REFINE_EXPORT(refine_components) uint32_t refine_components(const struct refine *refine, uint32_t field);
 
+/* ---- within the module */
+
+/* tetlod_feed_select with `count` names that each end with NUL. */
+enum tetlod_status refine_select_names(struct tetlod_feed *feed, const char *names, uint32_t count,
+                                       struct tetlod_error *error);
+
 #endif

@@ -234,6 +234,7 @@ const char *view_describe(struct view *view)
     put_member(out, "bytes", (double)info->bytes);
     put_member(out, "degenerateTets", (double)info->degenerate_tets);
     put_member(out, "invertedTets", (double)info->inverted_tets);
+    put_member(out, "paged", info->first_paged_level);
     put(out, ",\"bounds\":[");
     put_point(out, info->bounds[0], 3);
     put(out, ",");

@@ -31,6 +31,8 @@ static void drop(struct view *view)
 const struct view_adopted *view_adopt(struct view *view, uint32_t vertices, uint32_t tets)
 {
     struct view_adopted *adopted = &view->adopted;
+    if (adopted->is_shown && view_show_adopted(view, 0) != TETLOD_OK)
+        return NULL;
     drop(view);
     *adopted = (struct view_adopted){array_new(vertices, 3 * sizeof *adopted->positions),
                                      array_new(tets, 4 * sizeof *adopted->corners),

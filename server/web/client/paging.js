@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A mesh of some pages of a stream, which follows a view of it: chooses pages, brings their bytes, has them decoded
+// (../refine/paging.h), and gives back those that left. Loaded when it is first wanted.
+import { choosePages, rangesOf, reaches } from './pages.js';
+import { MORE, Maker } from './maker.js';
+
+const records = 2000; // that are decoded in a turn, some milliseconds
+const mostFrames = 257; // MAX_PAGE_FRAMES
+const atOnce = 4; // requests
+const steps = [64, 8, 1]; // times the pixels: much is brought and shown in steps, the coarse one first
+const much = 100_000; // bytes
+
+export class Pager {
+  #maker;
+  #host;
+  #table;
+  #held = new Map(); // bytes of pages, by number: arrays, one for each frame; the one that was needed last at the end
+  #heldBytes = 0;
+  #shown = null; // the pages of the mesh that was offered last
+  #look = null;
+  #reached = null; // the look that is shown
+  #bell = () => {};
+  #fetching = null; // {wanted: pages, stop}
+  #closed = false;
+  #turn = new MessageChannel();
+
+  /**
+   * `host`: {bytes(), of the stream's first levels; selected, names of the fields these are of, or null; fields,
+   * numbers of those to decode, or null; info; apart(offset, size, signal); offer(mesh, told), which resolves when it
+   * is copied; fail(error)}.
+   */
+  static async create(module, host) {
+    return new Pager(await Maker.create(module, 'paging'), host);
+  }
+
+  constructor(maker, host) {
+    this.#maker = maker;
+    this.#host = host;
+    this.#open(host.info);
+    this.#run();
+  }
+
+  /**
+   * From now on the mesh is to be what this view needs: as pages.js has it, with `field` and `measure` of the error,
+   * and an `id`. `again`: it is offered also if it is the same as before.
+   */
+  look(look, again = false) {
+    this.#look = look;
+    if (again) this.#shown = this.#reached = null;
+    if (this.#fetching && look) {
+      const { has } = this.#choose(look);
+      if (this.#fetching.wanted.some((page) => !has[page])) this.#fetching.stop.abort();
+    }
+    this.#bell();
+  }
+
+  close() {
+    this.#closed = true;
+    this.#fetching?.stop.abort();
+    this.#turn.port1.close();
+    this.#bell();
+  }
+
+  #open({ levels, paged }) {
+    const maker = this.#maker;
+    const bytes = this.#host.bytes().subarray(0, levels[paged - 1].bytes);
+    maker.open(bytes, this.#host, (...fields) => maker.try('open', ...fields));
+    const pages = Array.from({ length: maker.run('count') }, (_, p) => this.#page(p));
+    const first = new Map();
+    pages.forEach(({ level }, p) => first.has(level) || first.set(level, p));
+    for (const page of pages) page.needed = page.needed.map((p) => first.get(page.level - 1) + p);
+    this.#table = { pages, root: levels[paged - 1].tets };
+  }
+
+  // As struct paging_page has it.
+  #page(number) {
+    const maker = this.#maker;
+    const at = maker.run('page', number);
+    const box = [...maker.doubles(at, 6)];
+    const [count, level, , tets, neededCount, needed] = maker.words(at + 48 + 16 * mostFrames, 6);
+    const numbers = maker.doubles(at + 48, 2 * count);
+    const frames = Array.from({ length: count }, (_, i) => [numbers[2 * i], numbers[2 * i + 1]]);
+    return {
+      level,
+      tets,
+      low: box.slice(0, 3),
+      high: box.slice(3),
+      frames,
+      bytes: frames.reduce((sum, [, size]) => sum + size, 0),
+      needed: [...maker.words(needed, neededCount)],
+    };
+  }
+
+  // ---- towards a view
+
+  #choose(look, times = 1) {
+    const table = { ...this.#table, reach: reaches(this.#host.info, look.field, look.measure) };
+    return choosePages(table, { ...look, pixels: times * look.pixels });
+  }
+
+  async #run() {
+    while (!this.#closed) {
+      const look = this.#look;
+      if (!look || look === this.#reached) {
+        await new Promise((resolve) => {
+          this.#bell = resolve;
+        });
+        continue;
+      }
+      try {
+        await this.#follow(look);
+      } catch (error) {
+        if (this.#closed || look !== this.#look) continue; // somebody looks elsewhere
+        this.#reached = look;
+        this.#host.fail(error);
+      }
+    }
+  }
+
+  // In steps, if much is missing; whoever looks elsewhere meanwhile is followed there.
+  async #follow(look) {
+    const started = performance.now();
+    const last = this.#choose(look);
+    const numbers = (has) => [...has.keys()].filter((p) => has[p]);
+    const missing = numbers(last.has).reduce((sum, p) => sum + (this.#held.has(p) ? 0 : this.#table.pages[p].bytes), 0);
+    for (const times of missing > much ? steps : [1]) {
+      const chosen = times === 1 ? last : this.#choose(look, times);
+      const pages = numbers(chosen.has);
+      if (times > 1 && pages.every((p) => this.#shown?.has(p))) continue;
+      await this.#bring(pages, look.bytes);
+      if (this.#look !== look && this.#shown) return;
+      await this.#show(pages, { ...chosen, look: times === 1 ? look.id : null, started });
+    }
+    this.#reached = look;
+  }
+
+  async #show(pages, { started, has, ...told }) {
+    const isSame = this.#shown?.size === pages.length && pages.every((p) => this.#shown.has(p));
+    if (!isSame) await this.#decode(pages);
+    this.#shown = new Set(pages);
+    const made = isSame ? null : this.#mesh();
+    await this.#host.offer(made, {
+      ...told,
+      held: this.#heldBytes,
+      pages: pages.length,
+      seconds: (performance.now() - started) / 1000,
+    });
+  }
+
+  async #decode(pages) {
+    const maker = this.#maker;
+    try {
+      for (const page of pages) {
+        this.#table.pages[page].frames.forEach(([offset, size], i) => {
+          if (size) maker.lend(this.#held.get(page)[i], (address) => maker.try('put', offset, address, size));
+        });
+      }
+      maker.lend(Uint32Array.from(pages), (address) => maker.try('choose', address, pages.length));
+      while (!this.#closed && maker.try('step', records) === MORE) await this.#takeTurn();
+    } finally {
+      maker.run('forget');
+    }
+  }
+
+  #takeTurn() {
+    return new Promise((resolve) => {
+      this.#turn.port1.onmessage = resolve;
+      this.#turn.port2.postMessage(null);
+    });
+  }
+
+  #mesh() {
+    const maker = this.#maker;
+    const address = maker.run('mesh');
+    if (!address) throw new Error('out of memory: the browser gives no room for pages');
+    const valuesOf = (vertices) =>
+      this.#host.info.fields.map(({ components }, f) => {
+        const values = maker.run('values', f);
+        return values ? maker.doubles(values, components * vertices) : null;
+      });
+    return maker.mesh(address, valuesOf);
+  }
+
+  // ---- bytes
+
+  async #bring(pages, budget) {
+    const missing = pages.filter((page) => !this.#held.has(page));
+    for (const page of pages) this.#use(page);
+    const ranges = rangesOf(missing.flatMap((page) => this.#table.pages[page].frames));
+    const stop = new AbortController();
+    this.#fetching = { wanted: missing, stop };
+    try {
+      const came = await this.#fetch(ranges, stop.signal);
+      for (const page of missing) this.#hold(page, came);
+    } finally {
+      stop.abort(); // of a failure the others are not waited for
+      this.#fetching = null;
+    }
+    this.#evict(new Set(pages), budget);
+  }
+
+  async #fetch(ranges, signal) {
+    const came = [];
+    const next = ranges.values();
+    const fetchSome = async () => {
+      for (const { offset, size } of next)
+        came.push({ offset, size, bytes: await this.#host.apart(offset, size, signal) });
+    };
+    await Promise.all(Array.from({ length: atOnce }, fetchSome));
+    return came;
+  }
+
+  #use(page) {
+    const bytes = this.#held.get(page);
+    if (bytes && this.#held.delete(page)) this.#held.set(page, bytes);
+  }
+
+  // Copies: the range that they came in may have others' bytes.
+  #hold(page, came) {
+    const bytesOf = ([offset, size]) => {
+      const range = came.find((r) => offset >= r.offset && offset + size <= r.offset + r.size);
+      return size ? range.bytes.slice(offset - range.offset, offset - range.offset + size) : null;
+    };
+    this.#held.set(page, this.#table.pages[page].frames.map(bytesOf));
+    this.#heldBytes += this.#table.pages[page].bytes;
+  }
+
+  // What left the view goes first of what was needed longest ago.
+  #evict(needed, budget) {
+    for (const page of this.#held.keys()) {
+      if (this.#heldBytes <= budget) return;
+      if (needed.has(page)) continue;
+      this.#held.delete(page);
+      this.#heldBytes -= this.#table.pages[page].bytes;
+    }
+  }
+}

@@ -1,0 +1,455 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Streams in pages that follow a view of them: which pages, the mesh and its bytes, and what the page makes of it.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { firstPicture, launch, openPage, settled } from './browser.mjs';
+import { fileHost, program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
+const { choosePages, rangesOf, reaches, scaleOf } = await import('../../server/web/client/pages.js');
+const { lookOf } = await import('../../server/web/page/look_here.js');
+const side = 24;
+
+function paged(name, sample, ...options) {
+  const [mesh, path] = ['vtu', 'tetlod'].map((ending) => join(SCRATCH, `${name}.${ending}`));
+  execFileSync(TETLOD, ['sample', ...sample, '-o', mesh], { stdio: 'ignore' });
+  execFileSync(TETLOD, ['build', mesh, ...options, '-o', path, '--quiet'], { stdio: 'ignore' });
+  return path;
+}
+
+const cube = paged('pagedcube', ['cube', '--size', String(side)], '--paged=2000');
+const fin = paged('pagedfin', ['fin', '--size', '24'], '--paged=2000', '--field', 'Density', '--field', 'Velocity');
+const bytes = readFileSync(cube);
+
+// ---- which pages
+
+const everywhere = { planes: [], eye: [0, 0, 0], near: 1, scale: 100, parallel: false };
+
+// Two levels of four pages along x, of length 1; each page of the second needs the one that it lies in.
+const rowsOf = (level) =>
+  [0, 1, 2, 3].map((x) => ({
+    level,
+    low: [x, 0, 0],
+    high: [x + 1, 1, 1],
+    tets: 10 * level,
+    bytes: 100 * level,
+    needed: level > 1 ? [x] : [],
+  }));
+const table = { pages: [...rowsOf(1), ...rowsOf(2)], root: 5, reach: [0.4, 0.1, 0.01] };
+const numbers = ({ has }) => [...has.keys()].filter((p) => has[p]);
+const choose = (look) => choosePages(table, { ...everywhere, pixels: 1, tets: 1e9, bytes: 1e9, ...look });
+
+async function pages_are_those_whose_error_is_seen() {
+  assert.deepEqual(numbers(choose({ pixels: 100 })), []);
+  // 0.4 at distances 1 (the nearest), 1, 2 and 3: 40, 40, 20, 13 pixels; 0.1: 10, 10, 5, 3.3
+  assert.deepEqual(numbers(choose({ pixels: 15 })), [0, 1, 2]);
+  const near = choose({ pixels: 4 });
+  assert.deepEqual([numbers(near), near.worst, near.finest], [[0, 1, 2, 3, 4, 5, 6], 1, 2]);
+  assert.ok(Math.abs(near.pixels - 10 / 3) < 1e-12, `${near.pixels}`);
+  assert.deepEqual([near.tets, near.bytes, near.refused], [5 + 40 + 60, 400 + 600, 0]);
+  // what is not seen is not there, and is no part of the worst
+  const half = choose({ pixels: 4, planes: [[-1, 0, 0, 1.5]] });
+  assert.deepEqual([numbers(half), half.pixels], [[0, 1, 4, 5], 1]);
+  assert.deepEqual(numbers(choose({ pixels: 2, parallel: true, scale: 100 })), [0, 1, 2, 3, 4, 5, 6, 7]);
+}
+
+async function budgets_hold_and_the_worst_comes_first() {
+  const few = choose({ pixels: 1, tets: 5 + 30 });
+  assert.deepEqual([numbers(few), few.tets, few.worst, few.finest], [[0, 1, 2], 35, 0, 1]);
+  assert.ok(few.refused > 0 && Math.abs(few.pixels - 40 / 3) < 1e-12);
+  const light = choose({ pixels: 1, bytes: 350 });
+  assert.ok(light.bytes <= 350 && numbers(light).length === 3);
+  // a page comes with those that it needs, or not at all
+  const odd = { ...table, reach: [0.001, 0.1, 0.01] };
+  const found = choosePages(odd, { ...everywhere, pixels: 8, tets: 1e9, bytes: 1e9 });
+  assert.deepEqual(numbers(found), [0, 1, 4, 5]);
+  assert.deepEqual(numbers(choosePages(odd, { ...everywhere, pixels: 8, tets: 5 + 25, bytes: 1e9 })), []);
+}
+
+async function errors_are_lengths_and_near_ranges_are_one() {
+  const info = {
+    bounds: [
+      [0, 0, 0],
+      [3, 4, 0],
+    ],
+    levels: [{ errors: {} }, { errors: { p: { max: 0.1 } }, domainError: 0.2 }, { errors: { p: { max: 0.1 } } }],
+  };
+  assert.deepEqual(reaches(info, 'p', 'max'), [Infinity, 1, 0.5]);
+  assert.deepEqual(
+    rangesOf(
+      [
+        [200, 10],
+        [100, 50],
+        [0, 0],
+        [155, 10],
+      ],
+      8,
+    ),
+    [
+      { offset: 100, size: 65 },
+      { offset: 200, size: 10 },
+    ],
+  );
+  assert.deepEqual(
+    rangesOf(
+      [
+        [0, 10],
+        [10, 10],
+      ],
+      0,
+      15,
+    ),
+    [
+      { offset: 0, size: 10 },
+      { offset: 10, size: 10 },
+    ],
+  );
+}
+
+// A camera of vtk.js's as far as it is asked.
+function camera({ position, to, parallel }) {
+  const ahead = to.map((c, i) => c - position[i]);
+  const far = Math.hypot(...ahead);
+  return {
+    getPosition: () => position,
+    getDirectionOfProjection: () => ahead.map((c) => c / far),
+    getViewUp: () => [0, 0, 1],
+    getParallelProjection: () => parallel,
+    getViewAngle: () => 30,
+    getUseHorizontalViewAngle: () => false,
+    getParallelScale: () => 2,
+  };
+}
+
+async function a_camera_sees_its_pyramid_or_its_box() {
+  const size = { height: 600, wide: 1.5, shift: [10, 0, 0], diagonal: 10 };
+  const sees = (look, point) => scaleOf(look, point, point);
+  const persp = lookOf(camera({ position: [0, 0, 0], to: [0, 10, 0], parallel: false }), size);
+  assert.deepEqual(persp.eye, [10, 0, 0]);
+  const tangent = Math.tan(Math.PI / 12);
+  assert.ok(Math.abs(sees(persp, [10, 5, 0]) - 300 / tangent / 5) < 1e-9);
+  for (const [point, seen] of [
+    [[10, -1, 0], 0],
+    [[10, 5, 5 * 1.19 * tangent], 1],
+    [[10, 5, 5 * 1.21 * tangent], 0],
+    [[10 - 5 * 1.5 * 1.19 * tangent, 5, 0], 1],
+    [[10 + 5 * 1.5 * 1.21 * tangent, 5, 0], 0],
+  ])
+    assert.equal(sees(persp, point) > 0, Boolean(seen), `${point}`);
+  const flat = lookOf(camera({ position: [0, 0, 0], to: [0, 10, 0], parallel: true }), size);
+  assert.equal(sees(flat, [10, 50, 0]), 150);
+  assert.deepEqual(
+    [
+      sees(flat, [10, 5, 2.39]) > 0,
+      sees(flat, [10, 5, 2.41]) > 0,
+      sees(flat, [6.41, 5, 0]) > 0,
+      sees(flat, [6.39, 5, 0]) > 0,
+    ],
+    [true, false, true, false],
+  );
+}
+
+// ---- the mesh and its bytes
+
+const lookAt = (id, look = {}) => ({
+  ...everywhere,
+  eye: [30, 30, 30],
+  near: 0.1,
+  scale: 800,
+  pixels: 2,
+  tets: 1e6,
+  bytes: 64e6,
+  field: 'xyz',
+  measure: 'max',
+  id,
+  ...look,
+});
+
+// The pictures once a view is followed.
+function looked(stream, look) {
+  return new Promise((resolve, reject) => {
+    stream.addEventListener('error', ({ detail }) => reject(new Error(detail.message)), { once: true });
+    const hear = ({ detail }) => {
+      if (detail.finer?.look !== look.id || (look.pixels < detail.finer.pixels && look.id !== -1)) return;
+      stream.removeEventListener('pictures', hear);
+      resolve(detail.finer);
+    };
+    stream.addEventListener('pictures', hear);
+    stream.look(look);
+  });
+}
+
+async function opened(source, field = 'xyz') {
+  const stream = await TetlodStream.open(source, { target: { error: 1 }, fields: 'first' });
+  await stream.refineTo({ level: stream.info.paged - 1 });
+  await stream.show({ field, surface: true, morph: false });
+  return stream;
+}
+
+// Faces of one tetrahedron only lie on the cube's boundary: there are no gaps where pages of different levels meet.
+function assertWhole({ positions, tets }) {
+  const faces = new Map();
+  for (let t = 0; t < tets.length; t += 4)
+    for (let i = 0; i < 4; i++) {
+      const corners = [0, 1, 2, 3].filter((c) => c !== i).map((c) => tets[t + c]);
+      const key = [...corners].sort((a, b) => a - b).join();
+      faces.set(key, faces.has(key) ? null : corners);
+    }
+  const open = [...faces.values()].filter(Boolean);
+  const isAtSide = (corners) =>
+    [0, 1, 2].some((axis) => [0, side].some((at) => corners.every((v) => positions[3 * v + axis] === at)));
+  assert.ok(open.length > 100, `${open.length} faces`);
+  assert.equal(open.filter((corners) => !isAtSide(corners)).length, 0, 'faces inside');
+}
+
+const corner = (v) => (i) => v[i];
+const tetsNear = ({ positions, tets }, place) => {
+  let near = 0;
+  for (let t = 0; t < tets.length; t += 4)
+    if ([0, 1, 2].every((i) => Math.abs(positions[3 * tets[t] + i] - corner(place)(i)) < side / 3)) near++;
+  return near;
+};
+
+async function a_view_of_all_is_the_whole_level() {
+  const stream = await opened(new Blob([bytes]));
+  const finest = stream.info.levels.length - 2;
+  const finer = await looked(stream, lookAt(1, { pixels: 1e-9, scale: 1, id: 1 }));
+  const mesh = await stream.mesh();
+  assert.deepEqual([finer.worst, finer.finest], [finest, finest]);
+  await stream.refineTo({ level: finest });
+  const uniform = await stream.mesh();
+  assert.equal(uniform.level, finest);
+  assert.deepEqual(
+    [mesh.tets.length, mesh.positions, mesh.fields.xyz].map((a) => a.length ?? a),
+    [uniform.tets.length, uniform.positions, uniform.fields.xyz].map((a) => a.length ?? a),
+  );
+  assert.deepEqual([mesh.positions, mesh.fields.xyz, mesh.tets], [uniform.positions, uniform.fields.xyz, uniform.tets]);
+  stream.close();
+}
+
+async function what_is_seen_is_fine_and_nothing_cracks() {
+  const host = await fileHost(bytes);
+  const stream = await opened(host.url);
+  const root = stream.info.levels[stream.info.paged - 1];
+  const begun = stream.fetched;
+  for (const [id, eye] of [
+    [1, [26, 26, 26]],
+    [2, [26, 12, 12]],
+    [3, [-2, -2, -2]],
+    [4, [12, 12, 12]],
+    [5, [26, 26, 26]],
+  ]) {
+    const look = lookAt(id, { eye, scale: 200, planes: id === 2 ? [[1, 0, 0, -12]] : [], tets: 60_000 });
+    const told = new Promise((resolve) => {
+      stream.addEventListener('refined', ({ detail }) => detail.look === id && resolve(detail));
+    });
+    stream.look(look);
+    const finer = await told;
+    const mesh = await stream.mesh();
+    assertWhole(mesh);
+    assert.ok(finer.tets === mesh.tets.length / 4 && finer.tets <= 60_000 && finer.tets > root.tets, `${finer.tets}`);
+    const near = await stream.probe(eye.map((c) => Math.min(Math.max(c, 0.5), side - 0.5)));
+    const far = await stream.probe([0.5, 23, 0.7]);
+    assert.ok(near.level > far.level, `look ${id}: level ${near.level} near, ${far.level} far`);
+    assert.ok(near.level >= finer.worst || !finer.planes);
+  }
+  // a place that was seen before costs nothing
+  const ranges = host.requests.slice(-1)[0].range;
+  const before = stream.fetched;
+  await new Promise((resolve) => {
+    stream.addEventListener('refined', ({ detail }) => detail.look === 6 && resolve());
+    stream.look(lookAt(6, { eye: [26, 12, 12], scale: 200, planes: [[1, 0, 0, -12]], tets: 60_000 }));
+  });
+  assert.deepEqual([stream.fetched, host.requests.slice(-1)[0].range], [before, ranges]);
+  assert.ok(begun < before && before - begun < 1.3 * bytes.length, `${begun}, ${before} of ${bytes.length}`);
+  // and nothing of it is left
+  stream.look(null);
+  await new Promise((resolve) => {
+    stream.addEventListener('pictures', ({ detail }) => detail.finer || resolve());
+  });
+  assert.equal((await stream.mesh()).tets.length / 4, root.tets);
+  stream.close();
+  host.close();
+}
+
+async function bytes_are_given_back() {
+  const stream = await opened(new Blob([bytes]));
+  const sides = [
+    [1, 0, 0, -16],
+    [-1, 0, 0, 8],
+    [0, 1, 0, -16],
+    [0, -1, 0, 8],
+  ];
+  for (const [id, plane] of sides.entries()) {
+    const look = lookAt(id + 1, { eye: [12, 12, 12], pixels: 0.5, planes: [plane], bytes: 25_000 });
+    const told = await new Promise((resolve) => {
+      stream.addEventListener('refined', ({ detail }) => detail.look === look.id && resolve(detail));
+      stream.look(look);
+    });
+    assert.ok(told.held <= 25_000 && told.bytes <= 25_000 && told.bytes > 1000, JSON.stringify(told));
+  }
+  stream.close();
+}
+
+async function a_host_that_fails_is_told_and_asked_again() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url, { target: { error: 1 }, retries: 0 });
+  await stream.refineTo({ level: stream.info.paged - 1 });
+  await stream.show({ field: 'xyz', surface: true });
+  host.fault = (request, response) => {
+    response.writeHead(404).end();
+    return true;
+  };
+  const failed = new Promise((resolve) => {
+    stream.addEventListener('error', ({ detail }) => resolve(detail.message), { once: true });
+  });
+  stream.look(lookAt(1));
+  assert.match(await failed, /pages are missing: .*404/);
+  host.fault = null;
+  const told = new Promise((resolve) => {
+    stream.addEventListener('refined', ({ detail }) => detail.look === 2 && resolve(detail));
+  });
+  stream.look(lookAt(2));
+  assert.ok((await told).pages > 0);
+  stream.close();
+  host.close();
+}
+
+const server = await program([cube, fin]);
+
+// Of a server that leaves fields out: pages have those that are decoded, and one that comes later, too.
+async function from_a_server_field_by_field() {
+  const stream = await opened(`${server.url}v1/meshes/pagedfin`, 'Density');
+  const {
+    bounds: [low, high],
+  } = stream.info;
+  const middle = low.map((c, i) => (c + high[i]) / 2);
+  const look = lookAt(1, { eye: middle, near: 0.5, scale: 300, field: 'Density', pixels: 3 });
+  const told = (id) =>
+    new Promise((resolve) => {
+      stream.addEventListener('refined', ({ detail }) => detail.look === id && resolve(detail));
+    });
+  const first = told(1);
+  stream.look(look);
+  const { pages } = await first;
+  assert.ok(pages > 8, `${pages} pages`);
+  const found = await stream.probe(middle);
+  assert.ok(
+    found.level > stream.info.paged - 1 && found.values.Density && !found.values.Velocity,
+    JSON.stringify(found),
+  );
+  const again = told(1);
+  await stream.addFields(['Velocity']);
+  assert.equal((await again).pages, pages);
+  const both = await stream.probe(middle);
+  assert.deepEqual([both.values.Density, both.level], [found.values.Density, found.level]);
+  assert.equal(both.values.Velocity.length, 3);
+  stream.close();
+}
+
+// ---- the page
+
+const browser = await launch();
+const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+const finerOf = () => page.evaluate(() => window.tetlod.viewer.finer);
+
+// Looks from somewhere, and waits until the pages are there.
+async function from(position, focus) {
+  const before = await page.evaluate(() => window.tetlod.viewer.looking);
+  await page.evaluate(
+    (camera) => {
+      window.tetlod.scene.setCamera(camera);
+      window.tetlod.scene.cameraRests();
+    },
+    [...[position, focus].flatMap((p) => p.map((c) => c - side / 2)), 0, 0, 1],
+  );
+  await page.waitForFunction((id) => window.tetlod.viewer.looking > id && window.tetlod.settled, before);
+  return finerOf();
+}
+
+// Of a picture that a wall of the cube fills: how many pixels are the background's.
+const backgroundPixels = () =>
+  page.evaluate(async () => {
+    const image = await window.tetlod.scene.capture();
+    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer);
+    return pixels.reduce((n, p) => n + (p === 0xffffffff), 0);
+  });
+
+async function flying_loads_what_is_seen() {
+  await page.goto(`${server.url}view/pagedcube#pixels=20&surface=solid&slices=&axes=0&background=white&smooth=0`);
+  await firstPicture(page);
+  await settled(page);
+  const { levels, paged: first } = await page.evaluate(() => window.tetlod.viewer.info);
+  // along a wall, whose picture it fills
+  for (const x of [20, 16, 12, 8, 4]) {
+    const finer = await from([x, -3, 12], [x, 0, 12]);
+    const uniform = levels[finer.finest];
+    assert.ok(finer.pixels <= 20, `${finer.pixels} pixels`);
+    assert.ok(finer.finest >= first && finer.tets < 0.8 * uniform.tets, `${finer.tets} of ${uniform.tets} at ${x}`);
+    const held = finer.bytes + levels[first - 1].bytes;
+    assert.ok(held < 0.8 * uniform.bytes, `${held} of ${uniform.bytes}`);
+    assert.equal(await backgroundPixels(), 0, 'the background is seen through the wall');
+    const levelAt = async (place) => (await page.evaluate((p) => window.tetlod.stream.probe(p), place)).level;
+    assert.ok((await levelAt([x, 0.5, 12])) > (await levelAt([x, 23.5, 12])), 'it is finest where one looks');
+  }
+}
+
+async function the_panel_and_the_link_tell_it() {
+  const finer = await finerOf();
+  const { error, level } = await page.evaluate(() => ({
+    error: document.getElementById('shown-error').innerText,
+    level: document.getElementById('shown-level').innerText,
+  }));
+  const shown = await page.evaluate((worst) => window.tetlod.viewer.info.levels[worst].errors.xyz.max, finer.worst);
+  assert.ok(Math.abs(parseFloat(error) / 100 / shown - 1) < 0.01, `${error}, not ${shown}`);
+  assert.equal(level.trim(), `${finer.worst}–${finer.finest}`);
+  assert.match(
+    await page.locator('#look-words').innerText(),
+    new RegExp(`^${finer.pages} pages, .* held\\. The worst place in the picture is .* pixels off`),
+  );
+  await page.waitForFunction(() => /pixels=20/.test(location.hash) && /camera=/.test(location.hash));
+  const again = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+  await again.goto(page.url());
+  await firstPicture(again);
+  await again.waitForFunction(() => window.tetlod.viewer.looking && window.tetlod.settled);
+  const other = await again.evaluate(() => window.tetlod.viewer.finer);
+  assert.deepEqual(
+    [other.pages, other.tets, other.worst, other.finest],
+    [finer.pages, finer.tets, finer.worst, finer.finest],
+  );
+  await again.context().close();
+}
+
+async function it_is_switched_by_the_keyboard() {
+  await page.locator('#look-on').focus();
+  await page.keyboard.press('Space');
+  await page.waitForFunction(() => !window.tetlod.viewer.finer && window.tetlod.settled);
+  assert.ok(!/pixels=/.test(await page.evaluate(() => window.tetlod.viewer.fragment)));
+  await page.keyboard.press('Space');
+  await page.waitForFunction(() => window.tetlod.viewer.finer && window.tetlod.settled);
+  await page.locator('#look-pixels').fill('40');
+  await page.keyboard.press('Enter');
+  await page.waitForFunction(() => window.tetlod.state.pixels === 40 && window.tetlod.settled);
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
+await run([
+  pages_are_those_whose_error_is_seen,
+  budgets_hold_and_the_worst_comes_first,
+  errors_are_lengths_and_near_ranges_are_one,
+  a_camera_sees_its_pyramid_or_its_box,
+  a_view_of_all_is_the_whole_level,
+  what_is_seen_is_fine_and_nothing_cracks,
+  bytes_are_given_back,
+  a_host_that_fails_is_told_and_asked_again,
+  from_a_server_field_by_field,
+  flying_loads_what_is_seen,
+  the_panel_and_the_link_tell_it,
+  it_is_switched_by_the_keyboard,
+]);
