@@ -30,6 +30,7 @@ enum { MAX_METADATA = 1 << 20 };
 #define TAG_PAGES "PAGE" /* page_table.h */
 #define TAG_NEXT "NEXT"
 #define TAG_SUMMARY "SUMS"
+#define TAG_BOX_SUMS "KSUM"
 
 /* What one coder has written for one level, or a section. */
 struct tetlodi_frame {

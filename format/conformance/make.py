@@ -125,9 +125,10 @@ CELLS = {'i1': 'int8', 'i2': 'int16', 'i4': 'int32', 'i8': 'int64', 'f4': 'float
 OPTIONS = {
     'positions_1_bit': '5.2', 'positions_8_bit': '5.2', 'positions_16_bit': '5.2', 'positions_30_bit': '5.2',
     'fields_1_bit': '5.2', 'fields_8_bit': '5.2', 'fields_16_bit': '5.2', 'fields_30_bit': '5.2', 'both_12_bit': '5.2',
-    'kept_order': '10', 'certify_exact': '3.3', 'domain_error_0': '7.2', 'summary': '3.9'}
+    'kept_order': '10', 'certify_exact': '3.3', 'domain_error_0': '7.2', 'summary': '3.9',
+    'box_sums': '3.9'}
 ARGUMENTS = {'kept_order': ['--keep-order'], 'certify_exact': ['--certify', 'exact'],
-             'domain_error_0': ['--domain-error', '0'], 'summary': ['--summary'],
+             'domain_error_0': ['--domain-error', '0'], 'summary': ['--summary'], 'box_sums': ['--summary'],
              'both_12_bit': ['--position-bits', '12', '--field-bits', '12']}
 
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/ask/box_answer.h"
 #include "src/util/array.h"
 #include "src/util/number_text.h"
 
@@ -308,20 +309,41 @@ static bool find_in_sums(const struct asking *asking, struct ask_interval *out)
                           question->function == ASK_VOLUME);
 }
 
+/* Is what the bytes before the levels say narrow enough, or does it decide? */
+static bool is_enough_early(const struct asking *asking, const struct ask_options *options, double volume,
+                            const struct ask_interval *interval)
+{
+    if (asking->question->compare != ASK_NO_LIMIT)
+        return ask_decide(asking->question, interval) >= 0;
+    return interval->upper - interval->lower <= width_of(asking, options, volume);
+}
+
+/* The sums of a region are exact, those of a box as far as the boxes of the stream fill it. */
+static bool find_in_boxes(const struct asking *asking, const struct ask_options *options, struct ask_result *out)
+{
+    const struct ask_question *question = asking->question;
+    double volume;
+    uint32_t component = question->quantity.name[0] ? component_of(asking) : TETLOD_NONE;
+    if (asking->info->inverted_tets ||
+        !box_answer(&asking->forms->boxes, question, component, &out->interval, &volume))
+        return false;
+    out->exact = question->over_region;
+    return out->exact || is_enough_early(asking, options, volume, &out->interval);
+}
+
 /* What the bytes before the levels say: the index has the extremes of a field of one component. */
 static bool find_before_levels(const struct asking *asking, const struct ask_options *options,
                                struct ask_result *out)
 {
     const struct ask_question *question = asking->question;
     bool extreme = question->function == ASK_MIN || question->function == ASK_MAX;
-    if (question->in_box || question->over_region || question->quantity.component == ASK_LENGTH)
+    if (question->quantity.component == ASK_LENGTH)
         return false;
     out->bytes = asking->info->levels[0].offset;
+    if (question->in_box || question->over_region)
+        return find_in_boxes(asking, options, out);
     if (find_in_distribution(asking, &out->interval))
-        return question->compare != ASK_NO_LIMIT
-                   ? ask_decide(question, &out->interval) >= 0
-                   : out->interval.upper - out->interval.lower <=
-                         width_of(asking, options, asking->forms->summary.volume);
+        return is_enough_early(asking, options, asking->forms->summary.volume, &out->interval);
     out->exact = true;
     if (!extreme)
         return find_in_sums(asking, &out->interval);

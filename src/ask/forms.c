@@ -161,6 +161,8 @@ enum tetlod_status forms_init(struct forms *forms, struct tetlod_file *file, uin
         TETLOD_TRY(find_in_series(forms, name, error));
     else
         TETLOD_TRY(tetlodi_summary_read(file, &forms->summary, error));
+    if (!forms->series)
+        TETLOD_TRY(tetlodi_box_sums_read(file, &forms->boxes, error));
     forms->finest = forms->part ? forms->info->level_count - 1 : finest;
     return list(forms, error);
 }
@@ -170,6 +172,7 @@ void forms_fini(struct forms *forms)
     tetlod_cursor_free(forms->cursor);
     tetlod_series_free(forms->series);
     tetlodi_summary_fini(&forms->summary);
+    tetlodi_box_sums_fini(&forms->boxes);
     tetlod_close(forms->part);
     free(forms->forms);
     free(forms->moved);

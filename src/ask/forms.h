@@ -3,6 +3,7 @@
 #ifndef TETLOD_FORMS_H
 #define TETLOD_FORMS_H
 
+#include "format/read/box_sums.h"
 #include "format/read/summary.h"
 #include "src/stream/selection.h"
 
@@ -23,6 +24,7 @@ struct forms {
     struct tetlod_series *series;   /* owned; NULL: values of levels */
     uint32_t series_field, step;    /* the step's number in its topology group */
     struct tetlodi_summary summary; /* of the stream's own values: empty if it has none, or for a step */
+    struct tetlodi_box_sums boxes;  /* likewise */
     struct form *forms;             /* owned, coarse to fine: those of which something is certain, and that are here */
     uint32_t count, finest;         /* finest: the level that is here */
     struct tetlod_cursor *cursor;   /* owned */

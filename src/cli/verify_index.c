@@ -17,6 +17,7 @@
 #include "src/stream/metadata.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
+#include "src/cli/verify_boxes.h"
 #include "src/pipeline/make_summary.h"
 #include "src/util/array.h"
 
@@ -289,5 +290,6 @@ enum tetlod_status verify_index(const struct tetlod_file *file, const struct tet
     TETLOD_TRY(check_bounds(file, finest, error));
     TETLOD_TRY(check_ranges(file, finest, error));
     TETLOD_TRY(check_sums(file, finest, error));
+    TETLOD_TRY(verify_boxes(file, finest, error));
     return check_counts(info, finest, error);
 }

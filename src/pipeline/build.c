@@ -23,6 +23,7 @@
 #include "src/pipeline/limits.h"
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
+#include "src/pipeline/make_box_sums.h"
 #include "src/pipeline/make_summary.h"
 #include "src/util/array.h"
 #include "src/util/json_text.h"
@@ -482,10 +483,11 @@ static enum tetlod_status list_sections(struct build *build, struct tetlodi_buff
 {
     const struct build_options *options = build->options;
     struct tetlodi_summary summary;
+    struct tetlodi_box_sums boxes;
     *count = options->section_count;
-    *out = array_new(*count + (size_t)2, sizeof **out);
+    *out = array_new(*count + (size_t)3, sizeof **out);
     if (!*out)
-        return tetlodi_fail_nomem(build->error, "the sections", (*count + 1) * sizeof **out);
+        return tetlodi_fail_nomem(build->error, "the sections", (*count + 3) * sizeof **out);
     if (*count)
         memcpy(*out, options->sections, *count * sizeof **out);
     if (options->keep_order && build->input->cells) {
@@ -499,10 +501,19 @@ static enum tetlod_status list_sections(struct build *build, struct tetlodi_buff
     TETLOD_TRY(summary_make(&summary, build->original, build->mesh, &build->log,
                             build->log.mark_count + build->precision.tail, build->error));
     tetlodi_summary_encode(&summary, bytes);
+    const uint32_t row = 64 + 16 * summary.threshold_count;
+    const size_t size = bytes->size;
     tetlodi_summary_fini(&summary);
+    TETLOD_TRY(box_sums_make(&boxes, build->original, regions_of(build), row, build->error));
+    tetlodi_box_sums_encode(&boxes, bytes);
+    tetlodi_box_sums_fini(&boxes);
+    if (bytes->failed)
+        return tetlodi_fail_nomem(build->error, "the sums of the fields", bytes->size);
     (*out)[(*count)++] = (struct tetlodi_write_section){.tag = TAG_SUMMARY, .early = 1, .bytes = bytes->bytes,
-                                                        .size = bytes->size};
-    return bytes->failed ? tetlodi_fail_nomem(build->error, "the sums of the fields", bytes->size) : TETLOD_OK;
+                                                        .size = size};
+    (*out)[(*count)++] = (struct tetlodi_write_section){.tag = TAG_BOX_SUMS, .early = 1, .bytes = bytes->bytes + size,
+                                                        .size = bytes->size - size};
+    return TETLOD_OK;
 }
 
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)

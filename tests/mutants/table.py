@@ -319,6 +319,18 @@ mutant('features: the box of the persistence alone', FEATURE_SOURCE,
 mutant('features: moved boundaries', 'src/ask/feature_levels.c',
        '!(info->levels[level].domain_error <= KEPT) || ', '', 'where the boundary moved nothing is proved', FEATURES)
 
+BOX_SUMS, BOX_SOURCE = 'cli/test_box_sums', 'src/ask/box_answer.c'
+mutant('boxes: parts of volumes as they are', BOX_SOURCE, 'half = 0.5 + 1e-6;', 'half = 0;',
+       'the part of a volume is rounded', BOX_SUMS)
+mutant('boxes: what sticks out is not there', BOX_SOURCE,
+       '.open = inside ? volume[1] - volume[0] : volume[1]', '.open = 0', 'any part of a box may be in the question\'s',
+       BOX_SUMS)
+mutant('boxes: extremes of what sticks out', BOX_SOURCE, 'if (parts->list[i].inside)\n            out.lower',
+       'if (true)\n            out.lower', 'the greatest value of a box may be in its part outside', BOX_SUMS)
+mutant('boxes: bounds rounded inwards', 'src/pipeline/make_box_sums.c', 'BOX_PARTS) < value + slack)\n        part++;',
+       'BOX_PARTS) < value - 0.02 * (range[1] - range[0]))\n        part++;',
+       'bounds are outside of the values', BOX_SUMS)
+
 # ---- pages (PROOF.md, 11 and 15)
 
 mutant('a tetrahedron leaves its cell', 'src/simplify/rounds/merge.c',

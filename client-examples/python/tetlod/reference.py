@@ -314,6 +314,41 @@ class Stream:
         return {'volume': volume, 'swept': swept, 'sums': dict(zip(names, sums)), 'places': places,
                 'distributions': distributions}
 
+    def box_sums(self):
+        """Sums over the original by boxes and regions (SPEC 3.9), or None: the depth, the box and the volume; of each
+        node of the tree where its box is split and what part of its volume its first child has; of each component the
+        least and greatest value and the mean in the boxes of its depth; of each region its volume and the same."""
+        section = self.section('KSUM')
+        if section is None:
+            return None
+        components, depth, regions = struct.unpack_from('<IHH', section)
+        names = [(field['name'], c) for field in self.fields for c in range(field['components'])]
+        require(components == len(names) and depth <= 12 and len(section) > 64, 'sums of boxes of other components')
+        box, volume = np.frombuffer(section, '<f8', 6, 8).reshape(2, 3), struct.unpack_from('<d', section, 56)[0]
+        depths, inner, at = list(section[64:64 + components]), (1 << depth) - 1, 64 + components
+        size = at + 3 * inner + 16 * regions + sum(16 + (4 << d) + 24 * regions for d in depths)
+        require(max(depths) <= depth and size == len(section), 'sums of boxes that end too early or too late')
+        splits = np.frombuffer(section, 'u1', inner, at)
+        parts = np.frombuffer(section, '<u2', inner, at + inner)
+        at, boxes = at + 3 * inner, {}
+        for name, own in zip(names, depths):
+            ends, count = np.frombuffer(section, '<f8', 2, at), 1 << own
+            low, high = (np.frombuffer(section, 'u1', count, at + 16 + i * count) for i in range(2))
+            means = np.frombuffer(section, '<u2', count, at + 16 + 2 * count)
+            require(np.isfinite(ends).all() and ends[0] <= ends[1], 'a range that is none')
+            low, high = ((1 - part / 255) * ends[0] + part / 255 * ends[1] for part in (low, high))
+            boxes[name] = np.column_stack([low, high, (1 - means / 65535) * low + means / 65535 * high])
+            at += 16 + 4 * count
+        numbers = np.frombuffer(section, '<f8', 2 * regions, at).reshape(-1, 2)
+        rows = np.frombuffer(section, '<f8', 3 * regions * components, at + 16 * regions).reshape(components, -1, 3)
+        require(np.isfinite(box).all() and (box[0] <= box[1]).all() and np.isfinite(volume) and volume >= 0 and
+                np.isfinite(numbers).all() and (np.diff(numbers[:, 0]) > 0).all() and
+                ((numbers[:, 1] >= 0) & (numbers[:, 1] <= volume * (1 + 1e-9))).all() and np.isfinite(rows).all() and
+                (rows[..., 0] <= rows[..., 1]).all(), 'sums of boxes or regions that are no numbers')
+        return {'depth': depth, 'box': box, 'volume': volume, 'splits': splits, 'parts': parts / 65535, 'boxes': boxes,
+                'regions': {number: {'volume': of, 'rows': dict(zip(names, rows[:, r]))}
+                            for r, (number, of) in enumerate(numbers)}}
+
     def _parse_cell_tables(self, tags):
         if 'CELL' in tags:
             require('PCEL' not in tags, 'two tables of cell fields')
