@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What the sums by boxes and regions (SPEC 3.9) say of the original, without any level. */
+/* What is known of the original by its sums of boxes and regions (SPEC 3.9), without any level. */
 #ifndef TETLOD_BOX_ANSWER_H
 #define TETLOD_BOX_ANSWER_H
 

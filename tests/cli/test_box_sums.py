@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums by boxes and regions (section KSUM): what they answer without a level holds what the finest level answers of a
-stream without them, and verify and the reference decoder refuse sections that are none."""
+stream without them, and verify and the reference decoder refuse malformed and wrong sections."""
 import json
 import os
 import struct
@@ -85,7 +85,7 @@ def boxes():
 
 
 def tree(data):
-    """The reference decoder's tree: what it says of a box is what the finest level says there."""
+    """The reference decoder's tree: its figures of a box are those of the finest level there."""
     sums = reference.open(data).box_sums()
     low, high, depth = sums['box'][0].copy(), sums['box'][1].copy(), sums['depth']
     for axis in range(3):  # the last box of the depth three
@@ -127,7 +127,7 @@ def refused(data):
 
 
 def forged(whole, sums):
-    """Sections that are none, and such as say something else than the finest level."""
+    """Malformed sections, and sections with other figures than the finest level."""
     section, components = bytes(reference.open(whole).section('KSUM')), 4
     tree_at = 64 + components
     inner = (1 << sums['depth']) - 1
