@@ -143,7 +143,7 @@ struct tetlod_field {
 };
 
 struct tetlod_level {
-    uint32_t vertices, tets;
+    uint64_t vertices, tets;
     uint64_t offset; /* of the level's first byte: the base mesh's for level 0, its records' for the others */
     uint64_t end;    /* length of the prefix that decodes to this level */
     double domain_error;  /* fraction of the bounding box diagonal */
@@ -196,7 +196,7 @@ struct tetlod_topology {
 /* The index. Borrowed from the file, valid as long as it. */
 struct tetlod_info {
     char cid[33]; /* content id: 32 lower case hexadecimal digits */
-    uint32_t vertices, tets; /* of the original */
+    uint64_t vertices, tets; /* of the original */
     uint64_t bytes;          /* of the whole stream */
     double bounds[2][3];
     enum tetlod_type position_type;
@@ -412,7 +412,7 @@ TETLOD_API int tetlod_page_set_has(const struct tetlod_page_set *set, uint32_t l
 struct tetlod_page_set_info {
     uint32_t level; /* the finest of which it has a page, or the last one before those in pages */
     uint32_t pages;
-    uint32_t vertices, tets; /* of the mesh with these pages */
+    uint64_t vertices, tets; /* of the mesh with these pages */
     uint64_t reserved[2];
 };
 TETLOD_API void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_set_info *out);

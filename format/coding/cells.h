@@ -25,7 +25,7 @@ static inline bool tetlodi_has_parents(const struct tetlodi_index *index)
 }
 
 /* The rows that the values of cells have. */
-static inline uint32_t tetlodi_cell_rows(const struct tetlodi_index *index)
+static inline uint64_t tetlodi_cell_rows(const struct tetlodi_index *index)
 {
     return tetlodi_has_parents(index) ? index->parents : index->info.tets;
 }

@@ -72,6 +72,21 @@ uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level,
     return (twice ? 2 : 1) * (uint64_t)to->vertices * index->info.fields[part - 1].components;
 }
 
+enum tetlod_status tetlodi_check_held(uint32_t level, uint64_t vertices, uint64_t tets, struct tetlod_error *error)
+{
+    if (vertices < TETLOD_NONE && tets <= MAX_HELD_TETS)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                        "level %u has %llu vertices and %llu tetrahedra; this library decodes levels of at most "
+                        "4294967294 and 1073741824: take a coarser one, or fewer pages", level,
+                        (unsigned long long)vertices, (unsigned long long)tets);
+}
+
+enum tetlod_status tetlodi_finest_held(const struct tetlodi_index *index, struct tetlod_error *error)
+{
+    return tetlodi_check_held(index->info.level_count - 1, index->info.vertices, index->info.tets, error);
+}
+
 uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level)
 {
     const struct tetlod_level *of = &index->info.levels[level];
@@ -288,12 +303,11 @@ static void get_frame(struct tetlodi_bytes *in, struct tetlodi_frame *frame, uin
     *offset += in->failed ? 0 : frame->size;
 }
 
-/* A count that this library can hold. */
-static uint32_t get_count(struct tetlodi_bytes *in, uint64_t most)
+static uint64_t get_count(struct tetlodi_bytes *in)
 {
     uint64_t count = tetlodi_get(in, 8);
-    in->failed |= count > most;
-    return (uint32_t)count;
+    in->failed |= count > UINT64_C(1) << MAX_COUNT_BITS;
+    return count;
 }
 
 static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in, uint64_t *offset)
@@ -301,8 +315,8 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
     struct tetlod_info *info = &index->info;
     for (uint32_t k = 0; k < info->level_count; k++) {
         struct tetlod_level *level = &index->levels[k];
-        level->vertices = get_count(in, UINT32_MAX - 1);
-        level->tets = get_count(in, MAX_TETS);
+        level->vertices = get_count(in);
+        level->tets = get_count(in);
         level->domain_error = tetlodi_get_f64(in);
         for (uint32_t i = 0; i < info->field_count * TETLOD_MEASURES; i++)
             index->errors[(size_t)k * info->field_count * TETLOD_MEASURES + i] = tetlodi_get_f64(in);
@@ -425,8 +439,8 @@ static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in)
 static bool decode_counts(struct tetlodi_index *index, struct tetlodi_bytes *in)
 {
     struct tetlod_info *info = &index->info;
-    info->vertices = get_count(in, UINT32_MAX - 1);
-    info->tets = get_count(in, MAX_TETS);
+    info->vertices = get_count(in);
+    info->tets = get_count(in);
     info->level_count = (uint32_t)tetlodi_get(in, 4);
     info->field_count = (uint32_t)tetlodi_get(in, 2);
     index->slowest = (unsigned)tetlodi_get(in, 1);

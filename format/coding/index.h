@@ -9,7 +9,8 @@
 #include "format/common/values.h"
 
 enum {
-    MAX_TETS = 1 << 30,
+    MAX_COUNT_BITS = 40,     /* vertices, tetrahedra of a stream: at most 2^40 (SPEC 2.3) */
+    MAX_HELD_TETS = 1 << 30, /* of a level that this library decodes; vertices: below TETLOD_NONE */
     MAX_FIELDS = 256,
     MAX_LEVELS = 65536,
     MAX_SECTIONS = 65536,
@@ -55,6 +56,12 @@ uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level,
 
 /* What a step of a field at a level counts: vertices and tetrahedra, times components. */
 uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level);
+
+/* ERR_LIMIT for more than this library holds in memory: it numbers with 32 bits. `level` is for the message. */
+TETLOD_CHECKED enum tetlod_status tetlodi_check_held(uint32_t level, uint64_t vertices, uint64_t tets,
+                                                     struct tetlod_error *error);
+/* The same for the finest level, which values of cells and the original's numbering are of. */
+TETLOD_CHECKED enum tetlod_status tetlodi_finest_held(const struct tetlodi_index *index, struct tetlod_error *error);
 
 /* Vertices and tetrahedra of all levels, added up. */
 uint64_t tetlodi_level_rows(const struct tetlodi_index *index);

@@ -45,7 +45,7 @@ enum tetlod_status tetlodi_read_parents(const struct tetlod_file *file, uint32_t
         return tetlodi_fail_nomem(error, "the cells of tetrahedra", index->info.tets * (uint64_t)4);
     }
     tetlodi_decode_start(&coder, PARENTS_SLOWEST, bytes, (size_t)map->plain);
-    int good = tetlodi_parents_code(&coder, parents, index->info.tets, index->parents);
+    int good = tetlodi_parents_code(&coder, parents, (uint32_t)index->info.tets, index->parents);
     while (good && coder.at < coder.end)
         good = *coder.at++ == 0;
     free(bytes);
@@ -73,7 +73,8 @@ static enum tetlod_status decode_rounded(const struct tetlodi_index *index, cons
     struct tetlodi_steps steps = {0};
     bool good = true;
     memset(out, 0, count * sizeof *out);
-    bool room = tetlodi_cell_steps_start(&steps, TETLOD_CELL_INT64, field->components, tetlodi_cell_rows(index), out);
+    uint32_t rows = (uint32_t)tetlodi_cell_rows(index); // of a finest level that is held
+    bool room = tetlodi_cell_steps_start(&steps, TETLOD_CELL_INT64, field->components, rows, out);
     if (room && size)
         good = tetlodi_steps_decode(&steps, bytes, size);
     if (room)
@@ -132,10 +133,11 @@ enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, 
     uint32_t *parents;
     if (field >= info->cell_field_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no cell field number %u", field);
+    TETLOD_TRY(tetlodi_finest_held(&file->index, error));
     TETLOD_TRY(tetlodi_read_parents(file, &parents, error));
     enum tetlod_status status = tetlodi_read_cell_rows(file, field, out, error);
     if (status == TETLOD_OK)
-        tetlodi_spread_rows(out, info->cell_fields[field].components, parents, info->tets);
+        tetlodi_spread_rows(out, info->cell_fields[field].components, parents, (uint32_t)info->tets);
     free(parents);
     return status;
 }

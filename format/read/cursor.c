@@ -126,33 +126,36 @@ static bool is_chosen(const struct tetlod_cursor *cursor, const struct tetlodi_g
     return !cursor->chosen || cursor->chosen[group->first_page + page];
 }
 
-/* What a level will have, and the bytes of the frames that it is decoded from: once for each. */
-static void count_level(struct tetlod_cursor *cursor, uint32_t level)
+/* What a level will have, and the bytes of the frames that it is decoded from: once for each. ERR_LIMIT. */
+static enum tetlod_status count_level(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &cursor->file->index;
     const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
-    cursor->vertices[level] = group ? cursor->vertices[level - 1] : index->info.levels[level].vertices;
-    cursor->tets[level] = group ? cursor->tets[level - 1] : index->info.levels[level].tets;
+    uint64_t vertices = group ? cursor->vertices[level - 1] : index->info.levels[level].vertices;
+    uint64_t tets = group ? cursor->tets[level - 1] : index->info.levels[level].tets;
     for (uint32_t c = 0; c < cursor->replay.column_count && !group; c++)
         cursor->columns[c].frame_bytes += frame_size(cursor, level, TETLOD_NONE, c);
     for (uint32_t p = 0; group && p < group->page_count; p++) {
         if (!is_chosen(cursor, group, p))
             continue;
-        cursor->vertices[level] += index->pages.pages[group->first_page + p].vertices;
-        cursor->tets[level] += index->pages.pages[group->first_page + p].tets;
+        vertices += index->pages.pages[group->first_page + p].vertices;
+        tets += index->pages.pages[group->first_page + p].tets;
         for (uint32_t c = 0; c < cursor->replay.column_count; c++)
             cursor->columns[c].frame_bytes += frame_size(cursor, level, p, c);
     }
+    TETLOD_TRY(tetlodi_check_held(level, vertices, tets, error));
+    cursor->vertices[level] = (uint32_t)vertices;
+    cursor->tets[level] = (uint32_t)tets;
+    return TETLOD_OK;
 }
 
 static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    const struct tetlod_level *base = &cursor->file->index.info.levels[0];
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_recorder *recorder = &cursor->recorder;
-    count_level(cursor, 0);
+    TETLOD_TRY(count_level(cursor, 0, error));
     TETLOD_TRY(make_room(cursor, 0, error));
-    TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
+    TETLOD_TRY(tetlodi_base_connectivity(recorder, cursor->vertices[0], cursor->tets[0], NULL, error));
     TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
     for (uint32_t c = 1; c < replay->column_count; c++) {
         struct tetlodi_field_models *models = &recorder->field_models[c - 1];
@@ -203,10 +206,9 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t leve
     return TETLOD_OK;
 }
 
-/* Begins with a level's records. The log is at its end. */
+/* Begins with a level's records, which is counted. The log is at its end. */
 static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    count_level(cursor, level);
     TETLOD_TRY(make_room(cursor, level, error));
     tetlodi_level_begin(&cursor->recorder, cursor->vertices[level], cursor->tets[level]);
     cursor->next_page = 0;
@@ -408,12 +410,10 @@ static enum tetlod_status begin_level(struct tetlod_cursor *cursor, uint32_t lev
     cursor->decoding_level = level;
     cursor->unread = 0;
     cursor->group = tetlodi_group_of(&cursor->file->index.pages, level);
+    TETLOD_TRY(count_level(cursor, level, error));
     if (!cursor->group)
         TETLOD_TRY(load_frames(cursor, level, TETLOD_NONE, error));
-    if (!is_tail(cursor, level))
-        return begin_records(cursor, level, error);
-    count_level(cursor, level);
-    return TETLOD_OK;
+    return is_tail(cursor, level) ? TETLOD_OK : begin_records(cursor, level, error);
 }
 
 /* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at

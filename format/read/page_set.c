@@ -266,7 +266,7 @@ static void put_numbers(const struct tetlod_cursor *cursor, bool of_tets, uint32
     const struct tetlod_level *levels = cursor->file->index.info.levels;
     uint32_t count = of_tets ? cursor->replay.tets : cursor->replay.vertices, done = 0, number = 0;
     uint32_t root = cursor->chosen ? table->first_level - 1 : 0;
-    uint32_t same = !cursor->chosen ? count : of_tets ? levels[root].tets : levels[root].vertices;
+    uint32_t same = !cursor->chosen ? count : (uint32_t)(of_tets ? levels[root].tets : levels[root].vertices);
     for (; done < count && done < same; done++)
         out[done] = number++;
     for (uint32_t p = 0; p < table->page_count && done < count; p++) {

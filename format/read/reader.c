@@ -177,12 +177,13 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
 {
     const struct tetlod_info *info = &file->index.info;
     const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count, TAG_ORDER);
-    struct tetlodi_order order = {info->vertices, info->tets, vertices, tets, corners};
+    struct tetlodi_order order = {(uint32_t)info->vertices, (uint32_t)info->tets, vertices, tets, corners};
     struct tetlodi_coder coder;
     uint8_t *bytes;
     if (!section)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
                             "the stream does not keep the original order (build --keep-order does)");
+    TETLOD_TRY(tetlodi_finest_held(&file->index, error));
     TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
     int good = tetlodi_order_code(&coder, &order);

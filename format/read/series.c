@@ -343,7 +343,7 @@ static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t
 {
     const struct tetlod_level *level = &series->file->index.info.levels[series->time.bands[band].level];
     drop_band(series);
-    if (!tetlodi_lower_init(&series->lower, corners, level->tets, level->vertices, &series->memory))
+    if (!tetlodi_lower_init(&series->lower, corners, (uint32_t)level->tets, (uint32_t)level->vertices, &series->memory))
         return no_room(series, error);
     for (uint32_t f = 0; f < series->time.field_count; f++) {
         if (!series->chosen[f])

@@ -160,7 +160,7 @@ static enum tetlod_status open_group(const struct tetlodi_series_cells *cells, u
     track->group = TETLOD_NONE;
     TETLOD_TRY(tetlodi_read_cell_rows(cells->file, number, values, error));
     TETLOD_TRY(read_group(cells, row, group, error));
-    uint32_t rows = tetlodi_cell_rows(&cells->file->index);
+    uint32_t rows = (uint32_t)tetlodi_cell_rows(&cells->file->index);
     if (!tetlodi_cell_steps_start(&track->steps, field->type, field->components, rows, values))
         return tetlodi_fail_nomem(error, field->name, (uint64_t)rows * field->components * 8);
     track->group = group;
@@ -175,6 +175,7 @@ enum tetlod_status tetlodi_series_cells_decode(struct tetlodi_series_cells *cell
     uint32_t group = step / STEP_GROUP;
     const struct tetlod_info *info = &cells->file->index.info;
     const struct tetlod_cell_field *field = &info->cell_fields[cells->time.fields[row]];
+    TETLOD_TRY(tetlodi_finest_held(&cells->file->index, error));
     if (!cells->parents)
         TETLOD_TRY(tetlodi_read_parents(cells->file, &cells->parents, error));
     if (track->group != group || step + 1 < track->next)
@@ -188,6 +189,6 @@ enum tetlod_status tetlodi_series_cells_decode(struct tetlodi_series_cells *cell
         track->at += size;
     }
     tetlodi_cell_steps_values(&track->steps, field->type, out);
-    tetlodi_spread_rows(out, field->components, cells->parents, info->tets);
+    tetlodi_spread_rows(out, field->components, cells->parents, (uint32_t)info->tets);
     return TETLOD_OK;
 }

@@ -49,7 +49,7 @@ const char *tetlodi_input_wrong(const struct tetlodi_write_input *in)
 {
     const char *wrong = NULL;
     if (!in->vertices || !in->tets || !in->level_count || in->field_count > MAX_FIELDS ||
-        in->level_count > MAX_LEVELS || in->vertices == UINT32_MAX || in->tets > MAX_TETS)
+        in->level_count > MAX_LEVELS || in->vertices == UINT32_MAX || in->tets > MAX_HELD_TETS)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";

@@ -46,7 +46,7 @@ enum tetlod_status mesh_format_measure(const struct mesh_format *format, const s
 }
 
 /* Both formats are binary. */
-uint64_t mesh_format_bytes_of(const struct tetlod_info *info, uint32_t vertices, uint32_t tets)
+uint64_t mesh_format_bytes_of(const struct tetlod_info *info, uint64_t vertices, uint64_t tets)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)

@@ -29,7 +29,7 @@ TETLOD_CHECKED enum tetlod_status mesh_format_measure(const struct mesh_format *
                                                       uint64_t *out, struct tetlod_error *error);
 
 /* Of a level's file, at most. */
-uint64_t mesh_format_bytes_of(const struct tetlod_info *info, uint32_t vertices, uint32_t tets);
+uint64_t mesh_format_bytes_of(const struct tetlod_info *info, uint64_t vertices, uint64_t tets);
 uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level);
 
 #endif

@@ -239,8 +239,8 @@ void step_headers(struct response *response, const struct step_choice *choice)
     for (uint32_t f = 0; f < steps->field_count; f++)
         error = fmax(error, tetlod_step_error(series, f, choice->band, choice->step));
     response_header(response, "Tetlod-Level", "%" PRIu32, choice->level);
-    response_header(response, "Tetlod-Vertices", "%" PRIu32, level->vertices);
-    response_header(response, "Tetlod-Tets", "%" PRIu32, level->tets);
+    response_header(response, "Tetlod-Vertices", "%" PRIu64, level->vertices);
+    response_header(response, "Tetlod-Tets", "%" PRIu64, level->tets);
     response_header(response, "Tetlod-Band", "%" PRIu32, choice->band);
     response_header(response, "Tetlod-Step", "%" PRIu32, step_number(choice));
     response_header(response, "Tetlod-Topology", "%" PRIu32, dataset_topology_number(dataset));

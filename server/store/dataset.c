@@ -85,8 +85,8 @@ static enum tetlod_status print_levels(struct dataset *dataset, struct tetlod_er
     for (uint32_t k = 0; k < info->level_count; k++) {
         struct level_texts *texts = &dataset->level_texts[k];
         snprintf(texts->level, sizeof texts->level, "%" PRIu32, k);
-        snprintf(texts->vertices, sizeof texts->vertices, "%" PRIu32, info->levels[k].vertices);
-        snprintf(texts->tets, sizeof texts->tets, "%" PRIu32, info->levels[k].tets);
+        snprintf(texts->vertices, sizeof texts->vertices, "%" PRIu64, info->levels[k].vertices);
+        snprintf(texts->tets, sizeof texts->tets, "%" PRIu64, info->levels[k].tets);
         print_errors(info, k, texts->errors, sizeof texts->errors);
         print_uncontrolled(info, k, texts->uncontrolled, sizeof texts->uncontrolled);
     }

@@ -26,7 +26,8 @@ struct ask_result {
     struct ask_interval interval;
     bool exact;     /* the level is the original in what was asked: only rounding is left */
     uint32_t level; /* TETLOD_NONE: the index said it */
-    uint32_t tets, of_tets, level_count; /* of that level, and of the stream or the step's topology group */
+    uint64_t tets, of_tets; /* of that level, and of the stream or the step's topology group */
+    uint32_t level_count;
     bool of_step;
     double time;    /* of the step */
     uint64_t bytes; /* that a client reads for it: header, index, levels with the quantity's fields, regions */

@@ -49,8 +49,8 @@ static int print_as_text(const struct tetlod_info *info, const char *unit, const
     if (result->level == TETLOD_NONE)
         printf("the index");
     else
-        printf("level %u of 0..%u, %u of %u tetrahedra", result->level, result->level_count - 1, result->tets,
-               result->of_tets);
+        printf("level %u of 0..%u, %llu of %llu tetrahedra", result->level, result->level_count - 1,
+               (unsigned long long)result->tets, (unsigned long long)result->of_tets);
     if (result->of_step)
         printf(", time %.9g", result->time);
     printf(", %llu of %llu bytes\n", (unsigned long long)result->bytes, (unsigned long long)info->bytes);

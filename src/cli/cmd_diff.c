@@ -174,7 +174,7 @@ static void print_used(const char *name, const struct diff_side *side, const str
     }
     printf("%s%u tetrahedra", before, result->used[m].tets);
     if (side->of_stream)
-        printf(" of %u, %llu of %llu bytes, values within %.4g", side->forms.info->tets,
+        printf(" of %llu, %llu of %llu bytes, values within %.4g", (unsigned long long)side->forms.info->tets,
                (unsigned long long)result->used[m].bytes, (unsigned long long)side->forms.info->bytes,
                result->used[m].error);
     printf("\n");

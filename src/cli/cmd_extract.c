@@ -240,8 +240,9 @@ static bool is_stream(const char *path)
 /* What the user is told of a level that was written. */
 static void print_level(const struct tetlod_info *info, uint32_t level, const struct tetmesh *mesh)
 {
-    fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
-            info->levels[level].vertices, info->levels[level].tets);
+    fprintf(stderr, "tetlod extract: level %u of 0..%u, %llu vertices, %llu tetrahedra\n", level,
+            info->level_count - 1, (unsigned long long)info->levels[level].vertices,
+            (unsigned long long)info->levels[level].tets);
     if (mesh->cells)
         fprintf(stderr, "tetlod extract: the %u cells and %u points of the input%s\n", mesh->tet_count,
                 mesh->vertex_count, info->lossless ? "" : "; the stream's points and values are rounded");

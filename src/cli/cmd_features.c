@@ -92,9 +92,9 @@ static void print_text(const struct tetlod_info *info, const struct feature_answ
     for (size_t i = 0; i < answer->features.count; i++)
         print_feature(&answer->features.list[i]);
     if (info)
-        printf("level %u of 0..%u, certified to %.9g, %u of %u tetrahedra, %llu of %llu bytes\n", answer->level,
-               info->level_count - 1, answer->error, answer->tets, info->tets, (unsigned long long)answer->bytes,
-               (unsigned long long)info->bytes);
+        printf("level %u of 0..%u, certified to %.9g, %u of %llu tetrahedra, %llu of %llu bytes\n", answer->level,
+               info->level_count - 1, answer->error, answer->tets, (unsigned long long)info->tets,
+               (unsigned long long)answer->bytes, (unsigned long long)info->bytes);
 }
 
 static bool ends_in(const char *path, const char *ending)

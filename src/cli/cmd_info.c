@@ -89,8 +89,8 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
     struct tetlod_series *series = find_series(file);
     json_t *metadata = metadata_json(info), *ids = json_object_get(metadata, "ids");
     printf("content id    %s\n", info->cid);
-    printf("vertices      %u\n", info->vertices);
-    printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets,
+    printf("vertices      %llu\n", (unsigned long long)info->vertices);
+    printf("tetrahedra    %llu (%llu degenerate, %llu inverted or folded)\n", (unsigned long long)info->tets,
            (unsigned long long)info->degenerate_tets,
            (unsigned long long)info->inverted_tets);
     printf("unused points %llu\n", (unsigned long long)info->unused_points);

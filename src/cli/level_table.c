@@ -91,8 +91,8 @@ static void print_head(const struct tetlod_info *info, bool all, bool others)
 static void print_row(const struct tetlod_info *info, uint32_t k, bool all, bool others)
 {
     const struct tetlod_level *level = &info->levels[k];
-    printf("%5u %10u %10u %12llu %10.3g", k, level->vertices, level->tets, (unsigned long long)level->end,
-           level->domain_error);
+    printf("%5u %10llu %10llu %12llu %10.3g", k, (unsigned long long)level->vertices,
+           (unsigned long long)level->tets, (unsigned long long)level->end, level->domain_error);
     for (int m = 0; m < measure_count(all) && info->field_count; m++) {
         double error = error_at(info, k, (enum tetlod_measure)m);
         if (isnan(error))

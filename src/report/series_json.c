@@ -99,8 +99,8 @@ void series_print(FILE *out, const struct tetlod_series *series, const struct te
         uint64_t bytes;
         double error;
         sum_band(series, b, &bytes, &error);
-        fprintf(out, "%5.3g %% %8u %10u %10u %12.0f %7.4g\n", 100 * steps->bands[b].error, steps->bands[b].level,
-                level->vertices, level->tets,
+        fprintf(out, "%5.3g %% %8u %10llu %10llu %12.0f %7.4g\n", 100 * steps->bands[b].error,
+                steps->bands[b].level, (unsigned long long)level->vertices, (unsigned long long)level->tets,
                 (double)bytes / steps->step_count, 100 * error);
     }
 }

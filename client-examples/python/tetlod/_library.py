@@ -41,7 +41,7 @@ class CField(Structure):
 
 
 class CLevel(Structure):
-    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('offset', c_uint64), ('end', c_uint64),
+    _fields_ = [('vertices', c_uint64), ('tets', c_uint64), ('offset', c_uint64), ('end', c_uint64),
                 ('domain_error', c_double),
                 ('errors', POINTER(c_double)), ('reserved', c_uint64 * 2)]
 
@@ -64,7 +64,7 @@ class CTopology(Structure):
 
 
 class CInfo(Structure):
-    _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64),
+    _fields_ = [('cid', c_char * 33), ('vertices', c_uint64), ('tets', c_uint64), ('bytes', c_uint64),
                 ('bounds', c_double * 6),
                 ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
                 ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),

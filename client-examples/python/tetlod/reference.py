@@ -206,7 +206,7 @@ class Stream:
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
         require(1 <= levels <= 65536 and fields <= 256 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
         require(len(data.data) >= levels * (48 + 56 * fields), 'the index ends too early')
-        require(self.vertices < 0xffffffff and self.tets <= 1 << 30, 'the stream is beyond the limits of the format')
+        require(max(self.vertices, self.tets) <= 1 << 40, 'the stream is beyond the limits of the format')
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]

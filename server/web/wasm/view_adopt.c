@@ -69,7 +69,7 @@ void view_take_adopted(struct view *view)
 static bool fits(const struct view *view)
 {
     const struct view_adopted *adopted = &view->adopted;
-    const uint32_t originals = view_info(view)->tets;
+    const uint64_t originals = view_info(view)->tets;
     bool fit = tetmesh_find_outside(adopted->corners, 4 * (size_t)adopted->tets, adopted->vertices) ==
                4 * (size_t)adopted->tets;
     for (uint32_t t = 0; fit && t < adopted->tets; t++)
