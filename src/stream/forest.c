@@ -140,8 +140,7 @@ enum tetlod_status forest_new_of(struct forest **out, struct tetlod_file *file, 
     const struct tetlod_info *info = tetlod_info(file);
     *out = NULL;
     if (info->levels[level].vertices > UINT32_MAX / 3 || info->levels[level].tets > INT32_MAX)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "level %u has more vertices or tetrahedra than fit into memory here",
-                            level);
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "level %u has more vertices or tetrahedra than fit here", level);
     struct forest *forest = array_zero(1, sizeof *forest);
     bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, level) &&
                  choose_fields(forest, fields, count);

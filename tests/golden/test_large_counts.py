@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Streams of up to 2^40 vertices and tetrahedra (SPEC 2.3): their coarse levels are there for every decoder; a level that
-a decoder cannot hold is refused before room is made for it."""
+"""Streams of up to 2^40 vertices and tetrahedra (SPEC 2.3): their coarse levels are there for every decoder; a level
+that a decoder cannot hold is refused before room is made for it."""
 import glob
 import os
 import resource
@@ -32,9 +32,10 @@ def grown(vertices, tets):
     further = struct.pack('<QQd4dQ16sQ16s', vertices, tets, 0, *[0.0] * 4, frame, b'', frame, b'')
     index[row + ROW:row + ROW] = further
     index[0:20] = struct.pack('<QQI', vertices, tets, 2)
-    size = struct.pack('<II', len(index), len(index))
+    head = struct.pack('<II', len(index), len(index))
     total = int.from_bytes(SMALL[32:40], 'little') + ROW + 2 * frame
-    return sealed(SMALL[:20] + size + SMALL[28:32] + struct.pack('<Q', total) + SMALL[40:64] + index + SMALL[end:]), total
+    rest = struct.pack('<Q', total) + SMALL[40:64] + index + SMALL[end:]
+    return sealed(SMALL[:20] + head + SMALL[28:32] + rest), total
 
 
 def refused(function, *words):
