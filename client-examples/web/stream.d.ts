@@ -137,8 +137,17 @@ export interface Spec {
   /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
   volume?: { size: number; logarithmic?: boolean } | null;
   /** Arrows, or lines along the flow, through `count` places (300) that are spread over the volume. */
-  vectors?: { field: string; kind?: 'arrows' | 'streamlines'; count?: number } | null;
+  /** `size`: times as long, or as thick, as usual; through `places`, if they are given. */
+  vectors?: {
+    field: string;
+    kind?: 'arrows' | 'streamlines';
+    count?: number;
+    size?: number;
+    places?: Point[] | null;
+  } | null;
   /** In these boxes (low corner, high corner) the mesh is that of the level that `target` chooses, if it is finer. */
+  /** Draw only tetrahedra whose middle is in it. */
+  box?: [number, number, number, number, number, number] | null;
   refine?: { boxes: [number, number, number, number, number, number][]; target?: Target } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;

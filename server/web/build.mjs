@@ -56,10 +56,17 @@ cpSync(refine, join(made, refineName));
 const refiner = await build({ ...options, entryPoints: ['client/refine.js'], write: false });
 const refinerName = named('refine.js', refiner.outputFiles[0].contents);
 writeFileSync(join(made, refinerName), refiner.outputFiles[0].contents);
+const vectors = await build({ ...options, entryPoints: ['client/vectors.js'], write: false });
+const vectorsName = named('vectors.js', vectors.outputFiles[0].contents);
+writeFileSync(join(made, vectorsName), vectors.outputFiles[0].contents);
 // the worker is one file: it is asked for late, and would ask for the rest later still, but for what is seldom wanted
 const worker = await build({
   ...options, entryPoints: ['client/worker.js'], write: false, metafile: true,
-  plugins: [renamed('worker.js', { 'tetlod.wasm': wasmName, 'refine.wasm': refineName, 'refine.js': refinerName })],
+  external: [`./${vectorsName}`],
+  plugins: [
+    renamed('worker.js', { 'tetlod.wasm': wasmName, 'refine.wasm': refineName, 'refine.js': refinerName }),
+    renamed('engine.js', { 'vectors.js': vectorsName }),
+  ],
 });
 const [{ contents }] = worker.outputFiles;
 const workerName = named('worker.js', contents);

@@ -13,7 +13,8 @@ const { measureFor, titleWithUnit, unitOf, wantedLevel } = await load('levels.js
 const { errorSpan, promiseOf, wordsOfBound } = await load('promises.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
-const { colorTable, lineColor, mapNames } = await load('colors.js');
+const { colorTable, isMap, lineColor, mapNames } = await load('colors.js');
+const { categoriesOf } = await load('categories.js');
 const { mapOfFile } = await load('color_file.js');
 const { Groups } = await load('../client/steps.js');
 const { Source } = await load('../client/network.js');
@@ -26,7 +27,7 @@ function a_state_survives_its_fragment() {
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, pixels: 2.5, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, formula: 'q * 2', units: 'q=m/s', range: 'manual', low: -1.25, high: 3e-7,
     log: true, cells: 'material', regions: 'part', hidden: [-2, 7], map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, warp: 'u', warpScale: -2.5, outline: true, volume: true, volumeSize: 64,
+    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, box: [0, 0.25, 0, 1, 0.5, 1], vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, vectorSize: 2.5, seeds: 'line', second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], notes: ['', 'hot; & = spot'], step: 7, warp: 'u', warpScale: -2.5, outline: true, volume: true, volumeSize: 64,
     refine: { boxes: [[0, 0.25, 0.5, 0.5, 0.75, 1], [0, 0, 0, 1, 1, 1]], error: 0.002 },
     other: 'https://host/a b.tetlod', compare: 'curtain', curtain: 0.3,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
@@ -74,7 +75,7 @@ function streamlines_follow_the_field() {
   assert.ok(Math.abs(volume - 8) < 1e-9);
   for (const octant of [0, 1]) assert.ok(Math.abs(tets.filter((tet) => flow.middle(tet).point[2] > 0 === Boolean(octant)).length - 20) < 3);
   for (const seed of tets) {
-    const places = flow.streamline(seed, 0.05);
+    const places = flow.streamline(flow.middle(seed), 0.05);
     const radius = ({ point: [x, y] }) => Math.hypot(x, y);
     const from = radius(flow.middle(seed));
     for (const at of places) {
@@ -87,6 +88,54 @@ function streamlines_follow_the_field() {
   }
   const still = cubeWith(2, () => [0, 0, 0]);
   assert.equal(drawVectors(still, { kind: 'streamlines', count: 5 }, 1).points.length, 0);
+}
+
+// Places that somebody chose: each is found in its tetrahedron, those outside of the mesh are left out.
+function vectors_are_at_chosen_places() {
+  const flow = cubeWith(4, ([x, y]) => [3, 0, y > 0 ? 4 : 0]);
+  const places = [[0.1, 0.2, 0.3], [5, 0, 0], [-0.9, 0.9, -0.9], [0, 0, 0]];
+  const found = flow.find(places);
+  assert.deepEqual(found.map(({ point }) => point), [places[0], places[2], places[3]]);
+  for (const at of found) assert.ok(Math.abs(flow.shadeAt(at) - at.point[0]) < 1e-6 && Math.min(...at.weights) > -1e-9);
+  const draw = (more) => drawVectors(flow, { kind: 'arrows', count: 50, places, ...more }, 1);
+  const xs = ({ points }) => [...points.filter((_, i) => i % 3 === 0)];
+  const reach = (part) => Math.max(...xs(part)) - Math.min(...xs(part));
+  assert.equal(draw().points.length, (3 * drawVectors(flow, { kind: 'arrows', count: 50 }, 1).points.length) / 50);
+  assert.ok(reach(draw({ places: [places[0]], size: 2 })) > 1.9 * reach(draw({ places: [places[0]] })));
+  const tubes = drawVectors(flow, { kind: 'streamlines', count: 1, places: [places[0]], size: 3 }, 1);
+  assert.ok(tubes.points.length > 300);
+}
+
+function seeds_lie_on_the_line_or_the_slice() {
+  const fields = [{ name: 'v', components: 3, range: [0, 1] }];
+  const info = { bounds: [[0, 0, 0], [2, 4, 8]], levels: [{ errors: {} }], cellFields: [], fields };
+  const state = { ...defaults, field: 'v', vectors: 'arrows', vectorCount: 9 };
+  const places = (patch) => specOf({ ...state, ...patch }, info).vectors.places;
+  assert.equal(places({}), null);
+  assert.equal(places({ seeds: 'line' }), null);
+  const line = places({ seeds: 'line', line: [0, 0.5, 0, 1, 0.5, 0] });
+  assert.deepEqual([line.length, line[4]], [9, [1, 2, 0]]);
+  const slice = places({ seeds: 'slice', slices: [{ normal: [0, 0, 1], at: 0.25 }] });
+  assert.equal(slice.length, 9);
+  assert.ok(slice.every(([x, y, z]) => x > 0 && x < 2 && y > 0 && y < 4 && Math.abs(z - 2) < 1e-12));
+  assert.equal(new Set(slice.map((p) => p.map((c) => c.toFixed(6)).join())).size, 9);
+  assert.deepEqual(specOf({ ...state, box: [0, 0.25, 0, 1, 0.5, 1] }, info).box, [0, 1, 0, 2, 2, 8]);
+}
+
+function categories_have_colours_of_their_own() {
+  const colorOf = (map, value, [low, high]) => {
+    const list = map.split('-');
+    return list[Math.round(((value - low) / (high - low)) * (list.length - 1))];
+  };
+  const range = [10, 40];
+  const map = categoriesOf(range, [10, 20, 30, 40]);
+  assert.ok(isMap(map) && isMap('categories'));
+  const colors = [10, 20, 30, 40].map((n) => colorOf(map, n, range));
+  assert.equal(new Set(colors).size, 4);
+  assert.equal(colorOf(map, 23, range), colors[1]);
+  const all = categoriesOf([0, 10]);
+  assert.equal(new Set(Array.from({ length: 11 }, (_, n) => colorOf(all, n, [0, 10]))).size, 11);
+  assert.equal(mapOf({ map: 'auto' }, [0, 1], true), 'categories');
 }
 
 function arrows_point_along_the_field() {
@@ -129,7 +178,8 @@ function maps_are_those_they_are_named_after() {
   const turned = (at) => (t) => at(1 - t);
   const known = { viridis: original.interpolateViridis, cividis: original.interpolateCividis, inferno: original.interpolateInferno, magma: original.interpolateMagma,
     plasma: original.interpolatePlasma, turbo: original.interpolateTurbo, blueRed: turned(original.interpolateRdBu), orangePurple: original.interpolatePuOr, grey: turned(original.interpolateGreys) };
-  assert.deepEqual(mapNames.map(([map]) => map).filter((map) => map !== 'coolWarm'), Object.keys(known));
+  const own = ['coolWarm', 'categories'];
+  assert.deepEqual(mapNames.map(([map]) => map).filter((map) => !own.includes(map)), Object.keys(known));
   const channels = (css) => (css[0] === '#' ? [1, 3, 5].map((i) => parseInt(css.slice(i, i + 2), 16)) : css.match(/\d+/g).map(Number));
   for (const [map, at] of Object.entries(known))
     colorTable(map, false, 65).forEach((color, i) => channels(at(i / 64)).forEach((c, k) =>
@@ -371,6 +421,7 @@ async function a_silent_host_is_asked_again() {
 
 await run([
    groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field,
+  vectors_are_at_chosen_places, seeds_lie_on_the_line_or_the_slice, categories_have_colours_of_their_own,
   arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment,
   maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults,
   a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed,

@@ -6,7 +6,6 @@ import { Held, readerOf, readerOfPart } from './held.js';
 import { FetchError, Source, canList, query, sleep } from './network.js';
 import { Groups, chooseBandAt, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
-import { Flow, drawVectors } from './vectors.js';
 
 const slice = 100;      // milliseconds of decoding from one level that is shown to the next, at least
 const share = 0.2;      // of the time of decoding that pictures of levels on the way may take
@@ -31,6 +30,8 @@ const rangesOf = (source) => (from, to) => source.apart(from, to - from);
 
 const aborted = () => new DOMException('the request was aborted', 'AbortError');
 
+const isBox = (box) => box.length === 6 && box.every(Number.isFinite) && [0, 1, 2].every((i) => box[i] <= box[3 + i]);
+
 export class Engine {
   #emit; #source; #view; #info;
   #stop = new AbortController();
@@ -53,6 +54,7 @@ export class Engine {
   #raysOf = '';       // what the page has the tetrahedra of
   #outlineOf = '';    // what the page has the outline of
   #vectorsOf = '';    // what the page has arrows or streamlines of
+  #vectors = null;    // vectors.js, from when it is first wanted on
   #cells = new Map(); // promises of fields of cells, by number
   #cellBytes = new Map(); // what they are made from, by number
   #cellMap; // and the bytes that say which cell a tetrahedron is of
@@ -214,6 +216,7 @@ export class Engine {
     const checked = spec && this.#checkSpec(spec);
     const number = ++this.#shows;
     for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1, checked?.threshold?.cells ? checked.threshold.field : -1]) if (field >= 0) await this.#loadCells(field);
+    if (checked?.vectors) this.#vectors ??= await import('./vectors.js');
     if (number === this.#shows) this.#apply(checked); // else a later one came before the bytes
   }
 
@@ -713,7 +716,7 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null, refine = null }) {
+  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null, refine = null, box = null }) {
     const defined = formula && this.#checkFormula(formula);
     const shade = formula ? this.#info.fields.length : field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
@@ -728,6 +731,7 @@ export class Engine {
     const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
     return {
       surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined,
+      box: box && this.#checkBox(box),
       warp: warp && this.#checkWarp(warp), refine: refine && this.#checkRefine(refine), vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
       component: shade < 0 || formula ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
@@ -744,8 +748,12 @@ export class Engine {
     return { by: { field, scale }, outline };
   }
 
+  #checkBox(box) {
+    if (!isBox(box)) throw new RangeError('a box is six numbers, the least corner first');
+    return box;
+  }
+
   #checkRefine({ boxes, target = {} }) {
-    const isBox = (box) => box.length === 6 && box.every(Number.isFinite) && [0, 1, 2].every((i) => box[i] <= box[3 + i]);
     if (!(boxes.length >= 1 && boxes.length <= 16 && boxes.every(isBox))) throw new RangeError('refine.boxes are 1 to 16 boxes of six numbers each, the least corner first');
     return { boxes, level: chooseLevel(this.#base, target) };
   }
@@ -762,12 +770,13 @@ export class Engine {
     return { field, hidden: hidden.map(Number) };
   }
 
-  #checkVectors({ field: name, kind = 'arrows', count = 300 }) {
+  #checkVectors({ field: name, kind = 'arrows', count = 300, size = 1, places = null }) {
     const field = this.#fieldIndex(name);
     if (this.#info.fields[field].components !== 3) throw new RangeError(`the field '${name}' has ${this.#info.fields[field].components} components, vectors have 3`);
     if (!['arrows', 'streamlines'].includes(kind)) throw new RangeError(`vectors.kind is arrows or streamlines, not '${kind}'`);
     if (!(Number.isInteger(count) && count >= 1 && count <= 10000)) throw new RangeError(`vectors.count is a whole number from 1 to 10000, not ${count}`);
-    return { field, kind, count };
+    if (!(size > 0 && size <= 100)) throw new RangeError(`vectors.size is from 0 to 100, not ${size}`);
+    return { field, kind, count, size, places: places?.slice(0, 10000) ?? null };
   }
 
   // Prepares a move to or from a coarser level, if it would be seen: something is drawn, and quickly.
@@ -795,9 +804,10 @@ export class Engine {
   }
 
   #drawSurface() {
-    const { surface, clip, threshold, regions, cellShade, edges: lines } = this.#spec;
+    const { surface, clip, threshold, regions, box, cellShade, edges: lines } = this.#spec;
     if (!surface) return null;
-    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold, regions, cellShade < 0]); // a clipped one has other triangles each time
+    // a clipped one has other triangles each time
+    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold, regions, box, cellShade < 0]);
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
@@ -810,9 +820,9 @@ export class Engine {
   }
 
   #drawRays() {
-    const { rays, threshold, regions } = this.#spec;
+    const { rays, threshold, regions, box } = this.#spec;
     if (!rays) return null;
-    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold, regions]);
+    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold, regions, box]);
     const keep = key === this.#raysOf;
     this.#raysOf = key;
     return this.#view.rays({ keep, lengthOf: this.#lengthOf });
@@ -822,7 +832,7 @@ export class Engine {
   // Which tetrahedra are drawn.
   #filter() {
     if (this.#spec?.formula) this.#view.define(this.#spec.formula);
-    this.#view.filter(this.#spec?.threshold, this.#spec?.regions);
+    this.#view.filter(this.#spec?.threshold, this.#spec?.regions, this.#spec?.box);
   }
 
   #colour() {
@@ -878,9 +888,10 @@ export class Engine {
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is
   // wanted.
   #drawVolume(t) {
-    const { volume, shade, component, cellShade, cellComponent, threshold, regions, clip } = this.#spec;
+    const { volume, shade, component, cellShade, cellComponent, threshold, regions, box, clip } = this.#spec;
     if (!volume) return null;
-    const key = JSON.stringify([this.#shown, this.#at, volume.size, volume.logarithmic, shade, component, cellShade, cellComponent, threshold, regions, clip]);
+    const what = [volume.size, volume.logarithmic, shade, component, cellShade, cellComponent, threshold, regions, box, clip];
+    const key = JSON.stringify([this.#shown, this.#at, ...what]);
     if (t < 1 || key === this.#volumeOf) return undefined;
     this.#volumeOf = key;
     return this.#view.resample(volume.size, volume.logarithmic);
@@ -888,15 +899,19 @@ export class Engine {
 
   // As with the grid: at rest, and where it is not the same.
   #drawVectors(t) {
-    const { vectors, shade, component, cellShade, cellComponent, threshold, regions, clip } = this.#spec;
+    const { vectors, shade, component, cellShade, cellComponent, threshold, regions, box, clip } = this.#spec;
     if (!vectors) return null;
-    const key = JSON.stringify([this.#shown, this.#at, vectors, shade, component, cellShade, cellComponent, threshold, regions, clip]);
+    const filters = [threshold, regions, box, clip];
+    const key = JSON.stringify([this.#shown, this.#at, vectors, shade, component, cellShade, cellComponent, filters]);
     if (t < 1 || key === this.#vectorsOf) return undefined;
     this.#vectorsOf = key;
     const [low, high] = this.#info.bounds;
     const { centre } = this.#view; // places are relative to it
     const plane = clip && { ...clip, origin: clip.origin.map((c, i) => c - centre[i]) };
-    return drawVectors(new Flow(this.#view.flow(vectors.field, this.#lengthOf)), vectors, Math.hypot(...high.map((h, i) => h - low[i])), plane);
+    const places = vectors.places?.map((place) => place.map((c, i) => c - centre[i]));
+    const { Flow, drawVectors } = this.#vectors;
+    const flow = new Flow(this.#view.flow(vectors.field, this.#lengthOf));
+    return drawVectors(flow, { ...vectors, places }, Math.hypot(...high.map((h, i) => h - low[i])), plane);
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.

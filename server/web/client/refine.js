@@ -10,15 +10,15 @@ const transition = 2;
 export const placeOf = (part, { pages }) => (pages === undefined ? { part: kinds[part] } : { level: part });
 
 /** Which levels are shown where, and the edges of the tetrahedra between them, of which nothing is proved. */
-export function drawFiner(view, told, { surface, slices, threshold, regions }) {
+export function drawFiner(view, told, { surface, slices, threshold, regions, box }) {
   if (told.pages !== undefined) return { ...told, edges: [] };
   const marked = surface ? [view.marks(transition)] : [];
   view.pick(transition);
-  view.filter(threshold, regions);
+  view.filter(threshold, regions, box);
   const cut = slices.map(({ origin, normal }) => view.slice(origin, normal, { lines: true }));
   const edges = [...marked, ...cut].map(({ points, lines }) => ({ points, lines }));
   view.pick(null);
-  view.filter(threshold, regions);
+  view.filter(threshold, regions, box);
   return { ...told, edges };
 }
 

@@ -329,10 +329,12 @@ export class View {
   /**
    * From now on pictures are of tetrahedra whose corners, or which themselves (`cells`), have values from `low` to `high` of `range` at the end of a move, or of all (null),
    * but not of those of `regions`: {field, hidden}, numbers of a field of cells that is loaded; null: none are left out.
+   * And of those whose middle is in `box`, if there is one.
    */
-  filter(range, regions) {
+  filter(range, regions, box) {
     if (range) this.#code.view_threshold(this.#view, range.cells, range.field, range.component, range.low, range.high);
     else this.#code.view_unthreshold(this.#view);
+    this.#code.view_box(this.#view, box ? 1 : 0, ...(box ?? [0, 0, 0, 0, 0, 0]));
     const hidden = Float64Array.from(regions?.hidden ?? []).sort();
     this.#check(this.#lend(hidden, (address) => this.#code.view_hide(this.#view, regions?.field ?? 0, address, hidden.length)));
     this.#check(this.#code.view_filter(this.#view));

@@ -58,6 +58,23 @@ export class Flow {
     return { tet, weights: [0.25, 0.25, 0.25, 0.25], point: add([0, 0, 0], sum, 0.25) };
   }
 
+  /** The same of places; those that are in no tetrahedron are left out. */
+  find(places) {
+    const found = places.map(() => null);
+    const [low, high] = [Math.min, Math.max].map((most) => [0, 1, 2].map((i) => most(...places.map((p) => p[i]))));
+    for (let tet = 0; tet < this.tets; tet++) {
+      const corners = [0, 1, 2, 3].map((i) => this.#corner(tet, i));
+      const [from, to] = [Math.min, Math.max].map((most) => [0, 1, 2].map((i) => most(...corners.map((c) => c[i]))));
+      if ([0, 1, 2].some((i) => to[i] < low[i] || from[i] > high[i])) continue;
+      places.forEach((point, k) => {
+        if (found[k] || point.some((c, i) => c < from[i] || c > to[i])) return;
+        const weights = this.#weights(tet, point);
+        if (Math.min(...weights) >= -1e-9) found[k] = { tet, weights, point };
+      });
+    }
+    return found.filter(Boolean);
+  }
+
   #weights(tet, p) {
     const a = this.#corner(tet, 0);
     const [b, c, d] = [1, 2, 3].map((i) => add(this.#corner(tet, i), a, -1));
@@ -108,9 +125,8 @@ export class Flow {
     return k4 && go([0, 1, 2].map((i) => (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]) / 6), 1);
   }
 
-  /** The places of a streamline through the middle of a tetrahedron, in steps of a length. */
-  streamline(seed, length) {
-    const from = this.middle(seed);
+  /** The places of a streamline through one of them, in steps of a length. */
+  streamline(from, length) {
     const half = (by) => {
       const places = [];
       for (let at = this.#step(from, by); at && places.length < mostSteps; at = this.#step(at, by)) places.push(at);
@@ -178,8 +194,7 @@ function join(solid, low, high) {
   });
 }
 
-function drawArrow(solid, flow, seed, longest) {
-  const at = flow.middle(seed);
+function drawArrow(solid, flow, at, longest) {
   const vector = flow.vectorAt(at);
   const length = (longest * size(vector)) / (flow.fastest || 1);
   if (!(size(vector) > slow * flow.fastest)) return;
@@ -205,16 +220,19 @@ function drawTube(solid, flow, places, radius) {
   });
 }
 
-/** A part of the picture: `count` arrows, or as many streamlines, behind the plane `clip`, if it is not null. `diagonal`: of the bounds. */
-export function drawVectors(flow, { kind, count }, diagonal, clip = null) {
+/**
+ * A part of the picture: `count` arrows, or as many streamlines, spread over the volume, or through `places`, behind
+ * the plane `clip`, if it is not null. `size`: times as long, or as thick, as usual. `diagonal`: of the bounds.
+ */
+export function drawVectors(flow, { kind, count, size: times = 1, places = null }, diagonal, clip = null) {
   const solid = new Solid(clip);
   const { tets, volume } = flow.seeds(count);
   if (!(flow.fastest > 0)) return solid.part;
-  for (const seed of tets) {
-    if (kind === 'arrows') drawArrow(solid, flow, seed, 1.3 * Math.cbrt(volume / count));
+  for (const seed of places ? flow.find(places) : tets.map((tet) => flow.middle(tet))) {
+    if (kind === 'arrows') drawArrow(solid, flow, seed, times * 1.3 * Math.cbrt(volume / count));
     else {
-      const places = flow.streamline(seed, diagonal / stepsAcross);
-      if (places.length > 2) drawTube(solid, flow, places, 0.0018 * diagonal);
+      const along = flow.streamline(seed, diagonal / stepsAcross);
+      if (along.length > 2) drawTube(solid, flow, along, times * 0.0018 * diagonal);
     }
   }
   return solid.part;

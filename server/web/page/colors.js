@@ -43,12 +43,13 @@ const maps = {
     '000000-131313-262626-3b3b3b-505050-626262-737373-858585-979797-a9a9a9-bbbbbb-cbcbcb-d8d8d8-e4e4e4-efefef-f7f7f7-ffffff'],
 };
 
-export const mapNames = Object.entries(maps).map(([key, [name]]) => [key, name]);
+const named = Object.entries(maps).map(([key, [name]]) => [key, name]);
+export const mapNames = [...named, ['categories', 'Categories, of whole numbers']];
 
 // A map's name may be its colours themselves: '3b4cc0-dddddd-b40426'.
 const stops = /^[0-9a-f]{6}(-[0-9a-f]{6})+$/;
 
-export const isMap = (name) => Object.hasOwn(maps, name) || stops.test(name);
+export const isMap = (name) => mapNames.some(([key]) => key === name) || stops.test(name);
 
 const channels = (hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16));
 

@@ -46,6 +46,16 @@ export function bindExports(viewer, save) {
   viewer.addEventListener('pictures', list);
   viewer.store.watch(['surface'], list);
 
+  const whole = element('button', { type: 'button', id: 'export-vtu', className: 'small' }, 'VTU');
+  whole.title = 'The tetrahedra that are shown, with all fields that are loaded';
+  whole.addEventListener('click', async () => {
+    const { vtuOf } = await import('./surface_files.js');
+    const mesh = await viewer.stream.mesh();
+    save('mesh.vtu', vtuOf(mesh, viewer.info, [['level', mesh.level]]));
+  });
+  const row = element('div', { className: 'row' }, element('span', {}, 'Mesh that is shown'), whole);
+  choice.closest('.row').after(row);
+
   const write = async (kind) => {
     const [name, part] = partsOf(scene).find(([found]) => found === choice.value);
     const { csvOfPart, glbOfPart, vtpOfPart } = await import('./surface_files.js');

@@ -22,8 +22,14 @@ export function firstView({ bounds: [low, high], fields, cellFields }) {
   return { surface: 'inside', slices: [{ normal: [0, 1, 2].map((i) => Number(i === shortest)), at: 0.5 }] };
 }
 
-/** The colour map where none is chosen: a diverging one for values of both signs. `range`: of the data. */
-export const mapOf = ({ map }, range) => (map !== 'auto' ? map : isSigned(range) ? 'coolWarm' : 'viridis');
+/**
+ * The colour map where none is chosen: a diverging one for values of both signs. `range`: of the data; `regions`: the
+ * values are their numbers.
+ */
+export function mapOf({ map }, range, regions = false) {
+  if (map !== 'auto') return map;
+  return regions ? 'categories' : isSigned(range) ? 'coolWarm' : 'viridis';
+}
 
 const tail = 0.01; // of the values, on each side
 const few = 0.5;   // of the range: when so much of it is the tails', they are cut off

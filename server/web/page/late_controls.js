@@ -22,6 +22,28 @@ function bindVectors(controls) {
   slider.addEventListener('input', () =>
     store.set({ vectorCount: Math.max(1, Math.round(mostVectors ** (slider.value / 1000))) }),
   );
+  const size = element('input', { type: 'range', id: 'vector-size', className: 'short', min: -100, max: 100 });
+  const seeds = element('select', { id: 'seeds' });
+  options(seeds, [
+    ['volume', 'whole volume'],
+    ['line', 'plotted line'],
+    ['slice', 'first slice'],
+  ]);
+  const row = (text, control) =>
+    element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
+  byId('vectors-more').append(row('Size', size), row('Where', seeds));
+  size.addEventListener('input', () => store.set({ vectorSize: Number((10 ** (size.value / 100)).toPrecision(3)) }));
+  seeds.addEventListener('change', () => {
+    const { line, slices } = store.state;
+    store.set({ seeds: seeds.value });
+    if (seeds.value === 'line' && !line) controls.toggleLine();
+    if (seeds.value === 'slice' && !slices.length) controls.addSlice('x');
+  });
+  store.watch(['vectorSize', 'seeds'], (state) => {
+    size.value = 100 * Math.log10(state.vectorSize);
+    size.ariaValueText = `${state.vectorSize} times`;
+    seeds.value = state.seeds;
+  });
   store.watch(['vectors', 'vectorField', 'vectorCount', 'field'], (state) => {
     choice.value = state.vectors;
     byId('vectors-more').hidden = state.vectors === 'off';
@@ -67,6 +89,39 @@ function bindThreshold(controls) {
   });
 }
 
+// Two sliders an axis, from side to side of the bounds.
+function bindBox(controls) {
+  const { store } = controls;
+  const box = element('input', { type: 'checkbox', className: 'switch', id: 'box' });
+  const put = (i, x) => {
+    const ends = [...store.state.box];
+    const other = (i + 3) % 6;
+    ends[i] = i < 3 ? Math.min(x, ends[other]) : Math.max(x, ends[other]);
+    store.set({ box: ends });
+  };
+  const sliders = Array.from({ length: 6 }, (_, i) => {
+    const ariaLabel = `Clip box: ${i < 3 ? 'least' : 'greatest'} ${'xyz'[i % 3]}`;
+    const slider = element('input', { type: 'range', id: `box-${i}`, min: 0, max: 1000, ariaLabel });
+    slider.addEventListener('input', () => put(i, slider.value / 1000));
+    return slider;
+  });
+  const axes = [0, 1, 2].map((i) => element('div', { className: 'row' }, 'xyz'[i], sliders[i], sliders[3 + i]));
+  const body = element('div', {}, ...axes, element('p', { className: 'hint' }, 'Cells whose middle is in it.'));
+  const row = element('div', { className: 'row' }, element('label', { htmlFor: box.id }, 'Clip box'), box);
+  byId('clip').after(row, body);
+  // what is left is looked at from outside
+  box.addEventListener('change', () =>
+    store.set(box.checked ? { box: [0, 0, 0, 0.5, 1, 1], surface: 'solid' } : { box: null }),
+  );
+  store.watch(['box'], (state) => {
+    box.checked = Boolean(state.box);
+    body.hidden = !state.box;
+    state.box?.forEach((x, i) => {
+      sliders[i].value = 1000 * x;
+    });
+  });
+}
+
 function describe({ info, viewer }) {
   const size = info.bounds[1].map((h, i) => significant(h - info.bounds[0][i], 3)).join(' × ');
   const rows = [
@@ -88,5 +143,6 @@ function describe({ info, viewer }) {
 export function bindLate(controls) {
   bindVectors(controls);
   bindThreshold(controls);
+  bindBox(controls);
   describe(controls);
 }

@@ -24,7 +24,7 @@ export function rowsOf(from, to, ends, bounds) {
 
 // Over the picture.
 const plotHtml = `
-  <section id="line-plot" aria-labelledby="line-words" hidden>
+  <section id="line-plot" class="chart" aria-labelledby="line-words" hidden>
     <p id="line-words"></p>
     <button type="button" class="small" id="line-csv" title="Save the values as CSV">CSV</button>
     <button type="button" class="small" id="line-vtp" title="Save the line with its values, for ParaView and VTK">VTP</button>

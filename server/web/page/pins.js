@@ -35,7 +35,8 @@ export class Pins {
     Object.assign(this, { viewer, layer, pointer, list: byId('pins'), marks: [] });
     this.ask = coalesced(() => this.#ask());
     byId('add-pin').addEventListener('click', () => this.#add(null));
-    viewer.store.watch(['pins', 'field', 'cells', 'component', 'formula'], () => {
+    viewer.addEventListener('series', () => this.#list());
+    viewer.store.watch(['pins', 'notes', 'field', 'cells', 'component', 'formula'], () => {
       this.#list();
       this.ask();
     });
@@ -71,7 +72,7 @@ export class Pins {
 
   #list() {
     const { store, scene } = this.viewer;
-    const { pins } = store.state;
+    const { pins, notes } = store.state;
     for (const { mark } of this.marks) mark.remove();
     this.marks = pins.map((pin, i) => {
       const place = this.#world(pin);
@@ -82,7 +83,8 @@ export class Pins {
         { type: 'button', className: 'remove', ariaLabel: `Remove probe ${i + 1}` },
         '×',
       );
-      remove.addEventListener('click', () => store.set({ pins: store.state.pins.filter((_, k) => k !== i) }));
+      const without = (list) => list.filter((_, k) => k !== i);
+      remove.addEventListener('click', () => store.set({ pins: without(pins), notes: without(notes) }));
       const apart = i
         ? element('small', {}, `${significant(length(add(place, this.#world(pins[i - 1]), -1)), 4)} from ${i}`)
         : '';
@@ -92,12 +94,33 @@ export class Pins {
         element('b', {}, String(i + 1)),
         element('div', {}, value, element('small', {}, `at ${place.map((c) => significant(c, 4)).join(', ')}`), apart),
         remove,
+        this.#below(i, place),
       );
       this.layer.append(mark);
-      return { place, mark, value, row };
+      return { place, mark, value, row, note: notes[i] ?? '' };
     });
     this.list.replaceChildren(...this.marks.map(({ row }) => row));
     scene.render();
+  }
+
+  // What somebody writes there, and the values of all steps.
+  #below(i, place) {
+    const { store, series } = this.viewer;
+    const note = element('input', {
+      className: 'number',
+      ariaLabel: `Note at probe ${i + 1}`,
+      placeholder: 'note',
+      value: store.state.notes[i] ?? '',
+    });
+    note.addEventListener('change', () => {
+      const notes = store.state.pins.map((_, k) => (k === i ? note.value.trim() : (store.state.notes[k] ?? '')));
+      store.set({ notes: notes.some(Boolean) ? notes : [] });
+    });
+    if (!series) return note;
+    const label = `Values at probe ${i + 1} over time`;
+    const over = element('button', { type: 'button', className: 'small', ariaLabel: label }, 'over time');
+    over.addEventListener('click', async () => (await import('./time_plot.js')).plotOverTime(this.viewer, i, place));
+    return element('span', { className: 'row' }, note, over);
   }
 
   // Where the marks are in the picture now.
@@ -140,7 +163,7 @@ export class Pins {
       component,
       formula,
     } = colouredOf(info, viewer.coloredState);
-    for (const { place, mark, value } of marks) {
+    for (const { place, mark, value, note } of marks) {
       const answer = await stream.probe(place).catch(() => null);
       if (marks !== this.marks) return;
       const found = answer?.[cells ? 'cells' : 'values'][name];
@@ -163,7 +186,7 @@ export class Pins {
       value.textContent = found
         ? `${titleOf(info, viewer.coloredState)} ${number} ${words}${local > 0 ? ' here' : ''}`
         : 'nothing is drawn here';
-      mark.lastChild.textContent = found ? number : 'nothing';
+      mark.lastChild.textContent = `${note}${note && ': '}${found ? number : 'nothing'}`;
     }
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
-import { planeOf } from './geometry.js';
+import { add, cross, dot, mix, planeOf, planeOutline, scale, unit } from './geometry.js';
 import {
   colouredOf,
   defaultTets,
@@ -52,12 +52,35 @@ function thresholdOf(state, info) {
   };
 }
 
+const boxOf = (box, [low, high]) => box.map((x, i) => low[i % 3] + x * (high[i % 3] - low[i % 3]));
+
 // Boxes in coordinates; their error is of what the target's is.
 function refineOf({ refine, ...state }, info) {
   if (!refine) return null;
-  const [low, high] = info.bounds;
-  const boxes = refine.boxes.map((box) => box.map((x, i) => low[i % 3] + x * (high[i % 3] - low[i % 3])));
+  const boxes = refine.boxes.map((box) => boxOf(box, info.bounds));
   return { boxes, target: { ...targetOf({ ...state, maxBytes: 0, error: refine.error }, info), tets: Infinity } };
+}
+
+const evenly = (from, to, n) => Array.from({ length: n }, (_, i) => mix(from, to, (i + 0.5) / n));
+
+// Where arrows and streamlines are to be, if not in the whole volume: along the line, or on the slice in rows and
+// columns, of which some may be outside of the mesh.
+function placesOf({ seeds, line, slices, vectorCount: count }, bounds) {
+  const [low, high] = bounds;
+  if (seeds === 'line' && line) {
+    const ends = [line.slice(0, 3), line.slice(3)].map((end) => end.map((x, i) => low[i] + x * (high[i] - low[i])));
+    return evenly(...ends, count);
+  }
+  if (seeds !== 'slice' || !slices.length) return null;
+  const plane = planeOf(bounds, slices[0]);
+  const outline = planeOutline(bounds, plane);
+  if (!outline.length) return [];
+  const along = unit(add(outline[1], outline[0], -1));
+  const sides = [along, cross(plane.normal, along)].map((side) => {
+    const reach = outline.map((corner) => dot(add(corner, plane.origin, -1), side));
+    return evenly([Math.min(...reach)], [Math.max(...reach)], Math.ceil(Math.sqrt(count))).map(([x]) => scale(side, x));
+  });
+  return sides[0].flatMap((x) => sides[1].map((y) => add(plane.origin, add(x, y))));
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */
@@ -86,9 +109,16 @@ export function specOf(state, info) {
     })),
     threshold: thresholdOf(state, info),
     clip: state.clip && planeOf(info.bounds, state.clip),
+    box: state.box && boxOf(state.box, info.bounds),
     rays: state.volume && !state.volumeSize,
     volume: state.volume && state.volumeSize ? { size: state.volumeSize, logarithmic: state.log } : null,
-    vectors: vectorsOf(info, state) && { field: vectorsOf(info, state), kind: state.vectors, count: state.vectorCount },
+    vectors: vectorsOf(info, state) && {
+      field: vectorsOf(info, state),
+      kind: state.vectors,
+      count: state.vectorCount,
+      size: state.vectorSize,
+      places: placesOf(state, info.bounds),
+    },
     warp: warpField(info, state) && { field: state.warp, scale: state.warpScale, outline: state.outline },
     refine: refineOf(state, info),
     morph: state.smooth,

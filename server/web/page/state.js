@@ -43,13 +43,17 @@ export const defaults = Object.freeze({
   regions: '', // values of cells that say which region each is in
   hidden: [], // the numbers of those that are not shown
   clip: null, // { normal, at }
+  box: null, // that what is drawn lies in: six fractions of the bounds
   vectors: 'off', // off, arrows, streamlines
   vectorField: '', // of which field; empty: the drawn one if it has three components, else the first that has
   vectorCount: 200,
+  vectorSize: 1, // times as long as arrows, as thick as streamlines usually are
+  seeds: 'volume', // where they are: volume, line (that values are plotted along), slice (the first)
   warp: '', // the field of vectors that moves the points
   warpScale: 1,
   outline: false, // what is not moved, too
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
+  notes: [], // what somebody wrote at them
   pins: [], // places of probes that stay: fractions of the bounds
   volume: false,
   volumeSize: 0, // of a grid, or 0: the tetrahedra themselves
@@ -137,9 +141,12 @@ const codecs = {
   regions: text,
   hidden: list((t) => (Number.isFinite(Number(t)) ? Number(t) : null), String, ','),
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
+  box: { read: (t) => (isBox(numbers(t)) ? numbers(t) : undefined), write: (b) => b.map(round).join(',') },
   vectors: oneOf('off', 'arrows', 'streamlines'),
   vectorField: text,
   vectorCount: { read: (t) => (Number(t) >= 1 ? clamp(Math.round(Number(t)), 1, mostVectors) : undefined), write: String },
+  vectorSize: { read: (t) => clamp(Number(t) || 1, 0.1, 10), write: (x) => String(round(x)) },
+  seeds: oneOf('volume', 'line', 'slice'),
   warp: text,
   warpScale: real,
   outline: flag,
@@ -148,6 +155,7 @@ const codecs = {
     write: (l) => l.map(round).join(','),
   },
   pins: list((t) => (numbers(t).length === 3 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : null), (p) => p.map(round).join(','), ';'),
+  notes: { read: (t) => t.split('\u001f'), write: (l) => l.join('\u001f') },
   volume: flag,
   volumeSize: { read: (t) => (Number(t) > 0 ? clamp(Math.round(Number(t)), 16, 256) : 0), write: String },
   opacity: list((t) => {

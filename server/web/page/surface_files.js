@@ -18,6 +18,7 @@ const types = new Map([
   [Float32Array, 'Float32'],
   [Float64Array, 'Float64'],
   [Int32Array, 'Int32'],
+  [Uint8Array, 'UInt8'],
 ]);
 
 // The file's text, and behind it the arrays as they are, each after its length: no base64, no loss.
@@ -32,10 +33,11 @@ class Appended {
     return text;
   }
 
-  blob(text) {
+  blob(text, type = 'PolyData') {
     return new Blob(
       [
-        `<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n${text}\n<AppendedData encoding="raw">_`,
+        `<?xml version="1.0"?>\n<VTKFile type="${type}" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n`,
+        `${text}\n<AppendedData encoding="raw">_`,
         ...this.#blocks,
         '</AppendedData>\n</VTKFile>\n',
       ],
@@ -66,6 +68,25 @@ export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [
     '</Piece>',
   ];
   return file.blob(`<PolyData>\n${parts.join('\n')}\n</PolyData>`);
+}
+
+/** VTK's XML UnstructuredGrid of a mesh as the stream gives it. `info`: the stream's; `notes`: [name, number]. */
+export function vtuOf({ positions, tets, fields }, info, notes) {
+  const file = new Appended();
+  const arrays = info.fields.filter(({ name }) => fields[name]);
+  const note = ([name, value]) =>
+    file.array(name, Float64Array.of(value)).replace('NumberOfComponents', 'NumberOfTuples="1" NumberOfComponents');
+  const valuesOf = ({ name, components }) => file.array(name, fields[name], components);
+  const types = new Uint8Array(tets.length / 4).fill(10);
+  const parts = [
+    `<FieldData>${notes.map(note).join('')}</FieldData>`,
+    `<Piece NumberOfPoints="${positions.length / 3}" NumberOfCells="${types.length}">`,
+    `<PointData>${arrays.map(valuesOf).join('')}</PointData>`,
+    `<Points>${file.array('Points', positions, 3)}</Points>`,
+    `<Cells>${cells(file, tets, 4)}${file.array('types', types)}</Cells>`,
+    '</Piece>',
+  ];
+  return file.blob(`<UnstructuredGrid>\n${parts.join('\n')}\n</UnstructuredGrid>`, 'UnstructuredGrid');
 }
 
 /** A part of the picture; where the length of vectors colours, also these: what is between points is the length of their mean. */

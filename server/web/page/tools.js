@@ -27,6 +27,7 @@ export class Tools {
    * null.
    */
   constructor(viewer, { layer, save, picture, pointer, canOpenAnother, controls }) {
+    viewer.saveAs = save; // what is loaded later still
     bindLate(controls);
     this.line = new LinePlot(viewer, layer, save);
     this.pins = new Pins(viewer, layer, pointer);

@@ -44,6 +44,7 @@ export class Viewer extends EventTarget {
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
   #lengths = null; // lengths.js, from the first spec on in which a length colours
+  #categories = null; // {of}, from categories.js, or a promise of it
   #formulas = false; // formula.js is loaded, or being loaded
   #closing = new AbortController();
   #asked = 0;      // changes of what the worker is to make
@@ -105,8 +106,9 @@ export class Viewer extends EventTarget {
                 this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
     store.watch(['field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
-                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'], () => this.#remake());
+                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'box', 'vectors', 'vectorField', 'vectorCount', 'vectorSize', 'seeds', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'], () => this.#remake());
     store.watch(['measure', 'errorField'], ({ refine }) => refine && this.#remake());
+    store.watch(['line'], ({ seeds, vectors }) => seeds === 'line' && vectors !== 'off' && this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'pixels', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'],
@@ -364,7 +366,16 @@ export class Viewer extends EventTarget {
   }
 
   get colorMap() {
-    return mapOf(this.store.state, this.dataRange());
+    const { state } = this.store;
+    const map = mapOf(state, this.dataRange(), this.info.cellFields.find(({ name }) => name === state.cells)?.region);
+    if (map !== 'categories') return map;
+    const regions = this.regions.get(state.cells)?.map(({ number }) => number);
+    if (this.#categories?.of) return this.#categories.of(this.colorRange(), regions);
+    this.#categories ??= import('./categories.js').then(({ categoriesOf }) => {
+      this.#categories = { of: categoriesOf };
+      this.recolor();
+    });
+    return 'viridis';
   }
 
   drawBarNow() {

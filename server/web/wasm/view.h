@@ -159,6 +159,8 @@ struct view {
     bool has_range;                  /* pictures are of tetrahedra in a range only */
     struct view_range range;
     struct view_hidden hidden;       /* and not of these */
+    bool has_box;                    /* and of those in a box only */
+    double box[6];
     bool has_kept;                   /* which are drawn is known, if not all are */
     struct tetmesh kept;             /* those; borrows all but its corners */
     uint32_t *kept_tets;             /* [kept.tet_count] their numbers */
@@ -265,6 +267,9 @@ void view_threshold(struct view *view, bool of_cells, uint32_t field, int32_t co
 VIEW_EXPORT(view_unthreshold) void view_unthreshold(struct view *view);
 /* And not of those with these numbers, ascending, in a field of cells that is loaded, of one component. */
 VIEW_EXPORT(view_hide) uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count);
+/* And of those whose middle is in a box; or wherever they are. */
+VIEW_EXPORT(view_box)
+void view_box(struct view *view, bool has, double x0, double y0, double z0, double x1, double y1, double z1);
 /* Finds those of the mesh that is shown: before pictures of it are made. */
 VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
 

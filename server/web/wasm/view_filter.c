@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which tetrahedra pictures are of: all, those with values in a range, those of some regions. */
+/* Which tetrahedra pictures are of: all, those with values in a range, those of some regions, those in a box. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -53,6 +53,29 @@ uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uin
     return TETLOD_OK;
 }
 
+void view_box(struct view *view, bool has, double x0, double y0, double z0, double x1, double y1, double z1)
+{
+    const double box[6] = {x0, y0, z0, x1, y1, z1};
+    if (has == view->has_box && (!has || memcmp(box, view->box, sizeof box) == 0))
+        return;
+    view->has_box = has;
+    memcpy(view->box, box, sizeof box);
+    forget_kept(view);
+}
+
+/* Is its middle in the box? Tetrahedra stay whole. */
+static bool is_in_box(const struct view *view, const uint32_t corners[4])
+{
+    bool in = true;
+    for (int axis = 0; axis < 3; axis++) {
+        double sum = 0;
+        for (int i = 0; i < 4; i++)
+            sum += view->shown.positions[3 * (size_t)corners[i] + axis];
+        in = in && sum / 4 >= view->box[axis] && sum / 4 <= view->box[3 + axis];
+    }
+    return in;
+}
+
 static bool is_in_range(const struct view *view, uint32_t tet)
 {
     const struct view_range *range = &view->range;
@@ -102,7 +125,7 @@ static bool keep(struct view *view)
     for (uint32_t t = 0; t < shown->tet_count; t++) {
         const uint32_t *tet = shown->corners + 4 * (size_t)t;
         if ((view->has_range && !is_in_range(view, t)) || (view->hidden.count && is_hidden(view, t)) ||
-            (picks(view) && view->adopted.parts[t] != view->picked))
+            (picks(view) && view->adopted.parts[t] != view->picked) || (view->has_box && !is_in_box(view, tet)))
             continue;
         tets[count] = t;
         memcpy(corners + 4 * (size_t)count++, tet, 4 * sizeof *tet);
@@ -114,7 +137,7 @@ static bool keep(struct view *view)
 uint32_t view_filter(struct view *view)
 {
     const struct view_range *range = &view->range;
-    if (view->has_kept || (!view->has_range && !view->hidden.count && !picks(view)))
+    if (view->has_kept || (!view->has_range && !view->hidden.count && !view->has_box && !picks(view)))
         return TETLOD_OK;
     if (view->has_range && !range->of_cells)
         view_take_values(view, view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
