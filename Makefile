@@ -96,7 +96,7 @@ PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES) 2>/dev/null) $(if $(fil
 FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
 # What no reader of levels needs: what writes, and what only this program asks of a stream
 WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary box_sums)
-LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
+LIBRARY_SRC := $(sort $(filter-out src/cli/% src/mpi/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
 BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/stream/forest.c src/stream/region.c src/mesh/% src/util/% src/ask/features.c src/ask/clip.c,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
@@ -248,6 +248,20 @@ $(SHARED_BUILD): $(call objects,$(BUILD_SRC) $(FORMAT_SRC)) src/library/exports.
 WRAPPED := $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc aligned_alloc free)
 $(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
+
+## mpi: tetlod-mpi, which builds with the ranks of an MPI job (deps-mpi installs OpenMPI)
+MPICC ?= mpicc
+MPI_BINARY := $(B)/tetlod-mpi
+MPI_OBJECTS := $(patsubst %.c,$(B)/%.o,$(sort $(wildcard src/mpi/*.c)))
+OBJECTS += $(MPI_OBJECTS)
+.PHONY: mpi
+mpi: $(MPI_BINARY)
+$(B)/src/mpi/%.o: src/mpi/%.c $(B)/flags
+	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
+	@command -v $(MPICC) >/dev/null || { echo "make: $(MPICC) is missing (run: make deps-mpi)" >&2; exit 1; }
+	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+$(MPI_BINARY): $(MPI_OBJECTS) $(filter-out %/main.o %/main-alone.o,$(CLI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
 
 $(INTERNAL_ARCHIVE): $(INTERNAL)
 	@rm -f $@

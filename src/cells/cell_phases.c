@@ -25,6 +25,7 @@
 #include "src/simplify/rounds/rounds.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
+#include "src/util/work_share.h"
 
 /* The root has at most so many cells' tetrahedra. */
 enum { ROOT_CELLS = 5 };
@@ -56,6 +57,7 @@ struct run {
     const uint32_t *order; /* cells as they are given out: the largest first */
     struct cell_store store; /* zeros: cells wait in memory */
     bool spools;           /* they wait in a temporary file */
+    const struct work_share *share; /* of the cells, or NULL */
     bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
     double from, to;       /* the last limit, 0 before the first; the next one */
     double left;           /* of the tetrahedra, by the last limit */
@@ -174,20 +176,87 @@ static enum tetlod_status bring_back(const struct run *run, struct cell *cell, u
     return status;
 }
 
+/* Contracts a cell, and puts it away where it is to wait elsewhere. False: the user has cancelled. */
+static bool do_cell(struct run *run, unsigned worker, struct cell *cell, uint32_t number, uint32_t part)
+{
+    cell->status = contract_cell(run, cell, number, run->numbers[worker]);
+    if (run->store.put && cell->status == TETLOD_OK)
+        cell->status = put_away(run, cell, part);
+    double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
+    done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
+    if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
+        atomic_store(&run->cancelled, true);
+    return !atomic_load(&run->cancelled);
+}
+
 static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct run *run = context;
     for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++) {
-        uint32_t number = run->order[i];
-        struct cell *cell = &run->cells[run->tries ? i : number];
-        cell->status = contract_cell(run, cell, number, run->numbers[worker]);
-        if (run->store.put && !run->tries && cell->status == TETLOD_OK)
-            cell->status = put_away(run, cell, number);
-        double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
-        done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
-        if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
-            atomic_store(&run->cancelled, true);
+        uint32_t part = run->tries ? (uint32_t)i : run->order[i];
+        do_cell(run, worker, &run->cells[part], run->order[i], part);
     }
+}
+
+/* The same of the cells that other programs have not taken. */
+static void contract_taken(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct run *run = context;
+    uint32_t part;
+    (void)begin;
+    (void)end;
+    while (!atomic_load(&run->cancelled) && run->share->take(run->share->opaque, &part))
+        if (!do_cell(run, worker, &run->cells[part], run->tries ? run->order[part] : part, part))
+            break;
+}
+
+/* What the cells of this program have come to. */
+static enum tetlod_status first_failure(const struct run *run)
+{
+    if (atomic_load(&run->cancelled))
+        return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
+    for (uint32_t i = 0; i < run->cell_count; i++)
+        if (run->cells[i].status != TETLOD_OK) {
+            if (run->error)
+                *run->error = run->cells[i].error;
+            return run->cells[i].status;
+        }
+    return TETLOD_OK;
+}
+
+/* What the logs of all cells have come to, also of those that other programs have contracted. */
+static enum tetlod_status fetch_marks(struct run *run)
+{
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        if (run->cells[i].logs[CELL_GO_ON].mark_count)
+            continue;
+        TETLOD_TRY(bring_back(run, &run->cells[i], i));
+        cell_drop(&run->cells[i]);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status share_cells(struct run *run)
+{
+    const struct work_share *share = run->share;
+    bool again = true;
+    TETLOD_TRY(share->begin(share->opaque, run->cell_count, run->tries ? NULL : run->order, run->error));
+    run->store = (struct cell_store){share->put, share->get, share->opaque};
+    while (again) {
+        pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
+        TETLOD_TRY(share->settle(share->opaque, first_failure(run), &again, run->error));
+    }
+    return fetch_marks(run);
+}
+
+/* The cells' bytes are of no more use. */
+static void leave_store(struct run *run)
+{
+    if (run->share && run->store.put)
+        run->share->end(run->share->opaque);
+    else
+        cell_spool_free(&run->store);
+    run->store = (struct cell_store){0};
 }
 
 /* Contracts `count` cells, those that `order` lists. */
@@ -199,16 +268,10 @@ static enum tetlod_status contract_cells(struct run *run, const uint32_t *order,
     run->cell_count = count;
     run->order = order;
     atomic_store(&run->done, 0);
+    if (run->share)
+        return share_cells(run);
     pool_run(run->pool, count, 1, contract_range, run);
-    if (atomic_load(&run->cancelled))
-        return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
-    for (uint32_t i = 0; i < count; i++)
-        if (run->cells[i].status != TETLOD_OK) {
-            if (run->error)
-                *run->error = run->cells[i].error;
-            return run->cells[i].status;
-        }
-    return TETLOD_OK;
+    return first_failure(run);
 }
 
 /* The largest first: what is begun last ends soon. */
@@ -263,6 +326,7 @@ static enum tetlod_status try_limits(struct run *run)
     run->tries = true;
     enum tetlod_status status = contract_cells(run, tried, count);
     run->tries = false;
+    leave_store(run);
     bool named;
     run->to = FIRST_LIMIT;
     while (status == TETLOD_OK && run->to < run->options->max_error && left_at(run, run->to) > LEFT)
@@ -517,7 +581,7 @@ static enum tetlod_status run_phase(struct run *run)
     order = order_cells(&run->partition);
     if (!order)
         TETLOD_TRY_DONE(no_memory(run));
-    if (run->spools)
+    if (run->spools && !run->share)
         TETLOD_TRY_DONE(cell_spool_new(&run->store, run->partition.cells, run->error));
     TETLOD_TRY_DONE(contract_cells(run, order, run->partition.cells));
     TETLOD_TRY_DONE(take_components(run, &run->cells[0].logs[CELL_GO_ON]));
@@ -529,7 +593,7 @@ static enum tetlod_status run_phase(struct run *run)
 done:
     free(order);
     free_cells(run);
-    cell_spool_free(&run->store);
+    leave_store(run);
     partition_fini(&run->partition);
     return status;
 }
@@ -618,6 +682,7 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
                       .options = options,
                       .cell_tets = cell_tets,
                       .spools = choice->spools,
+                      .share = choice->share,
                       .log = out,
                       .groups = groups,
                       .error = error};

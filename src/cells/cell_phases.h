@@ -9,6 +9,7 @@
 #include "format/write/write_input.h"
 #include "src/log/contraction_log.h"
 #include "src/simplify/simplify.h"
+#include "src/util/work_share.h"
 
 /* The pages of a log: groups from fine to coarse. What follows the last group is the root's. */
 struct cell_groups {
@@ -22,6 +23,7 @@ const char *cells_wrong(const struct simplify_options *options);
 struct cell_choice {
     uint32_t tets; /* of a cell, about */
     bool spools;   /* cells that are contracted wait in a temporary file */
+    const struct work_share *share; /* programs that contract them together, or NULL */
 };
 
 /* Contracts the mesh as simplify() does, in cells until few tetrahedra are left. Without groups

@@ -44,6 +44,10 @@ extern const char build_help[];
 /* Takes the command line. EXIT_DONE, or EXIT_USAGE after a message. */
 int build_request_parse(struct build_request *out, int argc, char **argv);
 
+/* tetlod build, together with other programs (work_share.h); share NULL: alone. The exit status; of those that do not
+ * write, only errors are printed. */
+int build_together(int argc, char **argv, const struct work_share *share);
+
 /* The names that the options give. */
 const char *build_metric_name(enum metric metric);
 const char *build_certify_name(enum certify certify);

@@ -30,7 +30,8 @@ struct command {
 
 extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
     command_convert, command_sample, command_serve, command_explode, command_plot,
-    command_formats, command_ask, command_diff, command_features, command_sample_points;
+    command_formats, command_ask, command_diff, command_features, command_sample_points, command_plan, command_run,
+    command_merge;
 
 /* What `tetlod help words` prints. */
 extern const char cli_words[];

@@ -424,6 +424,31 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
 }
 
+/* ---- several programs */
+
+/* They make one stream by cells. */
+static enum tetlod_status fit_share(struct build_request *request, struct tetlod_error *error)
+{
+    struct build_options *options = &request->build;
+    const char *wrong = options->series ? NULL : build_against_pages(options);
+    if (!options->share)
+        return TETLOD_OK;
+    if (wrong)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: cannot be built by several programs: %s", request->input,
+                            wrong);
+    if (!options->series && !options->paged)
+        options->paged = BUILD_CELL_TETS;
+    return TETLOD_OK;
+}
+
+/* One of them writes. */
+static enum tetlod_status build_output(struct build_request *request, const struct input *in,
+                                       struct build_report *report, double *write_seconds, struct tetlod_error *error)
+{
+    return build_leads(&request->build) ? build_file(request, in, report, write_seconds, error)
+                                        : write_stream(request, in, NULL, report, error);
+}
+
 static int build(struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
@@ -435,13 +460,19 @@ static int build(struct build_request *request)
     in = (struct input){0};
     if (status == TETLOD_OK)
         status = prepare(request, &in, &error);
-    if (status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series))
+    bool goes_on = status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series);
+    bool idles = goes_on && !build_leads(&request->build); // steps over several meshes are not shared
+    if (goes_on && !idles) {
+        request->build.share = NULL;
         status = build_topologies(request, &in, &spool, &error);
-    if (status == TETLOD_OK)
+    }
+    if (status == TETLOD_OK && !idles)
+        status = fit_share(request, &error);
+    if (status == TETLOD_OK && !idles)
         status = fit_memory(request, &in, &error);
     read_seconds = clock_seconds() - started;
-    if (status == TETLOD_OK) {
-        status = build_file(request, &in, &report, &write_seconds, &inner);
+    if (status == TETLOD_OK && !idles) {
+        status = build_output(request, &in, &report, &write_seconds, &inner);
         bool named = status == TETLOD_ERR_IO; // the output's path is in it already
         if (status != TETLOD_OK)
             tetlodi_fail(&error, status, "%s%s%s", named ? "" : request->input, named ? "" : ": ", inner.message);
@@ -461,14 +492,22 @@ static int build(struct build_request *request)
     return result;
 }
 
-static int run(int argc, char **argv)
+int build_together(int argc, char **argv, const struct work_share *share)
 {
     struct build_request request;
     int result = build_request_parse(&request, argc, argv);
     if (result != EXIT_DONE)
         return result;
-    progress_init(&request.progress, request.draws_progress, request.quiet);
+    request.build.share = share;
+    request.quiet |= !build_leads(&request.build);
+    request.json &= build_leads(&request.build);
+    progress_init(&request.progress, request.draws_progress && !request.quiet, request.quiet);
     return build(&request);
+}
+
+static int run(int argc, char **argv)
+{
+    return build_together(argc, argv, NULL);
 }
 
 const struct command command_build = {"build", "read a mesh, contract it, write the stream of its levels", build_help,

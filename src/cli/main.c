@@ -15,7 +15,7 @@ static const struct command *const commands[] = {
     &command_serve,   &command_explode,
 #endif
     &command_ask,     &command_diff,    &command_features, &command_plot,
-    &command_sample_points, &command_formats,
+    &command_sample_points, &command_formats, &command_plan, &command_run, &command_merge,
 };
 
 enum { COMMANDS = sizeof commands / sizeof *commands };

@@ -95,7 +95,19 @@ struct measure_levels {
     double rounding;         /* of a distance */
     bool displaced, rounded; /* the finest level is not the original itself: other positions; or other values only */
     bool started;
+    bool mine[MEASURE_PARTS];
 };
+
+/* The part that number i of `count` is in. */
+static uint32_t part_of(size_t i, size_t count)
+{
+    return (uint32_t)(i * MEASURE_PARTS / count);
+}
+
+static bool is_mine(const struct measure_levels *m, size_t i, size_t count)
+{
+    return m->mine[part_of(i, count)];
+}
 
 /* ---- a sample's error */
 
@@ -270,7 +282,8 @@ static void update_samples(void *context, unsigned number, size_t begin, size_t 
 {
     struct measure_levels *m = context;
     for (size_t chunk = begin; chunk < end; chunk++)
-        update_chunk(m, &m->workers[number], chunk);
+        if (is_mine(m, chunk, m->chunks))
+            update_chunk(m, &m->workers[number], chunk);
 }
 
 /* ---- samples that no walk found */
@@ -418,7 +431,7 @@ static void guess_distances(void *context, unsigned worker, size_t begin, size_t
     for (size_t i = begin; i < end; i++) {
         uint32_t v = m->bound[i], face = m->nearest[i];
         m->distances[i] = 0;
-        if (!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL)
+        if ((!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL) || !is_mine(m, i, m->bound_count))
             continue;
         if (face != TETLOD_NONE && m->mesh->states[face / 4] == COARSE_SAME)
             continue; // or what it was at the last level
@@ -445,9 +458,10 @@ static void made_distances(void *context, unsigned worker, size_t begin, size_t 
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        m->distances[i] = mesh_surface_distance(&m->boundary, m->bodies[m->list[i]],
-                                                m->mesh->positions + 3 * (size_t)m->list[i],
-                                                m->enough, &face);
+        m->distances[i] = is_mine(m, i, m->list_count)
+                              ? mesh_surface_distance(&m->boundary, m->bodies[m->list[i]],
+                                                      m->mesh->positions + 3 * (size_t)m->list[i], m->enough, &face)
+                              : 0;
 }
 
 /* The vertices of the level's boundary that the last step made or moved; at first, where it is displaced, all. */
@@ -519,7 +533,8 @@ static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t 
     const struct renumbering *r = context;
     (void)worker;
     for (size_t sample = begin; sample < end; sample++)
-        if (r->measure->hosts[sample] < HOST_SPECIAL)
+        if (r->measure->hosts[sample] < HOST_SPECIAL &&
+            is_mine(r->measure, sample / TALLY_CHUNK, r->measure->chunks))
             r->measure->hosts[sample] = coarse_number(&r->numbers, r->measure->hosts[sample]);
 }
 
@@ -552,8 +567,7 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
         walker_reset(&m->workers[i].walker);
     parallel_for(m->threads, m->chunks, 1, update_samples, m);
     TETLOD_TRY_DONE(update_strays(m, error));
-    for (uint32_t f = 0; f < m->field_count; f++)
-        tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
+    measure_levels_result(m, out);
     TETLOD_TRY_DONE(update_domain(m, io_domain, error));
     m->started = true;
 done:
@@ -686,6 +700,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .made = array_zero(original->vertex_count, 1),
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
+    memset(m->mine, true, sizeof m->mine);
     m->rounded = !m->displaced && is_rounded(original, coarsening);
     if (!m->bodies || !m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
@@ -699,6 +714,46 @@ done:
     if (status != TETLOD_OK)
         measure_levels_free(m);
     return status;
+}
+
+/* ---- parts */
+
+void measure_levels_restrict(struct measure_levels *m, const bool mine[MEASURE_PARTS])
+{
+    memcpy(m->mine, mine, sizeof m->mine);
+}
+
+/* The first chunk of a part. */
+static size_t part_begin(const struct measure_levels *m, uint32_t part)
+{
+    return (part * m->chunks + MEASURE_PARTS - 1) / MEASURE_PARTS;
+}
+
+size_t measure_levels_part_size(const struct measure_levels *m, uint32_t part)
+{
+    return (part_begin(m, part + 1) - part_begin(m, part)) * m->field_count * sizeof *m->tallies;
+}
+
+enum tetlod_status measure_levels_pack(const struct measure_levels *m, uint32_t part, struct buffer *out)
+{
+    size_t begin = part_begin(m, part), size = (part_begin(m, part + 1) - begin) * sizeof *m->tallies;
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t f = 0; f < m->field_count && size && status == TETLOD_OK; f++)
+        status = buffer_append(out, m->tallies + f * m->chunks + begin, size);
+    return status;
+}
+
+void measure_levels_unpack(struct measure_levels *m, uint32_t part, const unsigned char *bytes)
+{
+    size_t begin = part_begin(m, part), size = (part_begin(m, part + 1) - begin) * sizeof *m->tallies;
+    for (uint32_t f = 0; f < m->field_count && size; f++, bytes += size)
+        memcpy(m->tallies + f * m->chunks + begin, bytes, size);
+}
+
+void measure_levels_result(const struct measure_levels *m, struct measured *out)
+{
+    for (uint32_t f = 0; f < m->field_count; f++)
+        tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
 }
 
 void measure_levels_free(struct measure_levels *m)

@@ -10,6 +10,7 @@
 
 #include "src/log/coarsening.h"
 #include "src/measure/measure.h"
+#include "src/util/buffer.h"
 
 struct measure_levels;
 
@@ -30,5 +31,27 @@ uint64_t measure_levels_bytes(const struct tetmesh *original);
 TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out,
                                                       double *io_domain,
                                                       struct tetlod_error *error);
+
+/* ---- samples in parts, of which each program measures some (measure_shared.h) */
+
+/* The samples, and the points of boundaries, are in so many parts, whatever their number. */
+enum { MEASURE_PARTS = 120 };
+
+/* Only parts that are mine[part] are measured; what measure_levels_next says is then theirs alone. Before the first
+ * level. */
+void measure_levels_restrict(struct measure_levels *measure, const bool mine[MEASURE_PARTS]);
+
+/* Appends what the level's samples of a part have come to. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status measure_levels_pack(const struct measure_levels *measure, uint32_t part,
+                                                      struct buffer *out);
+
+/* The bytes of a part at one level, which measure_levels_pack appends. */
+size_t measure_levels_part_size(const struct measure_levels *measure, uint32_t part);
+
+/* Takes a part that another program has measured. */
+void measure_levels_unpack(struct measure_levels *measure, uint32_t part, const unsigned char *bytes);
+
+/* What all parts of a level have come to. out [field_count]. */
+void measure_levels_result(const struct measure_levels *measure, struct measured *out);
 
 #endif

@@ -11,6 +11,7 @@
 #include "src/cells/cell_phases.h"
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
+#include "src/measure/measure_shared.h"
 #include "src/measure/overlay_levels.h"
 #include "src/mesh/ids.h"
 #include "src/mesh/originals.h"
@@ -138,7 +139,7 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    const struct cell_choice cells = {options->paged, options->spools};
+    const struct cell_choice cells = {options->paged, options->spools, options->share};
     const char *wrong = options->paged ? build_against_pages(options) : NULL;
     enum tetlod_status status;
     if (wrong)
@@ -280,6 +281,18 @@ static void raise_max(const struct build *build, uint32_t mark)
     }
 }
 
+/* The level of a mark, which has been measured. */
+static void file_level(struct build *build, uint32_t mark, const struct measured *measured, double domain,
+                       double diagonal)
+{
+    file_errors(build, mark, measured);
+    if (build->overlay)
+        raise_max(build, mark);
+    build->levels[build->log.mark_count - 1 - mark] = (struct tetlodi_write_level){
+        build->log.marks[mark].contractions, diagonal > 0 ? domain / diagonal : 0,
+        build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
+}
+
 static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening,
                                        struct measure_levels *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
@@ -291,12 +304,7 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     if (build->overlay)
         TETLOD_TRY(find_exact(build, coarsening, mark));
     TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));
-    file_errors(build, mark, measured);
-    if (build->overlay)
-        raise_max(build, mark);
-    build->levels[build->log.mark_count - 1 - mark] = (struct tetlodi_write_level){
-        at->contractions, diagonal > 0 ? domain / diagonal : 0,
-        build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
+    file_level(build, mark, measured, domain, diagonal);
     return TETLOD_OK;
 }
 
@@ -356,11 +364,62 @@ static void match_tail(struct build *build)
             tail_errors(build)[i] = NAN;
 }
 
+static bool measure_progress(void *opaque, double done)
+{
+    const struct build *build = opaque;
+    return !build->options->progress || build->options->progress(build->options->progress_opaque, BUILD_MEASURE, done);
+}
+
+/* One level after the other. */
+static enum tetlod_status measure_alone(struct build *build, struct measured *measured, double diagonal)
+{
+    uint32_t marks = build->log.mark_count;
+    struct coarsening coarsening = {0};
+    struct measure_levels *measure = NULL;
+    enum tetlod_status status = TETLOD_OK;
+    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->mesh, &build->log, build->error));
+    TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
+    if (build_asks_overlay(build->options))
+        TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads,
+                                           build->error));
+    for (uint32_t mark = 0; mark < marks; mark++) {
+        TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
+        if (!measure_progress(build, (mark + 1.0) / marks))
+            TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
+    }
+done:
+    measure_levels_free(measure);
+    overlay_levels_free(build->overlay);
+    coarsening_fini(&coarsening);
+    return status;
+}
+
+/* The same with other programs, samples by parts. */
+static enum tetlod_status measure_together(struct build *build, double diagonal)
+{
+    uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
+    struct measured *measured = array_new((size_t)marks * fields, sizeof *measured);
+    double *domains = array_new(marks, sizeof *domains);
+    const struct shared_levels levels = {build->original, build->mesh, &build->log, domains, build->options->threads,
+                                         build->options->share, measure_progress, build};
+    enum tetlod_status status = measured && domains
+                                    ? TETLOD_OK
+                                    : tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK; mark++)
+        domains[mark] = build->log.marks[mark].moved + build->rounded_by;
+    if (status == TETLOD_OK)
+        status = measure_shared(&levels, measured, domains, build->error);
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_leads(build->options); mark++)
+        file_level(build, mark, measured + (size_t)mark * fields, domains[mark], diagonal);
+    free(measured);
+    free(domains);
+    return status;
+}
+
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
-    struct coarsening coarsening = {0};
-    struct measure_levels *measure = NULL;
+    bool shares = build->options->share && !build_asks_overlay(build->options);
     struct measured *measured = array_new(fields, sizeof *measured);
     build->exact = array_new(fields, sizeof *build->exact);
     // the stream knows the rounded one's
@@ -370,26 +429,16 @@ static enum tetlod_status measure_marks(struct build *build)
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->exact || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->mesh, &build->log, build->error));
-    TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
-    if (build_asks_overlay(build->options))
-        TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads,
-                                           build->error));
-    if (build->precision.tail)
+    if (build->precision.tail && build_leads(build->options))
         TETLOD_TRY_DONE(measure_tail(build, measured, diagonal));
-    for (uint32_t mark = 0; mark < marks; mark++) {
-        TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
-        if (build->options->progress &&
-            !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
-            TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
-    }
-    if (build->precision.tail)
+    if (shares)
+        TETLOD_TRY_DONE(measure_together(build, diagonal));
+    else if (build_leads(build->options))
+        TETLOD_TRY_DONE(measure_alone(build, measured, diagonal));
+    if (build->precision.tail && build_leads(build->options))
         match_tail(build);
 done:
-    measure_levels_free(measure);
-    overlay_levels_free(build->overlay);
     free(build->exact);
-    coarsening_fini(&coarsening);
     free(measured);
     return status;
 }
@@ -697,7 +746,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(add_local_bounds(&build));
     TETLOD_TRY_DONE(find_ranges(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
-    TETLOD_TRY_DONE(encode(&build, sink));
+    if (build_leads(options))
+        TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,
                                     .turned_tets = build.oriented.turned_count,

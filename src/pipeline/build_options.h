@@ -7,6 +7,7 @@
 #include "src/mesh/tetmesh.h"
 #include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
+#include "src/util/work_share.h"
 
 /* Up to this domain error, the default, the proved bound is stored as it is; above, the exact maximum is taken as well
  * (PROOF.md, 5). */
@@ -70,6 +71,7 @@ struct build_options {
     bool keep_order;         /* store the mesh's own numbering */
     uint32_t paged;          /* tetrahedra of a cell: contracted by cells, stored in pages (cell_phases.h); 0: as one */
     bool spools;             /* of a paged build: cells wait in a temporary file, and arrays need not be resident */
+    const struct work_share *share; /* of a paged build: programs that make it together, or NULL */
     struct quantise_options quantise;
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
@@ -98,6 +100,12 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
 
 /* Why a mesh cannot be built by cells with these options, or NULL. */
 const char *build_against_pages(const struct build_options *options);
+
+/* Does this program write the stream, of those that make it together? */
+static inline bool build_leads(const struct build_options *options)
+{
+    return !options->share || options->share->leads;
+}
 
 /* Is the exact maximum of every level taken, over the overlay? */
 bool build_asks_overlay(const struct build_options *options);

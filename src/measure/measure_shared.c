@@ -1,0 +1,168 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: a log, and parts of the samples that no other program has taken. A sweep carries the mesh from level to level and
+ * measures some parts at each. Out, for each part: at each level the domain error, as far as the sweep has seen it, and
+ * what the part's samples have come to.
+ */
+#include "src/measure/measure_shared.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/measure/measure_levels.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+struct sweep {
+    const struct shared_levels *levels;
+    struct coarsening coarsening;
+    struct measure_levels *measure;
+    struct buffer *parts; /* [MEASURE_PARTS] what is put */
+    bool mine[MEASURE_PARTS];
+    struct tetlod_error *error;
+};
+
+static enum tetlod_status begin_sweep(struct sweep *sweep)
+{
+    const struct shared_levels *levels = sweep->levels;
+    TETLOD_TRY(coarsening_init(&sweep->coarsening, levels->mesh, levels->log, sweep->error));
+    return measure_levels_new(&sweep->measure, levels->original, &sweep->coarsening, levels->threads, sweep->error);
+}
+
+static void end_sweep(struct sweep *sweep)
+{
+    measure_levels_free(sweep->measure);
+    sweep->measure = NULL;
+    coarsening_fini(&sweep->coarsening);
+    sweep->coarsening = (struct coarsening){0};
+}
+
+/* Parts for a sweep: this member's share of those that are open. */
+static bool take_parts(struct sweep *sweep)
+{
+    const struct work_share *share = sweep->levels->share;
+    uint32_t members = share->members ? share->members : 1, most = (MEASURE_PARTS + members - 1) / members, part;
+    uint32_t count = 0;
+    memset(sweep->mine, 0, sizeof sweep->mine);
+    for (; count < most && share->take(share->opaque, &part); count++)
+        sweep->mine[part] = true;
+    return count > 0;
+}
+
+static enum tetlod_status keep_level(struct sweep *sweep, double domain)
+{
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t part = 0; part < MEASURE_PARTS && status == TETLOD_OK; part++) {
+        if (!sweep->mine[part])
+            continue;
+        status = buffer_append(&sweep->parts[part], &domain, sizeof domain);
+        if (status == TETLOD_OK)
+            status = measure_levels_pack(sweep->measure, part, &sweep->parts[part]);
+    }
+    return status == TETLOD_OK ? status : tetlodi_fail_nomem(sweep->error, "the levels", sweep->parts[0].size);
+}
+
+static enum tetlod_status measure_parts(struct sweep *sweep, struct measured *scratch)
+{
+    const struct shared_levels *levels = sweep->levels;
+    const struct contraction_log *log = levels->log;
+    measure_levels_restrict(sweep->measure, sweep->mine);
+    for (uint32_t mark = 0; mark < log->mark_count; mark++) {
+        double domain = levels->domains[mark];
+        if (mark)
+            coarsening_advance(&sweep->coarsening, log, log->marks[mark].contractions, levels->threads);
+        TETLOD_TRY(measure_levels_next(sweep->measure, scratch, &domain, sweep->error));
+        TETLOD_TRY(keep_level(sweep, domain));
+        if (levels->progress && !levels->progress(levels->progress_opaque, (mark + 1.0) / log->mark_count))
+            return tetlodi_fail(sweep->error, TETLOD_ERR_CANCELLED, "cancelled");
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status put_parts(struct sweep *sweep)
+{
+    const struct work_share *share = sweep->levels->share;
+    for (uint32_t part = 0; part < MEASURE_PARTS; part++) {
+        if (sweep->mine[part])
+            TETLOD_TRY(share->put(share->opaque, part, sweep->parts[part].bytes, sweep->parts[part].size,
+                                  sweep->error));
+        buffer_fini(&sweep->parts[part]);
+        sweep->parts[part] = (struct buffer){0};
+    }
+    return TETLOD_OK;
+}
+
+/* Sweeps until no part is open. */
+static enum tetlod_status do_parts(struct sweep *sweep, struct measured *scratch)
+{
+    enum tetlod_status status = TETLOD_OK;
+    while (status == TETLOD_OK && take_parts(sweep)) {
+        status = begin_sweep(sweep);
+        if (status == TETLOD_OK)
+            status = measure_parts(sweep, scratch);
+        end_sweep(sweep);
+        if (status == TETLOD_OK)
+            status = put_parts(sweep);
+    }
+    return status;
+}
+
+/* ---- what they have come to */
+
+/* Takes a part at all levels in turn: parts[part] is how much of it has been looked at. */
+static enum tetlod_status join_part(struct sweep *sweep, uint32_t part, uint32_t mark, double *io_domain)
+{
+    const unsigned char *bytes = sweep->parts[part].bytes;
+    size_t size = sizeof(double) + measure_levels_part_size(sweep->measure, part);
+    double domain;
+    if (sweep->parts[part].size != size * sweep->levels->log->mark_count)
+        return tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");
+    memcpy(&domain, bytes + mark * size, sizeof domain);
+    *io_domain = larger(*io_domain, domain);
+    measure_levels_unpack(sweep->measure, part, bytes + mark * size + sizeof domain);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status join_levels(struct sweep *sweep, struct measured *measured, double *domains)
+{
+    const struct work_share *share = sweep->levels->share;
+    double domain = 0;
+    for (uint32_t part = 0; part < MEASURE_PARTS; part++) {
+        struct buffer *at = &sweep->parts[part];
+        TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
+    }
+    for (uint32_t mark = 0; mark < sweep->levels->log->mark_count; mark++) {
+        domain = larger(domain, sweep->levels->domains[mark]);
+        for (uint32_t part = 0; part < MEASURE_PARTS; part++)
+            TETLOD_TRY(join_part(sweep, part, mark, &domain));
+        measure_levels_result(sweep->measure, measured + (size_t)mark * sweep->levels->original->field_count);
+        domains[mark] = domain;
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured, double *domains,
+                                  struct tetlod_error *error)
+{
+    const struct work_share *share = levels->share;
+    struct sweep sweep = {.levels = levels, .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts), .error = error};
+    enum tetlod_status status = TETLOD_OK;
+    bool again = true;
+    if (!sweep.parts)
+        return tetlodi_fail_nomem(error, "the levels", MEASURE_PARTS * sizeof *sweep.parts);
+    TETLOD_TRY_DONE(share->begin(share->opaque, MEASURE_PARTS, NULL, error));
+    while (again)
+        TETLOD_TRY_DONE(share->settle(share->opaque, do_parts(&sweep, measured), &again, error));
+    if (share->leads) {
+        TETLOD_TRY_DONE(begin_sweep(&sweep));
+        TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));
+    }
+done:
+    end_sweep(&sweep);
+    for (uint32_t part = 0; part < MEASURE_PARTS; part++)
+        buffer_fini(&sweep.parts[part]);
+    free(sweep.parts);
+    share->end(share->opaque);
+    return status;
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The errors of all levels, measured by several programs: each takes some of the samples through all levels. */
+#ifndef TETLOD_MEASURE_SHARED_H
+#define TETLOD_MEASURE_SHARED_H
+
+#include "src/log/contraction_log.h"
+#include "src/measure/measure.h"
+#include "src/util/work_share.h"
+
+struct shared_levels {
+    const struct tetmesh *original, *mesh; /* as of measure_levels_new, and the mesh that was contracted */
+    const struct contraction_log *log;
+    const double *domains;                 /* [mark] what the domain error is known to be at least */
+    unsigned threads;
+    const struct work_share *share;
+    bool (*progress)(void *opaque, double done); /* false cancels; may be NULL */
+    void *progress_opaque;
+};
+
+/* Measures each mark's level, bit for bit as measure_levels_next does: measured [mark][field], domains [mark]. Of
+ * members that do not lead these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the share fails
+ * with. */
+TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured,
+                                                 double *domains, struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * tetlod-mpi: tetlod build by the ranks of an MPI job. Rank 0 says what is to be said: what the others would say they
+ * keep, and of a failure it goes to rank 0.
+ */
+#include <mpi.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "src/cli/build_request.h"
+#include "src/cli/cli.h"
+#include "src/mpi/mpi_share.h"
+#include "src/util/parallel.h"
+#include "src/util/spool.h"
+
+static const char help[] =
+    "usage: mpirun -n RANKS tetlod-mpi build INPUT... [-o OUT.tetlod] [OPTIONS of tetlod build]\n"
+    "\n"
+    "Builds the stream that tetlod build --paged INPUT would, byte for byte, with the ranks of an MPI job:\n"
+    "they share out the cells that are contracted, and the samples that errors are measured at. Each rank\n"
+    "reads INPUT and has the whole mesh in memory; rank 0 writes the stream.\n"
+    "\n"
+    "      --threads N   threads of each rank (default: the cores of its machine, by its ranks)\n"
+    "\n"
+    "All other options: 'tetlod help build'. Without MPI: 'tetlod help plan'.\n"
+    "\n"
+    "example: mpirun -n 16 tetlod-mpi build case.pvtu -o case.tetlod\n";
+
+/* Messages of a rank that does not speak go to a file without a name. */
+static bool keep_messages(void)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%.4000s/tetlod-mpi-XXXXXX", spool_folder());
+    int fd = mkstemp(path);
+    if (fd < 0)
+        return false;
+    close(fd);
+    bool done = freopen(path, "w+", stderr) != NULL;
+    unlink(path);
+    return done;
+}
+
+/* What this rank has kept, in a block that the caller frees; NULL: nothing. */
+static char *kept_messages(void)
+{
+    long size = fflush(stderr) == 0 ? ftell(stderr) : 0;
+    char *text = size > 0 ? calloc((size_t)size + 1, 1) : NULL;
+    rewind(stderr);
+    if (text && fread(text, 1, (size_t)size, stderr) != (size_t)size)
+        text[0] = 0;
+    return text;
+}
+
+/* Threads of a rank: the machine's cores by its ranks, and no more than the rank may use. */
+static unsigned own_threads(void)
+{
+    MPI_Comm machine;
+    int ranks = 1;
+    long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    MPI_Comm_split_type(MPI_COMM_WORLD, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine);
+    MPI_Comm_size(machine, &ranks);
+    MPI_Comm_free(&machine);
+    unsigned own = cores > ranks ? (unsigned)(cores / ranks) : 1, allowed = parallel_cores();
+    return own < allowed ? own : allowed;
+}
+
+/* The arguments of tetlod build, with threads before the user's own. */
+static int build(int argc, char **argv, const struct work_share *share)
+{
+    char threads[32];
+    char **arguments = calloc((size_t)argc + 2, sizeof *arguments);
+    snprintf(threads, sizeof threads, "--threads=%u", own_threads());
+    if (!arguments)
+        return EXIT_FAILED;
+    arguments[0] = argv[1];
+    arguments[1] = threads;
+    for (int i = 2; i < argc; i++)
+        arguments[i] = argv[i];
+    cli_give_memory_back();
+    int result = build_together(argc, arguments, share);
+    free(arguments);
+    return result;
+}
+
+/* Every rank ends as the job does. */
+static int finish(struct work_share *share, int result, int rank)
+{
+    char *own = rank ? kept_messages() : NULL, *text = NULL;
+    int failed = 0;
+    bool good = mpi_share_finish(share, result == EXIT_DONE, own ? own : "", &failed, &text);
+    if (!good && rank == 0 && failed && text)
+        fprintf(stderr, "tetlod-mpi: rank %d: %s", failed, text);
+    free(own);
+    free(text);
+    return good || result != EXIT_DONE ? result : EXIT_FAILED;
+}
+
+static int run(int argc, char **argv, int rank)
+{
+    struct tetlod_error error = {0};
+    struct work_share share;
+    bool helps = argc > 1 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "help") == 0);
+    if (helps || argc < 3 || strcmp(argv[1], "build") != 0) {
+        if (rank == 0)
+            fputs(help, helps ? stdout : stderr);
+        return helps ? EXIT_DONE : EXIT_USAGE;
+    }
+    if (mpi_share_new(&share, MPI_COMM_WORLD, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    int result = finish(&share, build(argc, argv, &share), rank);
+    mpi_share_free(&share);
+    return result;
+}
+
+int main(int argc, char **argv)
+{
+    int rank, provided;
+    MPI_Init_thread(&argc, &argv, MPI_THREAD_SERIALIZED, &provided);
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+    if (provided < MPI_THREAD_SERIALIZED) {
+        if (rank == 0)
+            fprintf(stderr, "tetlod-mpi: this MPI has no MPI_THREAD_SERIALIZED, which it needs\n");
+        MPI_Abort(MPI_COMM_WORLD, EXIT_FAILED);
+    }
+    if (rank && !keep_messages())
+        fprintf(stderr, "tetlod-mpi: rank %d: no file can be made in %s\n", rank, spool_folder());
+    int result = run(argc, argv, rank);
+    MPI_Finalize();
+    return result;
+}

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Work that several programs do together, on one machine or on many. Every member goes through the same stages in the
+ * same order; a stage is so many parts. A part is done by one of them, which gives its result as bytes; when all are
+ * done, each member has them all. Which member does a part is left to chance, so its bytes must not depend on that.
+ */
+#ifndef TETLOD_WORK_SHARE_H
+#define TETLOD_WORK_SHARE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "format/tetlod.h"
+
+struct work_share {
+    uint32_t members; /* about: it may be more or fewer that work */
+    bool leads;       /* this one goes on alone when nothing is left to share, and writes the stream */
+    /* The next stage begins. Its parts are taken in that order (NULL: ascending), which is borrowed until the end.
+     * ERR_IO, ERR_NOMEM, or with what another member has failed. */
+    enum tetlod_status (*begin)(void *opaque, uint32_t parts, const uint32_t *order, struct tetlod_error *error);
+    /* A part that nobody has begun; false if there is none. Any thread may call it, and put. */
+    bool (*take)(void *opaque, uint32_t *out_part);
+    enum tetlod_status (*put)(void *opaque, uint32_t part, const void *bytes, size_t size, struct tetlod_error *error);
+    /* Waits until all parts are done. `status` is what this member's have come to, and *error why. *out_again: a member
+     * has died, and take() gives what it has left. What one member fails with, all do. */
+    enum tetlod_status (*settle)(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error);
+    /* A part of a stage that is settled, until the next one begins; the caller frees the block. */
+    enum tetlod_status (*get)(void *opaque, uint32_t part, unsigned char **out, size_t *size,
+                              struct tetlod_error *error);
+    /* The stage is over: its parts may go. */
+    void (*end)(void *opaque);
+    void *opaque;
+};
+
+#endif
