@@ -30,7 +30,9 @@ NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setupto
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev
+# For `make mpi`
+DEPS_MPI := mpi-default-dev mpi-default-bin
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
@@ -316,8 +318,8 @@ needs:
 needs-check:
 	@$(look_for_needs) $(look_for_tests) $(call install_needs,deps-build deps-check)
 
-## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for
-.PHONY: deps deps-build deps-check deps-bench deps-vtk
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for, deps-mpi what mpi does
+.PHONY: deps deps-build deps-check deps-bench deps-vtk deps-mpi
 deps: deps-build deps-check deps-bench
 define install_missing
 	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
@@ -333,6 +335,8 @@ deps-bench:
 	$(call install_missing,$(DEPS_BENCH))
 deps-vtk:
 	$(call install_missing,$(DEPS_VTK))
+deps-mpi:
+	$(call install_missing,$(DEPS_MPI))
 
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
@@ -356,7 +360,7 @@ check: needs-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(shell command -v $(MPICC)),$(MPI_BINARY)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz

@@ -159,6 +159,16 @@ static enum tetlod_status put_away(const struct run *run, struct cell *cell, uin
     return status;
 }
 
+/* A cell that another program has contracted has what this one's options ask for. */
+static enum tetlod_status check_back(const struct run *run, const struct cell *cell)
+{
+    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
+    bool same = log->mark_count && log->component_count == run->whole.component_count &&
+                (!log->count || run->options->local_bound == (log->components[0].bounds != NULL));
+    return same ? TETLOD_OK
+                : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell of the phase is of other options, or another version");
+}
+
 /* A cell that waited elsewhere is here again. */
 static enum tetlod_status bring_back(const struct run *run, struct cell *cell, uint32_t number)
 {
@@ -173,7 +183,7 @@ static enum tetlod_status bring_back(const struct run *run, struct cell *cell, u
     cell_fini(cell);
     *cell = back;
     free(bytes);
-    return status;
+    return status == TETLOD_OK ? check_back(run, cell) : status;
 }
 
 /* Contracts a cell, and puts it away where it is to wait elsewhere. False: the user has cancelled. */

@@ -157,7 +157,7 @@ static enum tetlod_status write_stream(struct build_request *request, const stru
     options->controls = in->controls;
     options->control_count = in->count;
     options->metadata = metadata;
-    options->finds_cost = !request->quiet;
+    options->finds_cost = !request->quiet && !options->share; // all programs contract with the same bounds
     options->progress = on_progress;
     options->progress_opaque = request;
     request->phase = BUILD_CONTRACT;

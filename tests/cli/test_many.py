@@ -1,0 +1,164 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""plan, run and merge: several tasks build one stream, whose bytes are those of build --paged, whatever becomes of the
+tasks."""
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import time
+
+from common import CONFIG, SCRATCH, TETLOD, case, fails, finish, must, path, report, tetlod
+
+
+def read(name):
+    with open(path(name), 'rb') as file:
+        return file.read()
+
+
+def plan(*arguments):
+    shutil.rmtree(path('work'), ignore_errors=True)
+    must('plan', 'work', *arguments)
+
+
+def begin(*arguments):
+    return subprocess.Popen([TETLOD, 'run', 'work', *arguments], cwd=SCRATCH, stdout=subprocess.DEVNULL,
+                            stderr=subprocess.PIPE)
+
+
+def end(tasks):
+    said = [task.communicate()[1].decode() for task in tasks]
+    return None if all(task.returncode == 0 for task in tasks) and not any(said) else said
+
+
+def parts():
+    """Paths of the parts that are done."""
+    return [os.path.join(folder, file) for folder, _, files in os.walk(path('work')) for file in files
+            if file.isdigit()]
+
+
+def same(inputs, *options, counts=(3,)):
+    """So many tasks at once, or none at all; then the merge, which says what build says, and nothing where it is quiet."""
+    must('build', *inputs, '-o', 'alone.tetlod', *options)
+    for count in counts:
+        plan(*inputs, *options)
+        wrong = end([begin('--task', '%d/%d' % (i + 1, count), '--threads', '1') for i in range(count)])
+        if wrong:
+            return wrong
+        done = len(parts())
+        said = must('merge', 'work', '-o', 'many.tetlod', '--quiet')
+        if said.stderr or read('many.tetlod') != read('alone.tetlod'):
+            return count, said.stderr
+        if count and len(parts()) != done:
+            return 'the tasks have left work to the last one'
+    return None
+
+
+def killed():
+    """Two tasks are killed while they are at it; the third does what they have left. In an order by chance, and twice."""
+    must('build', 'fin.vtu', '-o', 'alone.tetlod', '--paged=4000')
+    plan('fin.vtu', '--paged=4000')
+    for number in random.Random(3).sample(range(1, 4), 2):
+        before, task = len(parts()), begin('--task', '%d/3' % number, '--threads', '1')
+        while len(parts()) <= before and task.poll() is None:
+            time.sleep(0.01)
+        task.kill()
+        task.communicate()
+        if task.returncode == 0:
+            return 'a task was too fast to be killed'
+    leases = [file for _, _, files in os.walk(path('work')) for file in files if file.endswith('.lease')]
+    wrong = end([begin('--task', '3/3'), begin('--task', '2/3')])
+    must('merge', 'work', '-o', 'many.tetlod')
+    kept = read('many.tetlod')
+    must('run', 'work')
+    must('merge', 'work', '-o', 'many.tetlod')
+    return wrong or (None if leases and kept == read('many.tetlod') == read('alone.tetlod') else leases)
+
+
+def stops():
+    """SIGTERM ends a task at once, and leaves no half part."""
+    plan('fin.vtu', '--paged=4000')
+    task = begin()
+    while not parts() and task.poll() is None:
+        time.sleep(0.01)
+    sent = time.monotonic()
+    task.terminate()
+    task.communicate()
+    late = time.monotonic() - sent
+    must('merge', 'work', '-o', 'many.tetlod')
+    return None if late < 5 and read('many.tetlod') == read('alone.tetlod') else late
+
+
+def refused():
+    plan('fin.vtu', '--paged=4000')
+    fails('a folder has one plan', 1, ['plan.json', 'is there already'], 'plan', 'work', 'fin.vtu')
+    fails('a folder without one', 1, ['there is no plan', 'tetlod plan'], 'run', '.')
+    fails('the output is named when it is written', 2, ['merge'], 'plan', 'other', 'fin.vtu', '-o', 'x.tetlod')
+    fails('an input that is missing', 1, ['missing.vtu'], 'plan', 'other', 'missing.vtu')
+    fails('options that there are not', 2, ['--nonsense'], 'plan', 'other', 'fin.vtu', '--nonsense')
+    fails('a task that is none', 2, ['--task', '9/4'], 'run', 'work', '--task', '9/4')
+    fails('no output', 2, ['-o'], 'merge', 'work')
+    fails('two folders', 2, ['too many'], 'run', 'work', 'work')
+    with open(path('work/plan.json')) as file:
+        text = file.read()
+    with open(path('work/plan.json'), 'w') as file:
+        file.write(text.replace('"tetlod ', '"tetlod 99.'))
+    fails('another version', 1, ['plan.json', 'one version'], 'run', 'work')
+    with open(path('work/plan.json'), 'w') as file:
+        file.write(text[:-9])
+    fails('a plan that is cut off', 1, ['plan.json', 'is not a plan'], 'run', 'work')
+    plan('fin.vtu', '--certify', 'exact')
+    fails('what cannot be shared', 2, ['fin.vtu', '--certify exact'], 'run', 'work')
+    must('sample', 'fin', '--size', '12', '-o', 'changes.vtu')
+    plan('changes.vtu')
+    must('sample', 'fin', '--size', '13', '-o', 'changes.vtu')
+    fails('an input that has changed', 1, ['changes.vtu', 'has changed'], 'merge', 'work', '-o', 'x.tetlod')
+
+
+def other_work():
+    """A folder whose parts are of something else."""
+    plan('fin.vtu', '--paged=4000')
+    must('run', 'work')
+    with open(path('work/plan.json')) as file:
+        content = json.load(file)
+    content['arguments'].append('--paged=9000')
+    with open(path('work/plan.json'), 'w') as file:
+        json.dump(content, file)
+    done = tetlod('run', 'work')
+    return None if done.returncode == 1 and b'is of other work' in done.stderr else done
+
+
+def full():
+    """The folder has no room."""
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+    plan('fin.vtu', '--paged=4000')
+    done = tetlod('run', 'work', preexec_fn=limit)
+    message = done.stderr.decode()
+    good = done.returncode == 1 and message.count('\n') == 1 and 'work/stage-1' in message
+    return None if good and not parts() and not end([begin()]) else done
+
+
+must('sample', 'fin', '--size', '20', '-o', 'fin.vtu')
+case('a flow', lambda: same(['fin.vtu'], '--paged=4000', counts=(3, 0)))
+if CONFIG == 'release':
+    must('sample', 'torus', '--size', '8', '-o', 'torus.vtu')
+    case('a boundary that moves, local bounds', same, ['torus.vtu'], '--paged=2000', '--domain-error', '0.001',
+         '--local-bound')
+    case('rounded, in the order of the input', same, ['fin.vtu'], '--paged=2000', '--field-bits', '14', '--keep-order')
+    must('sample', 'wake', '--steps', '8', '-o', 'wake.pvd')
+    case('a series', same, ['wake.pvd'])
+    must('sample', 'wake', '--steps', '4', '--remesh', '2', '-o', 'remeshed.pvd')
+    case('a series over several meshes', same, ['remeshed.pvd'])
+    case('a mesh of less than five cells', same, ['fin.vtu'])
+    case('tasks are killed', killed)
+    case('a task is told to stop', stops)
+    case('a folder of other work', other_work)
+    case('a folder that is full', full)
+    refused()
+report('no part is left half written', not [file for file in os.listdir(SCRATCH) if 'tmp' in file.lower()])
+finish()
