@@ -32,7 +32,7 @@ DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd li
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 # For `make mpi`
 DEPS_MPI := mpi-default-dev mpi-default-bin
-DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel slurmd slurmctld slurm-client python3-distributed
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
@@ -253,6 +253,7 @@ $(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 
 ## mpi: tetlod-mpi, which builds with the ranks of an MPI job (deps-mpi installs OpenMPI)
 MPICC ?= mpicc
+HAS_MPI = $(shell command -v $(MPICC) 2>/dev/null)
 MPI_BINARY := $(B)/tetlod-mpi
 MPI_OBJECTS := $(patsubst %.c,$(B)/%.o,$(sort $(wildcard src/mpi/*.c)))
 OBJECTS += $(MPI_OBJECTS)
@@ -360,7 +361,7 @@ check: needs-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(shell command -v $(MPICC)),$(MPI_BINARY)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -589,6 +590,13 @@ vtk paraview: all
 	$(Q)cmake -S client-examples/vtk -B build/$@ -DTETLOD_PARAVIEW=$(if $(filter paraview,$@),ON,OFF) \
 	    -DCMAKE_PREFIX_PATH=$(VTK_STAGE)/usr $(CMAKE_OPTIONS) >build/$@.log && cmake --build build/$@ >>build/$@.log
 
+## install-mpi: tetlod-mpi and its manual
+.PHONY: install-mpi
+install-mpi: mpi
+	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(mandir)/man1
+	$(INSTALL) -m 755 $(MPI_BINARY) $(DESTDIR)$(bindir)/tetlod-mpi
+	$(INSTALL) -m 644 src/mpi/tetlod-mpi.1 $(DESTDIR)$(mandir)/man1/tetlod-mpi.1
+
 ## install-python: the Python package, with the plugin for ParaView, into $(DESTDIR)$(pythondir)
 .PHONY: install-python install-doc
 pythondir ?= $(PREFIX)/lib/python3/dist-packages
@@ -629,13 +637,13 @@ dist: all
 	@echo "build/$(DIST).tar.gz"
 
 ## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc; with paraview-dev tetlod-paraview
-DEB_PROFILES = $(if $(wildcard /usr/lib/*/cmake/paraview-*),pkg.tetlod.paraview)
+DEB_PROFILES = $(if $(wildcard /usr/lib/*/cmake/paraview-*),pkg.tetlod.paraview )$(if $(HAS_MPI),pkg.tetlod.mpi)
 .PHONY: deb
 deb: all $(MANUAL)
 	@command -v dh >/dev/null || { echo "make: debhelper is missing (run: make deps)" >&2; exit 1; }
 	@rm -rf build/deb && mkdir -p build/deb/$(DIST)
 	$(Q)cp -R server/deploy/debian build/deb/$(DIST)/
-	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym DEB_BUILD_PROFILES=$(DEB_PROFILES) TREE=$(CURDIR) \
+	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym DEB_BUILD_PROFILES='$(DEB_PROFILES)' TREE=$(CURDIR) \
 	    debian/rules binary
 	@cd build/deb && ls *.deb
 

@@ -33,8 +33,9 @@ def test_deb():
     assert done.returncode == 0, done.stdout
     packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
     plugin = ['tetlod-paraview'] if glob.glob('/usr/lib/*/cmake/paraview-*') else []
-    wanted = ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *plugin]
-    assert sorted(packages) == wanted, packages
+    ranks = ['tetlod-mpi'] if shutil.which('mpicc') else []
+    wanted = ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *ranks, *plugin]
+    assert sorted(packages) == sorted(wanted), packages
     root = os.path.join(SCRATCH, 'root')
     for path in packages.values():
         assert call('dpkg-deb', '-x', path, root).returncode == 0
@@ -48,6 +49,7 @@ def test_deb():
               r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
               r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py',
               r'usr/share/doc/tetlod/format/SPEC\.md', r'usr/share/doc/tetlod/examples/c/insitu_series\.c']
+    wanted += [r'usr/bin/tetlod-mpi', r'usr/share/man/man1/tetlod-mpi\.1\.gz'] if ranks else []
     wanted += [r'usr/lib/\S+/paraview-\S+/plugins/TetlodReader/(TetlodReader|libvtkIOTetlod)\.so'] if plugin else []
     assert all(any(re.fullmatch(pattern, name) for name in there) for pattern in wanted), sorted(there)
     code = 'import tetlod, importlib.metadata as m; assert tetlod.__file__.startswith(%r); ' \
@@ -59,6 +61,10 @@ def test_deb():
                 TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'),
                 SCRATCH=os.path.join(SCRATCH, 'everyday'))
     assert done.returncode == 0 and done.stdout.count('\nok ') > 5, done.stdout
+    if ranks:
+        done = call('/usr/bin/python3', os.path.join(ROOT, 'tests', 'cli', 'test_mpi.py'), ONLY='rank 0 speaks',
+                    TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'), SCRATCH=os.path.join(SCRATCH, 'everyday'))
+        assert done.returncode == 0 and '# SKIP' not in done.stdout, done.stdout
     if not shutil.which('lintian'):
         return 'lintian is not installed'
     done = call('lintian', '--allow-root', '--tag-display-limit', '0', *packages.values())
