@@ -255,14 +255,22 @@ $(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 MPICC ?= mpicc
 HAS_MPI = $(shell command -v $(MPICC) 2>/dev/null)
 MPI_BINARY := $(B)/tetlod-mpi
-MPI_OBJECTS := $(patsubst %.c,$(B)/%.o,$(sort $(wildcard src/mpi/*.c)))
-OBJECTS += $(MPI_OBJECTS)
+LIBMPI := $(B)/libtetlod-mpi.a
+MPI_OBJECTS := $(call objects,$(sort $(wildcard src/mpi/*.c)))
+MPI_TEST := $(B)/tests/mpi/test_stages
+OBJECTS += $(MPI_OBJECTS) $(MPI_TEST).o
 .PHONY: mpi
-mpi: $(MPI_BINARY)
-$(B)/src/mpi/%.o: src/mpi/%.c $(B)/flags
+mpi: $(MPI_BINARY) $(LIBMPI)
+# As libtetlod-build, which it brings along
+$(LIBMPI): $(call objects,$(BUILD_SRC)) $(filter-out %/mpi_main.o,$(MPI_OBJECTS))
+	@rm -f $@
+	$(Q)$(LD) -r -o $(B)/tetlod-mpi.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-mpi.o && $(AR) rcs $@ $(B)/tetlod-mpi.o
+$(MPI_OBJECTS) $(MPI_TEST).o: $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	@command -v $(MPICC) >/dev/null || { echo "make: $(MPICC) is missing (run: make deps-mpi)" >&2; exit 1; }
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+$(MPI_TEST): $(MPI_TEST).o $(filter-out %/mpi_main.o,$(MPI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 $(MPI_BINARY): $(MPI_OBJECTS) $(filter-out %/main.o %/main-alone.o,$(CLI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
 
@@ -361,7 +369,7 @@ check: needs-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY) $(LIBMPI) $(MPI_TEST)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -590,10 +598,13 @@ vtk paraview: all
 	$(Q)cmake -S client-examples/vtk -B build/$@ -DTETLOD_PARAVIEW=$(if $(filter paraview,$@),ON,OFF) \
 	    -DCMAKE_PREFIX_PATH=$(VTK_STAGE)/usr $(CMAKE_OPTIONS) >build/$@.log && cmake --build build/$@ >>build/$@.log
 
-## install-mpi: tetlod-mpi and its manual
+## install-mpi: tetlod-mpi and its manual, and libtetlod-mpi
 .PHONY: install-mpi
 install-mpi: mpi
-	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(mandir)/man1
+	$(INSTALL) -d $(addprefix $(DESTDIR),$(bindir) $(libdir)/pkgconfig $(includedir) $(mandir)/man1)
+	$(INSTALL) -m 644 $(LIBMPI) $(DESTDIR)$(libdir)/libtetlod-mpi.a
+	sed 's|"src/library/tetlod_build.h"|<tetlod_build.h>|' src/mpi/tetlod_mpi.h > $(DESTDIR)$(includedir)/tetlod_mpi.h
+	$(call pc,tetlod-mpi, (building streams on the ranks of an MPI job),-ltetlod -pthread -lm)
 	$(INSTALL) -m 755 $(MPI_BINARY) $(DESTDIR)$(bindir)/tetlod-mpi
 	$(INSTALL) -m 644 src/mpi/tetlod-mpi.1 $(DESTDIR)$(mandir)/man1/tetlod-mpi.1
 

@@ -21,9 +21,8 @@ static const char help[] =
 
 enum { THREADS = 256, QUIET };
 
-static int merge(const char *folder, char *output, char *threads_value, bool quiet)
+static int merge(const char *folder, const char *output, const char *threads, bool quiet)
 {
-    static char out[] = "-o", threads[] = "--threads", quietly[] = "--quiet";
     char path[2 * 4096], here[4096];
     struct tetlod_error error = {0};
     struct plan plan;
@@ -36,14 +35,10 @@ static int merge(const char *folder, char *output, char *threads_value, bool qui
         result = cli_fail(&error);
     } else {
         share.leads = true;
-        plan_add(&plan, out);
-        plan_add(&plan, path);
-        if (threads_value) {
-            plan_add(&plan, threads);
-            plan_add(&plan, threads_value);
-        }
+        plan_add_option(&plan, "-o", path);
+        plan_add_option(&plan, "--threads", threads);
         if (quiet)
-            plan_add(&plan, quietly);
+            plan_add(&plan, "--quiet");
         optind = 0;
         result = build_together(plan.count, plan.arguments, &share);
     }
@@ -58,7 +53,7 @@ static int run(int argc, char **argv)
                                             {"threads", required_argument, NULL, THREADS},
                                             {"quiet", no_argument, NULL, QUIET},
                                             {0}};
-    char *output = NULL, *threads = NULL;
+    const char *output = NULL, *threads = NULL;
     bool quiet = false;
     for (int option; (option = cli_option(&command_merge, argc, argv, "o:", options)) != -1;) {
         if (option != 'o' && option != THREADS && option != QUIET)

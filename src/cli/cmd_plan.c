@@ -18,7 +18,7 @@ static const char help[] =
     "has recipes for Slurm, GNU parallel, Kubernetes and others.\n"
     "\n"
     "example: tetlod plan work big.vtu --field p\n"
-    "         for i in 1 2 3 4; do tetlod run work --task $i/4 & done; wait\n"
+    "         tetlod run work & tetlod run work & wait\n"
     "         tetlod merge work -o big.tetlod\n";
 
 static int run(int argc, char **argv)

@@ -42,8 +42,7 @@ static int run(int argc, char **argv)
                                             {"threads", required_argument, NULL, THREADS},
                                             {"memory", required_argument, NULL, MEMORY},
                                             {0}};
-    static char threads[] = "--threads", memory[] = "--memory";
-    char *threads_value = NULL, *memory_value = NULL;
+    const char *threads = NULL, *memory = NULL;
     struct tetlod_error error = {0};
     struct plan plan;
     struct work_share share = {0};
@@ -51,8 +50,8 @@ static int run(int argc, char **argv)
     for (int option; (option = cli_option(&command_run, argc, argv, "", options)) != -1;) {
         if (option == TASK ? !parse_task(optarg, &members) : option != THREADS && option != MEMORY)
             return EXIT_USAGE;
-        threads_value = option == THREADS ? optarg : threads_value;
-        memory_value = option == MEMORY ? optarg : memory_value;
+        threads = option == THREADS ? optarg : threads;
+        memory = option == MEMORY ? optarg : memory;
     }
     if (!cli_operands(&command_run, argc, 1, "the FOLDER of a plan"))
         return EXIT_USAGE;
@@ -61,14 +60,8 @@ static int run(int argc, char **argv)
         folder_share_new(&share, plan.folder, (uint32_t)members, &error) != TETLOD_OK) {
         result = cli_fail(&error);
     } else {
-        if (threads_value) {
-            plan_add(&plan, threads);
-            plan_add(&plan, threads_value);
-        }
-        if (memory_value) {
-            plan_add(&plan, memory);
-            plan_add(&plan, memory_value);
-        }
+        plan_add_option(&plan, "--threads", threads);
+        plan_add_option(&plan, "--memory", memory);
         optind = 0;
         result = build_together(plan.count, plan.arguments, &share);
     }

@@ -113,16 +113,15 @@ static enum tetlod_status check_inputs(const json_t *json, struct tetlod_error *
 static enum tetlod_status take_arguments(struct plan *plan, struct tetlod_error *error)
 {
     const json_t *arguments = json_object_get(plan->json, "arguments");
-    static char name[] = "build";
     size_t index;
     json_t *argument;
     plan->arguments = array_zero(json_array_size(arguments) + 2 + PLAN_MORE, sizeof *plan->arguments);
     if (!plan->arguments)
         return tetlodi_fail_nomem(error, "the plan", 4096);
-    plan_add(plan, name);
+    plan_add(plan, "build");
     json_array_foreach (arguments, index, argument)
         if (json_is_string(argument))
-            plan_add(plan, (char *)(uintptr_t)json_string_value(argument)); // getopt only moves them
+            plan_add(plan, json_string_value(argument));
     return TETLOD_OK;
 }
 
@@ -151,9 +150,17 @@ enum tetlod_status plan_open(struct plan *out, const char *folder, struct tetlod
     return take_arguments(out, error);
 }
 
-void plan_add(struct plan *plan, char *argument)
+void plan_add(struct plan *plan, const char *argument)
 {
-    plan->arguments[plan->count++] = argument;
+    plan->arguments[plan->count++] = (char *)(uintptr_t)argument; // getopt only moves them
+}
+
+void plan_add_option(struct plan *plan, const char *option, const char *value)
+{
+    if (value) {
+        plan_add(plan, option);
+        plan_add(plan, value);
+    }
 }
 
 void plan_close(struct plan *plan)

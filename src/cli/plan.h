@@ -28,6 +28,9 @@ TETLOD_CHECKED enum tetlod_status plan_open(struct plan *out, const char *folder
 void plan_close(struct plan *plan);
 
 /* Adds an argument, which is borrowed: at most PLAN_MORE. */
-void plan_add(struct plan *plan, char *argument);
+void plan_add(struct plan *plan, const char *argument);
+
+/* The same of an option with its value; NULL: neither. */
+void plan_add_option(struct plan *plan, const char *option, const char *value);
 
 #endif

@@ -30,7 +30,7 @@ struct mpi_share {
     uint32_t parts;
     const uint32_t *order;
     struct result *results; /* [part] */
-    bool told;           /* another rank has failed, which this one knows from it */
+    bool over, told;     /* a rank has failed, as all know; it was another one */
     uint64_t moved;
 };
 
@@ -51,6 +51,7 @@ static bool agree(struct mpi_share *share, bool good)
     MPI_Request request;
     MPI_Iallreduce(&bad, &any, 1, MPI_INT, MPI_MAX, share->comm, &request);
     wait_for(&request);
+    share->over |= any;
     share->told |= good && any;
     return !any;
 }
@@ -226,12 +227,10 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
 {
     struct mpi_share *mpi = share->opaque;
     *out_text = NULL;
-    if (!mpi->told && agree(mpi, good))
+    if (!mpi->over && agree(mpi, good))
         return true;
     int own = good || mpi->told ? mpi->ranks : mpi->rank, length = (int)strlen(text);
     MPI_Allreduce(&own, out_rank, 1, MPI_INT, MPI_MIN, mpi->comm);
-    if (*out_rank == mpi->ranks) // it has said so and is gone
-        return false;
     MPI_Bcast(&length, 1, MPI_INT, *out_rank, mpi->comm);
     *out_text = array_zero((size_t)length + 1, 1);
     char none[1], *to = *out_text ? *out_text : none;

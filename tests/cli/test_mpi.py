@@ -5,17 +5,27 @@ import os
 import shutil
 import subprocess
 
-from common import CONFIG, SCRATCH, TETLOD, case, finish, must, path, report
+from common import CONFIG, ROOT, SCRATCH, TETLOD, case, finish, info, must, path, report
 
 PROGRAM = os.path.join(os.path.dirname(TETLOD), 'tetlod-mpi')
 MPIRUN = shutil.which('mpirun')
 
 
-def mpi(ranks, *arguments):
+def start(ranks, *command):
     environment = {**os.environ, 'OMPI_ALLOW_RUN_AS_ROOT': '1', 'OMPI_ALLOW_RUN_AS_ROOT_CONFIRM': '1',
                    'OMPI_MCA_rmaps_base_oversubscribe': '1', 'OMPI_MCA_btl_vader_single_copy_mechanism': 'none'}
-    return subprocess.run([MPIRUN, '-n', str(ranks), PROGRAM, *arguments], cwd=SCRATCH, stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, env=environment, timeout=120)
+    return subprocess.Popen([MPIRUN, '-n', str(ranks), *command], cwd=SCRATCH, stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE, env=environment)
+
+
+def job(ranks, *command):
+    process = start(ranks, *command)
+    out, err = process.communicate(timeout=120)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def mpi(ranks, *arguments):
+    return job(ranks, PROGRAM, *arguments)
 
 
 def own_lines(done):
@@ -57,12 +67,43 @@ def one_fails():
     """A rank that cannot read what the others can ends the job with a line that names it, and there is no stream."""
     script = 'if [ "$OMPI_COMM_WORLD_RANK" = 1 ]; then exec "$0" build missing.vtu -o no.tetlod; ' \
              'else exec "$0" build fin.vtu --paged=4000 -o no.tetlod; fi'
-    environment = {**os.environ, 'OMPI_ALLOW_RUN_AS_ROOT': '1', 'OMPI_ALLOW_RUN_AS_ROOT_CONFIRM': '1',
-                   'OMPI_MCA_rmaps_base_oversubscribe': '1'}
-    done = subprocess.run([MPIRUN, '-n', '3', 'sh', '-c', script, PROGRAM], cwd=SCRATCH, stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, env=environment, timeout=120)
+    done = job(3, 'sh', '-c', script, PROGRAM)
     lines = [line for line in own_lines(done) if 'rank 1' in line and 'missing.vtu' in line]
     return None if done.returncode and len(lines) == 1 and not os.path.exists(path('no.tetlod')) else done
+
+
+def stages():
+    """Every part comes to all ranks; a failure at any moment does, too."""
+    done = job(3, os.path.join(os.path.dirname(PROGRAM), 'tests/mpi/test_stages'))
+    return None if done.returncode == 0 and done.stdout == b'good\n' and not done.stderr else done
+
+
+def in_situ():
+    """A solver on several ranks: a step is seen while it runs; one, two and three ranks write the same streams."""
+    built = os.path.dirname(PROGRAM)
+    done = subprocess.run(['mpicc', '-Wall', '-Werror', '-I', ROOT, '-I', os.path.join(ROOT, 'src/mpi'),
+                           os.path.join(ROOT, 'client-examples/c/insitu_mpi.c'), os.path.join(built, 'libtetlod-mpi.a'),
+                           os.path.join(built, 'libtetlod.a'), '-pthread', '-lm', '-o', 'insitu_mpi'], cwd=SCRATCH,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    if done.returncode:
+        return done.stdout
+    streams, seen = [], set()
+    for ranks in (1, 2, 3):
+        solver = start(ranks, path('insitu_mpi'), 'series.tetlod', 'last.tetlod')
+        while solver.poll() is None:
+            if os.path.exists(path('series.tetlod')):
+                seen.add(len(info('series.tetlod')['series']['times']))
+        said = solver.communicate()
+        if solver.returncode or any(said):
+            return said
+        streams.append([read(name) for name in ('series.tetlod', 'last.tetlod')])
+        for name in ('series.tetlod', 'last.tetlod'):
+            must('verify', name)
+            os.rename(path(name), path('of-%d-%s' % (ranks, name)))
+    steps = len(info('of-1-series.tetlod')['series']['times'])
+    if streams[0] != streams[1] or streams[0] != streams[2]:
+        return 'other bytes on other ranks'
+    return None if steps == 4 and min(seen) < 4 else (steps, seen)
 
 
 if CONFIG != 'release' or not MPIRUN or not os.path.exists(PROGRAM):
@@ -84,4 +125,6 @@ case('what cannot be shared', fails_once, 2, ['--certify exact'], 'build', 'fin.
 case('a folder that is not there', fails_once, 1, ['nowhere/no.tetlod'], 'build', 'fin.vtu', '--paged=2000', '-o',
      'nowhere/no.tetlod')
 case('one rank fails', one_fails)
+case('stages', stages)
+case('a solver', in_situ)
 finish()
