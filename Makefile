@@ -264,11 +264,13 @@ mpi: $(MPI_BINARY) $(LIBMPI)
 # As libtetlod-build, which it brings along
 $(LIBMPI): $(call objects,$(BUILD_SRC)) $(filter-out %/mpi_main.o,$(MPI_OBJECTS))
 	@rm -f $@
-	$(Q)$(LD) -r -o $(B)/tetlod-mpi.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-mpi.o && $(AR) rcs $@ $(B)/tetlod-mpi.o
+	$(Q)$(LD) -r -o $(B)/tetlod-mpi.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-mpi.o
+	$(Q)$(AR) rcs $@ $(B)/tetlod-mpi.o
 $(MPI_OBJECTS) $(MPI_TEST).o: $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	@command -v $(MPICC) >/dev/null || { echo "make: $(MPICC) is missing (run: make deps-mpi)" >&2; exit 1; }
-	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP \
+	    -c -o $@ $<
 $(MPI_TEST): $(MPI_TEST).o $(filter-out %/mpi_main.o,$(MPI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 $(MPI_BINARY): $(MPI_OBJECTS) $(filter-out %/main.o %/main-alone.o,$(CLI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)

@@ -89,7 +89,8 @@ static enum tetlod_status write_stream(const char *name, struct tetlod_build_com
 static enum tetlod_status run(char **names, struct tetlod_error *error)
 {
     struct tetlod_build_array field = {"temperature", 1, TETLOD_CELL_FLOAT64, temperature};
-    struct tetlod_build_mesh mesh = {sizeof mesh, points, tets, TETLOD_FLOAT64, positions, corners[0], 1, 0, &field, NULL};
+    struct tetlod_build_mesh mesh = {sizeof mesh, points, tets, TETLOD_FLOAT64, positions,
+                                     corners[0],  1,      0,    &field,         NULL};
     struct tetlod_build_piece piece = {sizeof piece, &mesh, ids, NULL};
     struct tetlod_build_comm_series *series;
     enum tetlod_status status = tetlod_build_comm_series_new(&series, MPI_COMM_WORLD, NULL, error);

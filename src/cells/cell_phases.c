@@ -166,7 +166,7 @@ static enum tetlod_status check_back(const struct run *run, const struct cell *c
     bool same = log->mark_count && log->component_count == run->whole.component_count &&
                 (!log->count || run->options->local_bound == (log->components[0].bounds != NULL));
     return same ? TETLOD_OK
-                : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell of the phase is of other options, or another version");
+                : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell is of other options, or of another version");
 }
 
 /* A cell that waited elsewhere is here again. */

@@ -268,7 +268,8 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     return TETLOD_OK;
 }
 
-static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, size_t *size, struct tetlod_error *error)
+static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, size_t *size,
+                              struct tetlod_error *error)
 {
     char path[4096];
     part_path(opaque, path, part, "");

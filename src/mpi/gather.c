@@ -115,7 +115,7 @@ static enum tetlod_status check_piece(const struct gathering *g)
 {
     const struct tetlod_build_mesh *mesh = g->mesh;
     if ((mesh->vertices && (!mesh->positions || !g->piece->point_ids)) || (mesh->tets && !mesh->corners))
-        return tetlodi_fail(g->error, TETLOD_ERR_ARGUMENT, "a piece needs positions, corners and numbers of its points");
+        return tetlodi_fail(g->error, TETLOD_ERR_ARGUMENT, "a piece needs positions, corners and point_ids");
     for (size_t i = 0; i < 4 * (size_t)mesh->tets; i++)
         if (mesh->corners[i] >= mesh->vertices)
             return tetlodi_fail(g->error, TETLOD_ERR_MESH, "tetrahedron %zu has point %u of %u", i / 4,

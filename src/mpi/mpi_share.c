@@ -79,7 +79,8 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->parts = share->results ? parts : 0;
     share->order = order;
     if (!agree(share, share->results != NULL))
-        return share->told ? other_failed(error) : tetlodi_fail_nomem(error, "the parts", parts * sizeof(struct result));
+        return share->told ? other_failed(error)
+                           : tetlodi_fail_nomem(error, "the parts", parts * sizeof(struct result));
     if (share->rank == 0) { // nobody takes a part before
         MPI_Fetch_and_op(&none, &before, MPI_UINT32_T, 0, 0, MPI_REPLACE, share->window);
         MPI_Win_flush(0, share->window);
@@ -173,7 +174,8 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     return status;
 }
 
-static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, size_t *size, struct tetlod_error *error)
+static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, size_t *size,
+                              struct tetlod_error *error)
 {
     const struct mpi_share *share = opaque;
     const struct result *result = &share->results[part];

@@ -41,7 +41,7 @@ def parts():
 
 
 def same(inputs, *options, counts=(3,)):
-    """So many tasks at once, or none at all; then the merge, which says what build says, and nothing where it is quiet."""
+    """So many tasks at once, or none at all; then the merge, which says nothing where it is quiet."""
     must('build', *inputs, '-o', 'alone.tetlod', *options)
     for count in counts:
         plan(*inputs, *options)
@@ -58,7 +58,7 @@ def same(inputs, *options, counts=(3,)):
 
 
 def killed():
-    """Two tasks are killed while they are at it; the third does what they have left. In an order by chance, and twice."""
+    """Two tasks, in an order by chance, are killed while they are at it; others do what they have left."""
     must('build', 'fin.vtu', '-o', 'alone.tetlod', '--paged=4000')
     plan('fin.vtu', '--paged=4000')
     for number in random.Random(3).sample(range(1, 4), 2):
