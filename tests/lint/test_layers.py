@@ -62,7 +62,8 @@ LAYERS = {
     'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
     'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/page_check.h', 'format/write/prefix.h'] + MESHES + [
                 'src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',
-                'src/log/', 'src/measure/', 'src/many/', 'src/stream/', 'src/ask/', 'src/diff/decide.h', 'server/server.h',
+                'src/log/', 'src/measure/', 'src/many/', 'src/stream/', 'src/ask/', 'src/diff/decide.h',
+                'server/server.h',
                 'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
@@ -82,7 +83,7 @@ SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|
                     r'\b(STDOUT|STDERR)_FILENO\b')
 
 CHILDREN = ['src/io/services/contain.c']  # a process of its own, which must end
-SPEAKERS = CHILDREN + ['src/mpi/mpi_main.c', 'src/util/temporary.c']  # the last removes an unfinished output at a signal
+SPEAKERS = CHILDREN + ['src/mpi/mpi_main.c', 'src/util/temporary.c']  # the last cleans up at a signal
 
 
 def code_of(text):
