@@ -143,6 +143,7 @@ REFINE := build/wasm/refine.wasm
 CLIENT := build/client
 # The widget of notebooks, one module, which the Python package brings along
 WIDGET := $(if $(PREBUILT),$(PREBUILT)/widget.js,build/widget.js)
+VALIDATE := build/validate.html
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
 EMBEDDED := $(if $(ALONE),,$(B)/server/embedded$(if $(filter 0,$(WEB)),-api).o)
@@ -161,7 +162,7 @@ Q := $(if $(V),,@)
 
 ## all: the program, the libraries and the package of the web client (WEB=0: without the page and the package, needs no npm; SERVER=0: without the server; config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json $(WIDGET))
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json $(WIDGET) $(VALIDATE))
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
@@ -210,6 +211,10 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DI
 	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js paging.js pages.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
+
+$(VALIDATE): $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/validate.mjs $(wildcard format/conformance/*.mjs) \
+    $(wildcard format/conformance/*.html)
+	$(Q)node $(WEB_DIR)/validate.mjs $(abspath $(WASM)) $@
 
 build/widget.js: $(CLIENT)/package.json $(WEB_DIR)/widget.mjs $(wildcard $(WEB_DIR)/page/*.js)
 	$(Q)node $(WEB_DIR)/widget.mjs $(CLIENT)/inline.js $@
@@ -630,6 +635,7 @@ EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb clien
 install-doc:
 	$(foreach f,$(DOCUMENTS),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/$(f)$(newline)	)
 	$(foreach f,$(EXAMPLES),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/examples/$(f:client-examples/%=%)$(newline)	)
+	$(if $(wildcard $(VALIDATE)),$(INSTALL) -D -m 644 $(VALIDATE) $(DESTDIR)$(docdir)/format/validate.html)
 
 ## amalgamation: the reader as two files, build/amalgamation/tetlod.c and tetlod.h, to be copied into another program
 .PHONY: amalgamation

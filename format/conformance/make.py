@@ -212,12 +212,16 @@ def clause_of(name):
 
 
 CLAUSES = [
+    ('parents_steps', '3.7'),
+    *((name, '3.5') for name in ('cells_early', 'time_early', 'time_twice', 'cell_steps_early', 'cell_steps_twice',
+                                 'topologies_alone', 'topologies_twice', 'parents_and_cells', 'parents_twice',
+                                 'parents_early', 'original_early', 'original_twice')),
     ('magic', '3.1'), ('old_layout', '3.1'), ('newer_major', '3.1'), ('required_feature', '3.1'), ('reserved', '3.1'),
     ('header_check', '3.1'), ('content_id', '3.1'), ('too_long', '3'), ('truncated', '3'), ('packed_rest', '6.4'),
     ('no_tetrahedra', '3.2'), ('many_vertices', '3.2'), ('slowest', '3.2'), ('bounds', '3.2'), ('levels_shrink', '3.4'),
     ('domain_error', '3.4'), ('error_negative', '3.4'), ('error_grows', '3.4'), ('frame_size', '3.1'),
     ('expansion', '2.3'), ('two_names', '3.3'), ('name_long', '3.3'), ('section_', '3.5'), ('cells_', '3.6'),
-    ('frame_digest', '3.1'), ('frame_random', '7.5'), ('frame_zero', '9.1'), ('coder_start', '6.4'),
+    ('frame_digest', '3.1'), ('frame_random', '7.5'), ('frame_zero', '5.1'), ('coder_start', '6.4'),
     ('coder_quotient', '6.3'), ('tail_', '9.3'), ('time_', '3.7'), ('cell_steps_', '3.7'), ('topologies_', '3.8'),
     ('parents_', '3.6'), ('paged_', '7.6'), ('original_', '10.1')]
 
