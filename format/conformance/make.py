@@ -175,8 +175,23 @@ def write_profile_0():
     return notes
 
 
+ONE_SERIES = np.array([(1, 2, 3, 5), (1.5, 2.5, 3.5, 5.5), (1.5, 2.75, 3.5, 6)], 'f4')  # values of T at each step
+
+
+def write_series(program, folder):
+    """One tetrahedron at three steps, in a band of 10 % and exactly."""
+    names = [os.path.join(folder, 'step_%d.vtu' % number) for number in range(len(ONE_SERIES))]
+    for name, values in zip(names, ONE_SERIES):
+        write_vtu(name, np.eye(4, 3, -1), np.array([(0, 1, 2, 3)]), {'T': values}, {})
+    path = os.path.join(HERE, 'valid', 'series_one.tetlod')
+    subprocess.run([program, 'build', *names, '--bands', '10%', '--carry', 'T', '-o', path, '--quiet'], check=True)
+    return {'series_one': {'feature': 'a series: one tetrahedron, three steps', 'clause': '3.7'}}
+
+
 def write_streams(program):
     notes = write_profile_0()
+    with tempfile.TemporaryDirectory() as folder:
+        notes.update(write_series(program, folder))
     with tempfile.TemporaryDirectory() as folder:
         mesh = os.path.join(folder, 'mesh.vtu')
         for name, feature, clause, points, tets, fields, cells, options in listed():

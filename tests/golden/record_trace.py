@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a decoder reads for a stream's first record of a vertex that has tetrahedra, operation by operation: the example of SPEC 14."""
+import math
 import os
 import sys
 
@@ -154,4 +155,79 @@ def whole_level(path):
     for f, field in enumerate(stream.fields):
         coder.start(stream.frame(0, 1 + f))
         numbers(coder, [tetlod.Number()], stream.scales[1 + f], made, level['vertices'], [field['name']], lines)
+    return lines
+
+
+# ---- the tail and the steps of a series (SPEC 14), of a field of one component
+
+def tail(path):
+    """What the tail's frame of the first field holds (SPEC 9.3), of a component that is like no other one."""
+    stream, lines = tetlod.open(path), []
+    cursor = stream.cursor()
+    cursor.seek(len(stream.levels) - 2)
+    scale, coder = stream.scales[1], tetlod.Coder(stream.seen_most)
+    coder.start(stream.frame(len(stream.levels) - 1, 1))
+    repeat, odd = tetlod.bits(2), tetlod.bits(1)
+    exact, wides = [tetlod.Number(), tetlod.Number()], [tetlod.bits(1 << wide) for wide in range(13)]
+    kind, memory = coder.tree(tetlod.bits(4), 2), {}
+    digits = coder.tree(tetlod.bits(32), 5) if kind else 0
+    lines.append('tree(kind, 2) %d' % kind + (', tree(digits, 5) %d' % digits if kind else ''))
+    for vertex, code in enumerate(cursor.columns[1].codes[0]):
+        line, known = 'vertex %d: code %d, grid %.9g' % (vertex, code, scale.value(code)), memory.get(code % 4096)
+        if known and known[0] == code:
+            known[2] = coder.bit(repeat, known[2])
+            line += ', bit(repeat) %d' % known[2]
+        else:
+            known = [code, None, 0]
+        if not known[2]:
+            is_odd = coder.bit(odd) if kind else 1
+            numbers = tetlod.Numbers(0 if is_odd else kind, digits, scale)
+            g, half = scale.value(code), 0.5 * scale.step[0]
+            room = abs(numbers.code(g + half) - numbers.code(g - half)).bit_length()
+            distance = coder.distance(exact[1 - is_odd], wides, numbers.width, room)
+            line += (', bit(odd) %d' % is_odd if kind else '') + ', room %d, distance %d' % (room, distance)
+            memory[code % 4096] = known = [code, numbers.value(numbers.code(g) + distance), 0]
+        lines.append(line + ', value %.9g' % known[1])
+    return lines
+
+
+def lower_of(cursor):
+    """N of SPEC 3.7."""
+    lower = [set() for _ in range(cursor.count)]
+    for tet in cursor.tets.tolist():
+        for a in tet:
+            lower[a].update(b for b in tet if b < a)
+    return [sorted(found) for found in lower]
+
+
+def steps(path):
+    """What the frames of the first field's steps hold, band by band, of one group."""
+    stream, lines = tetlod.open(path), []
+    series = stream.series()
+    for band, row in enumerate(series._entries):
+        cursor = stream.cursor()
+        lower = lower_of(cursor.seek(series.bands[band]['level']))
+        quantum, sections = series._quanta[band * len(series.fields)], series._sections
+        mode_models, models, coder = tetlod.bits(4), (tetlod.Number(), tetlod.Number()), tetlod.Coder((1 << 7) - 2)
+        frames, now = stream._read(sections[band]['offset'], sections[band]['stored']), []
+        scale = tetlod.Scale(tetlod.Bytes(b'\0\0'), 1)
+        for step, (size, _) in enumerate(row):
+            frame, frames = frames[:size], frames[size:]
+            coder.start(frame)
+            mode = coder.tree(mode_models, 2)
+            lines.append('band %d, step %d: %s; tree(mode, 2) %d' % (band, step, frame.hex(' '), mode))
+            before, now, length = now, [], []
+            for v, near in enumerate(lower):
+                rest = (now[v - 1] if v else 0.0) if mode == 0 else before[v]
+                change = [now[n] - (before[n] if mode else 0.0) for n in near]
+                mean = sum(change, 0.0) / len(near) if near else 0.0
+                x = rest if not near or mode == 1 else mean if mode == 0 else rest + mean
+                base = math.floor(x + 0.5) if quantum else scale.float_code(x)
+                context = 2 * sum(length[n] for n in near) // len(near) if near else 2 * length[v - 1] if v else 0
+                d = coder.number(models[mode != 0], min(65, context))
+                length.append(abs(d).bit_length())
+                now.append(float(base + d) if quantum else scale.float_value(base + d))
+                value = scale.rounded(quantum * now[-1]) if quantum else now[-1]
+                lines.append('vertex %d: x %.9g, base %d, context %d, number %d, code %d, value %.9g' %
+                             (v, x, base, min(65, context), d, base + d, value))
     return lines

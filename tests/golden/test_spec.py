@@ -54,4 +54,27 @@ report('the table has every byte of the stream, each in its place',
        len(rows) > 50)
 path, wanted = re.search(r'<!-- frames of (\S+) -->\n```level\n(.*?)\n```', text, re.S).groups()
 report('the frames hold what the text says', record_trace.whole_level(os.path.join(ROOT, path)) == wanted.split('\n'))
+
+path, wanted = re.search(r'<!-- tail of (\S+) -->\n```tail\n(.*?)\n```', text, re.S).groups()
+stream, lines = tetlod.open(os.path.join(ROOT, path)), record_trace.tail(os.path.join(ROOT, path))
+report('the tail is read as the text reads it', lines == wanted.split('\n') and
+       '`%s`' % stream.frame(len(stream.levels) - 1, 1).hex(' ') in text)
+found = stream.cursor()
+found.seek(len(stream.levels) - 1)
+report('it gives the values that a decoder gives', [float(line.split()[-1]) for line in lines[1:]] ==
+       [float('%.9g' % value) for value in found.field(stream.fields[0]['name'])])
+
+path, table = re.search(r'<!-- TIME of (\S+) -->\n(.*?)\n\n', text, re.S).groups()
+rows = re.findall(r'^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \S.* \|$', table, re.M)
+stream, at = tetlod.open(os.path.join(ROOT, path)), [0]
+for _, row in rows:
+    at.append(at[-1] + len(bytes.fromhex(row)))
+report('the table has every byte of TIME, each in its place', bytes.fromhex(''.join(row for _, row in rows)) ==
+       bytes(stream.section('TIME')) and [int(row) for row, _ in rows] == at[:-1] and len(rows) > 20)
+path, wanted = re.search(r'<!-- steps of (\S+) -->\n```band\n(.*?)\n```', text, re.S).groups()
+lines, series = record_trace.steps(os.path.join(ROOT, path)), stream.series()
+report('the steps are read as the text reads them', lines == wanted.split('\n'))
+values = [float(line.split()[-1]) for line in lines if line.startswith('vertex')]
+given = [series.seek(band, step)[1]['T'] for band in range(2) for step in range(3)]
+report('they give the values that a decoder gives', values == [float('%.9g' % x) for row in given for x in row])
 finish()
