@@ -136,9 +136,12 @@ WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures pr
     $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm
-# what makes a level that is finer in boxes: loaded when it is first wanted
+# what makes a level that is finer in boxes, and answers with a proof: loaded when it is first wanted
 REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter-out $(WRITING),$(FORMAT_SRC)) \
-    src/stream/forest.c src/stream/region.c src/mesh/mixed_cells.c src/mesh/tetmesh.c src/util/array.c src/util/room.c
+    src/stream/forest.c src/stream/region.c src/mesh/mixed_cells.c src/mesh/tetmesh.c src/util/array.c src/util/room.c \
+    $(filter-out %/quadrature.c,$(wildcard src/ask/*.c)) $(patsubst %,format/read/%.c,summary box_sums) \
+    src/cut/line.c $(patsubst %,src/mesh/%.c,adjacency locate) \
+    $(patsubst %,src/stream/%.c,selection series_time) $(patsubst %,src/util/%.c,number_text)
 REFINE := build/wasm/refine.wasm
 CLIENT := build/client
 # The widget of notebooks, one module, which the Python package brings along
@@ -208,7 +211,7 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DI
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/refine.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/refine.js
 	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
-	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js paging.js pages.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js answers.js paging.js pages.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 

@@ -379,6 +379,13 @@ export class TetlodStream extends EventTarget {
   /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1; what is not drawn is a gap. `bounds`: how far off the value is at most at each of these ends, where the field's local bound is loaded. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array; bounds?: Float64Array }>;
   /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  ask(question: string, options?: { within?: number }): Promise<{ lower: number; upper: number; bound: 'exact' | 'certified'; level?: number; tets?: number; bytes: number }>;
+  features(quantity: string, options?: { persistence?: number }): Promise<{
+    level: number;
+    error: number;
+    bounded: { maximum: boolean; minimum: boolean };
+    features: { kind: 'maximum' | 'minimum'; proven: boolean; at: number[]; box: [number[], number[]]; range: number[]; persistence: number }[];
+  }>;
   draft(tets: number): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
   /** Pages are those that a view needs, from now on, where the level that is shown has none; null: no more than its own. */
   look(look: Look | null): void;

@@ -58,7 +58,7 @@ LAYERS = {
                              'server/store/'],
     'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/stream/metadata.h', 'src/stream/level_mesh.h', 'format/read/parts.h'],
-    'server/web/refine': MESHES + ['src/stream/'],
+    'server/web/refine': MESHES + ['src/stream/', 'src/ask/'],
     'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
     'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/page_check.h', 'format/write/prefix.h'] + MESHES + [
                 'src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',

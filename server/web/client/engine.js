@@ -71,6 +71,7 @@ export class Engine {
   #draft = null;      // {tets, resolve}: a picture of a coarser level that is wanted beside
   #refining;          // promises makers of meshes that are finer somewhere: refine.js, and its module
   #tools = null;      // which are here
+  #answers;           // promises what proves something of the original
   #refiner = null;    // one for boxes, while such a mesh is wanted
   #look = null;       // the view that pages follow
   #pager = null;      // what follows it, and what ends that
@@ -173,6 +174,14 @@ export class Engine {
     this.#filter(); // the mesh may have gone on
     const found = this.#view.probe(point, this.#info.fields, this.#info.cellFields);
     return found && this.#finer ? { ...found, ...this.#tools.placeOf(this.#view.probedPart, this.#finer.told) } : found;
+  }
+
+  /** An answer to a question, or features; of the levels up to what is shown. */
+  async prove({ question, within, quantity, persistence }) {
+    const { Answers, module } = this.#tools ??= await this.#refining();
+    const answers = await (this.#answers ??= Answers.create(module, this.#hostOf()));
+    const level = this.#shown;
+    return question ? answers.ask(question, level, within) : answers.features(quantity, level, persistence);
   }
 
   /**

@@ -8,7 +8,7 @@ export class Maker {
   #name;
   #made;
 
-  /** `name`: what its functions' names begin with: refine or paging. */
+  /** `name`: what its functions' names begin with: refine, paging or answers. */
   static async create(module, name) {
     return new Maker(await instantiate(module), name);
   }
@@ -61,13 +61,17 @@ export class Maker {
    * to decode, null for all.
    */
   open(bytes, { selected, fields }, begin) {
-    if (selected) {
-      const names = new TextEncoder().encode(selected.map((name) => `${name}\0`).join(''));
-      this.lend(names, (address) => this.try('select', address, selected.length));
-    }
+    this.select({ selected });
     this.lend(bytes, (address) => this.try('add', address, bytes.byteLength));
     const list = Uint32Array.from(fields ?? []);
     this.lend(list, (address) => begin(address, fields ? list.length : NONE));
+  }
+
+  /** Says of which fields the bytes are, by their names; null: of all. */
+  select({ selected }) {
+    if (!selected) return;
+    const names = new TextEncoder().encode(selected.map((name) => `${name}\0`).join(''));
+    this.lend(names, (address) => this.try('select', address, selected.length));
   }
 
   /** The mesh at struct refine_mesh, as View.adopt takes it, with its fields' values; it holds until the next one. */

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels that are finer in boxes, of the bytes that a view has: a module of its own. See ../refine/finer.h.
 import { MORE, Maker } from './maker.js';
+export { Answers } from './answers.js';
 export { Pager } from './paging.js';
 
 const kinds = ['outside', 'inside', 'between']; // of the parts of a mesh that is finer in boxes (src/stream/region.h)

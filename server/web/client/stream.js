@@ -444,6 +444,24 @@ export class TetlodStream extends EventTarget {
     return this.#call('line', [from, to]);
   }
 
+  /**
+   * What is certain of the original, by the levels up to the one that is shown: {lower, upper, bound: 'exact' or
+   * 'certified', level, tets, bytes} of a question ('mean(p)', 'volume(T > 400)'; `tetlod help ask`), as narrow as
+   * `within` of what the answer can be at most. Not of steps in time.
+   */
+  ask(question, { within = 0.01 } = {}) {
+    return this.#call('prove', { question, within });
+  }
+
+  /**
+   * {level, error, bounded: {maximum, minimum}, features: [{kind, proven, at, box, range, persistence}]}: maxima and
+   * minima of a field, of a component ('v:1') or the length ('|v|'), of a persistence above a fraction of its range.
+   * The original has those that are proven, each in its box, and no others than these where it is `bounded`.
+   */
+  features(quantity, { persistence = 0.02 } = {}) {
+    return this.#call('prove', { quantity, persistence });
+  }
+
   /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
   draft(tets) {
     return this.#call('draft', tets);

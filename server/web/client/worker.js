@@ -56,6 +56,7 @@ const actions = {
   loadCells: (name) => engine.loadCells(name),
   probe: (point) => engine.probe(point),
   line: (segment) => engine.line(segment),
+  prove: (what) => engine.prove(what),
   show: (spec) => engine.show(spec),
   forget: () => engine.forget(),
   draft: (tets) => engine.draft(tets),

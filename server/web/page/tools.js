@@ -2,6 +2,7 @@
 // What the page loads after the picture and the panel: probes that stay, the plot over a line, files, a second view.
 
 import { bindCalculator } from './calculator.js';
+import { Certain } from './certain.js';
 import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { bindLate } from './late_controls.js';
@@ -33,6 +34,7 @@ export class Tools {
     this.pins = new Pins(viewer, layer, pointer);
     this.boxes = new RefineHere(viewer, layer, pointer);
     this.look = new LookHere(viewer);
+    this.certain = new Certain(viewer, layer);
     bindCalculator(viewer);
     bindUnits(viewer);
     bindRegions(viewer);
@@ -46,7 +48,7 @@ export class Tools {
 
   /** What a saved picture has over it. */
   get layers() {
-    return [this.line, this.pins];
+    return [this.line, this.pins, this.certain];
   }
 
   /** After every frame. */
