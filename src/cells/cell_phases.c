@@ -620,6 +620,50 @@ static bool report_root(void *opaque, double done)
     return options->progress(options->progress_opaque, progress->begun + (1 - progress->begun) * done);
 }
 
+static enum tetlod_status contract_rest(struct run *run, struct cell *root, const struct simplify_options *options)
+{
+    double from = run->from > 0 ? run->from : FIRST_LIMIT;
+    return rounds_contract(&root->logs[CELL_GO_ON], &run->state, from, options, run->error);
+}
+
+/* The root's log for the others, with what is left, which is not much. */
+static enum tetlod_status give_root(const struct run *run, const struct cell *root)
+{
+    struct cell whole = *root;
+    struct buffer bytes = {0};
+    whole.piece = run->state;
+    enum tetlod_status status = cell_pack(&whole, &bytes, run->error);
+    if (status == TETLOD_OK)
+        status = run->share->put(run->share->opaque, 0, bytes.bytes, bytes.size, run->error);
+    buffer_fini(&bytes);
+    return status;
+}
+
+/* One of the programs contracts the root, and the others get what it has done. */
+static enum tetlod_status share_root(struct run *run, struct cell *root, const struct simplify_options *options)
+{
+    const struct work_share *share = run->share;
+    bool again = true;
+    uint32_t part;
+    enum tetlod_status status;
+    TETLOD_TRY(share->begin(share->opaque, 1, NULL, run->error));
+    run->store = (struct cell_store){share->put, share->get, share->opaque};
+    while (again) {
+        status = TETLOD_OK;
+        if (share->take(share->opaque, &part)) {
+            status = contract_rest(run, root, options);
+            if (status == TETLOD_OK)
+                status = give_root(run, root);
+        }
+        TETLOD_TRY_DONE(share->settle(share->opaque, status, &again, run->error));
+    }
+    if (!root->logs[CELL_GO_ON].mark_count)
+        TETLOD_TRY_DONE(bring_back(run, root, 0));
+done:
+    leave_store(run);
+    return status;
+}
+
 /* What is left, as one piece: its levels are those of a stream without pages. */
 static enum tetlod_status contract_root(struct run *run)
 {
@@ -631,8 +675,8 @@ static enum tetlod_status contract_root(struct run *run)
         options.progress = report_root;
         options.progress_opaque = &progress;
     }
-    double from = run->from > 0 ? run->from : FIRST_LIMIT;
-    enum tetlod_status status = rounds_contract(log, &run->state, from, &options, run->error);
+    enum tetlod_status status = run->share ? share_root(run, &root, &options)
+                                           : contract_rest(run, &root, &options);
     if (status == TETLOD_OK)
         status = take_components(run, log);
     for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {
@@ -644,7 +688,7 @@ static enum tetlod_status contract_root(struct run *run)
                           run->error);
     }
     add_refusals(run, log);
-    log_fini(log);
+    cell_fini(&root);
     return status;
 }
 

@@ -129,45 +129,86 @@ static uint32_t list_candidates(const struct cutter *cutter, const struct range 
     return count;
 }
 
-/* Which candidate is crossed least; *io_cost is what it costs, and the least so far. */
-static bool compare_candidates(const struct cutter *cutter, const struct range *range, int axis,
-                               const float *candidates, uint32_t count, uint64_t *io_cost, float *out)
+/* What a candidate costs is looked up by where it is among all, so a tetrahedron adds to a range of them. */
+struct costs {
+    double at[CANDIDATES];           /* ascending */
+    uint64_t changes[CANDIDATES + 1]; /* what a candidate costs more than the one before, modulo 2^64 */
+    uint32_t count;
+};
+
+/* How many candidates are below x, or no more than x. */
+static uint32_t count_below(const struct costs *costs, double x, bool or_equal)
 {
-    uint64_t costs[CANDIDATES] = {0};
+    uint32_t begin = 0;
+    for (uint32_t left = costs->count; left;) {
+        uint32_t half = left / 2;
+        bool below = costs->at[begin + half] < x || (or_equal && !(costs->at[begin + half] > x));
+        begin += below ? half + 1 : 0;
+        left = below ? left - half - 1 : half;
+    }
+    return begin;
+}
+
+static void add_costs(struct costs *costs, const double extent[2], uint64_t weight)
+{
+    uint32_t begin = count_below(costs, extent[0], false), end = count_below(costs, extent[1], true);
+    if (begin >= end)
+        return;
+    uint32_t inner = count_below(costs, extent[0], true), inner_end = count_below(costs, extent[1], false);
+    costs->changes[begin] += weight;
+    costs->changes[end] -= weight;
+    if (inner < inner_end) {
+        costs->changes[inner] += (CROSSING - 1) * weight;
+        costs->changes[inner_end] -= (CROSSING - 1) * weight;
+    }
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+/* Counts on a sample of the range what the candidates of the three axes cost. */
+static void count_costs(const struct cutter *cutter, const struct range *range, struct costs costs[3])
+{
     uint32_t n = range->end - range->begin, counted = n < COUNTED ? n : COUNTED;
-    bool better = false;
     for (uint32_t i = 0; i < counted; i++) {
         uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / counted)];
         uint64_t weight = was_at_seam(cutter, tet) ? 1 + SEAM_WEIGHT : 1;
-        double extent[2];
-        extent_on(cutter->mesh, tet, axis, extent);
-        for (uint32_t k = 0; k < count; k++) {
-            double at = (double)candidates[k];
-            costs[k] += at > extent[0] && at < extent[1]     ? CROSSING * weight
-                        : at >= extent[0] && at <= extent[1] ? weight
-                                                             : 0;
+        for (int axis = 0; axis < 3; axis++) {
+            double extent[2];
+            extent_on(cutter->mesh, tet, axis, extent);
+            add_costs(&costs[axis], extent, weight);
         }
     }
-    for (uint32_t k = 0; k < count; k++)
-        if (costs[k] < *io_cost) {
-            *io_cost = costs[k];
-            *out = candidates[k];
-            better = true;
-        }
-    return better;
+    for (int axis = 0; axis < 3; axis++)
+        for (uint32_t k = 1; k < costs[axis].count; k++)
+            costs[axis].changes[k] += costs[axis].changes[k - 1]; // now costs
 }
 
-/* Where to cut a range. False: nowhere. */
+/* Where to cut a range: where it is crossed least; of several such places the first one listed. False: nowhere. */
 static bool choose_cut(const struct cutter *cutter, const struct range *range, double share, struct tetlodi_cut *out)
 {
-    uint64_t cost = UINT64_MAX;
-    float candidates[CANDIDATES];
+    uint64_t least = UINT64_MAX;
+    float candidates[3][CANDIDATES];
+    struct costs costs[3] = {0};
     for (uint8_t axis = 0; axis < 3; axis++) {
-        uint32_t count = list_candidates(cutter, range, axis, share, candidates);
-        if (compare_candidates(cutter, range, axis, candidates, count, &cost, &out->at))
-            out->axis = axis;
+        costs[axis].count = list_candidates(cutter, range, axis, share, candidates[axis]);
+        for (uint32_t k = 0; k < costs[axis].count; k++)
+            costs[axis].at[k] = (double)candidates[axis][k];
+        qsort(costs[axis].at, costs[axis].count, sizeof *costs[axis].at, by_value);
     }
-    return cost != UINT64_MAX;
+    count_costs(cutter, range, costs);
+    for (uint8_t axis = 0; axis < 3; axis++)
+        for (uint32_t k = 0; k < costs[axis].count; k++) {
+            uint64_t cost = costs[axis].changes[count_below(&costs[axis], (double)candidates[axis][k], false)];
+            if (cost < least) {
+                least = cost;
+                *out = (struct tetlodi_cut){.axis = axis, .at = candidates[axis][k]};
+            }
+        }
+    return least != UINT64_MAX;
 }
 
 /* Puts what is below the cut first, in order; where the second part begins. `spare` has room for the range. */
