@@ -67,6 +67,7 @@ struct against {
     struct coarsening coarsening;
     struct measure_levels *measure_levels;
     struct boundary_check *boundary;
+    struct clusters clusters;  /* of the original */
 };
 
 static enum tetlod_status nomem(const struct against *a)
@@ -228,6 +229,7 @@ static enum tetlod_status begin(struct against *a)
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1, a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &a->finest, a->error));
     TETLOD_TRY(take_original(a));
+    TETLOD_TRY(clusters_build(&a->clusters, a->original, a->error));
     if (!a->numbered)
         return boundary_check_new(&a->boundary, a->original, NULL, a->options->threads, a->error);
     tetlod_cursor_mesh(a->cursor, &mesh);
@@ -477,7 +479,8 @@ static enum tetlod_status check_local(struct against *a, uint32_t k, uint32_t bo
 static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    struct overlay_options options = {.threads = a->options->threads, .floors = a->floors, .overlaps = true};
+    struct overlay_options options = {.threads = a->options->threads, .floors = a->floors, .overlaps = true,
+                                      .clusters = &a->clusters};
     struct overlay_report overlay;
     TETLOD_TRY(choose_tets(a, &options));
     if (!all)
@@ -580,6 +583,7 @@ static void release(struct against *a)
                            a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);
+    clusters_fini(&a->clusters);
     coarsening_fini(&a->coarsening);
     tetmesh_fini(&a->level);
     sheets_fini(&a->sheets);

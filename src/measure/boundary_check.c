@@ -13,17 +13,21 @@
 #include "src/mesh/mesh_surface.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
 /* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
-enum { MAX_PARTS = 341, MAX_PARTS_OF_MANY = 21, MAX_PARTS_KEPT = 5, MANY_FACES = 5000, MAX_DEPTH = 12 };
+enum { MAX_PARTS = 341, MAX_PARTS_OF_MANY = 21, MAX_PARTS_KEPT = 5, MANY_FACES = 5000 };
 
 /* Faces that are asked before all are searched; vertices of them that are kept for the next level. */
-enum { MAX_NEAR = 8, WITNESSES = 6 };
+enum { MAX_NEAR = 24, WITNESSES = 6 };
 
 /* How far a boundary may be off by rounding, as a fraction of the diagonal (build.c: BOUNDARY_KEPT). */
 static const double KEPT = 1e-12;
+
+/* A face of less than that, as the square of a sine, is almost a line. */
+static const double FLAT = 1e-8;
 
 struct boundary_check {
     const struct tetmesh *original; /* borrowed */
@@ -46,14 +50,23 @@ struct way {
     double *found; /* [face of from] a distance above the limit, or 0 */
 };
 
-/* A triangle that is being looked at. */
+/* A face of `to`, ready to be asked for distances. */
+struct near_face {
+    uint32_t face; /* 4 * tet + face */
+    const double *corners[3];
+    double u[3], v[3], normal[3], uu, uv, vv, area2; /* of its sides from corner 0; area2: its square, times 4 */
+};
+
+/* A triangle that is being looked at, and the parts that it was cut into, the largest first. */
 struct look {
     const struct way *way;
-    uint32_t body, near[MAX_NEAR]; /* faces of `to`, as 4 * tet + face: each point so far is near one of them, */
-    int near_count;
-    bool more;                      /* or near others */
-    int parts, most;
+    uint32_t body;
+    struct near_face near[MAX_NEAR + 1]; /* each point so far is near one of them, */
+    int near_count;                      /* which there is always room after, */
+    bool more;                           /* or near others */
+    int part_count, max_parts;
     double distance, found; /* of the last point; the largest above the limit */
+    double parts[MAX_PARTS][3][3];
 };
 
 /* Beside faces that are almost lines doubles say anything: before a distance is too much it is taken in 113 bits, of
@@ -78,36 +91,68 @@ static uint32_t face_vertex(const struct way *way, uint32_t face, int k)
     return way->to_corners[(face & ~(size_t)3) + tet_faces[face & 3][k]];
 }
 
-static void face_corners(const struct way *way, uint32_t face, const double *out[3])
+static struct near_face near_face(const struct way *way, uint32_t face)
 {
+    struct near_face near = {.face = face};
     for (int k = 0; k < 3; k++)
-        out[k] = way->to->positions + 3 * (size_t)face_vertex(way, face, k);
+        near.corners[k] = way->to->positions + 3 * (size_t)face_vertex(way, face, k);
+    subtract(near.corners[1], near.corners[0], near.u);
+    subtract(near.corners[2], near.corners[0], near.v);
+    cross(near.u, near.v, near.normal);
+    near.uu = dot(near.u, near.u);
+    near.uv = dot(near.u, near.v);
+    near.vv = dot(near.v, near.v);
+    near.area2 = dot(near.normal, near.normal);
+    return near;
 }
 
-/* The least distance from the faces that were near to points before. */
-static double distance_of_near(const struct look *look, const double p[3], uint32_t *out_face)
+/* The square of the distance. The nearest point of a triangle is below the point, or on a side that the point is
+ * beyond. What is almost a line is left to triangle_distance2. */
+static double distance2_of(const struct near_face *near, const double p[3])
 {
-    double best = INFINITY, weights[3];
-    for (int i = 0; i < look->near_count; i++) {
-        const double *q[3];
-        face_corners(look->way, look->near[i], q);
-        double distance2 = triangle_distance2(p, q[0], q[1], q[2], weights);
-        *out_face = distance2 < best ? look->near[i] : *out_face;
+    double w[3], weights[3], best = INFINITY, t;
+    const double *const *q = near->corners;
+    if (!(near->area2 > FLAT * near->uu * near->vv))
+        return triangle_distance2(p, q[0], q[1], q[2], weights);
+    subtract(p, q[0], w);
+    double wu = dot(w, near->u), wv = dot(w, near->v), height = dot(near->normal, w);
+    double s = near->vv * wu - near->uv * wv, r = near->uu * wv - near->uv * wu;
+    if (r < 0)
+        best = segment_distance2(p, q[0], q[1], &t);
+    if (s < 0)
+        best = smaller(best, segment_distance2(p, q[0], q[2], &t));
+    if (s + r > near->area2)
+        best = smaller(best, segment_distance2(p, q[1], q[2], &t));
+    return best < INFINITY ? best : height * height / near->area2;
+}
+
+/* The distance from the faces that were near to points before: the least one, or the first within the limit if that
+ * will do. */
+static double distance_of_near(const struct look *look, const double p[3], bool least, int *out_near)
+{
+    double best = INFINITY, enough = least ? 0 : look->way->limit * look->way->limit;
+    for (int i = 0; i < look->near_count && !(best <= enough); i++) {
+        double distance2 = distance2_of(&look->near[i], p);
+        *out_near = distance2 < best ? i : *out_near;
         best = smaller(best, distance2);
     }
     return sqrt(best);
 }
 
-/* Sets look->distance, to that of a face within the limit if there is one. */
-static void test_point(struct look *look, const double p[3], uint32_t *out_face)
+/* Sets look->distance, to that of a face within the limit if there is one; `least`: of the nearest one of several.
+ * out_near: which of look->near that is, if there is any. */
+static void test_point(struct look *look, const double p[3], bool least, int *out_near)
 {
-    look->distance = distance_of_near(look, p, out_face);
+    uint32_t face;
+    look->distance = distance_of_near(look, p, least, out_near);
     if (look->distance <= look->way->limit)
         return;
-    look->distance = mesh_surface_distance(look->way->to, look->body, p, look->way->check->rounding, out_face);
+    look->distance = mesh_surface_distance(look->way->to, look->body, p, look->way->check->rounding, &face);
     bool sure = look->distance <= look->way->limit && look->near_count < MAX_NEAR;
-    if (sure)
-        look->near[look->near_count++] = *out_face;
+    *out_near = look->near_count;
+    if (face != TETLOD_NONE)
+        look->near[look->near_count] = near_face(look->way, face);
+    look->near_count += sure;
     look->more |= !sure;
     if (look->distance > look->way->limit)
         look->distance = exact_distance(look, p);
@@ -116,14 +161,12 @@ static void test_point(struct look *look, const double p[3], uint32_t *out_face)
 }
 
 /* Is the face near enough to all of the triangle? The distance from a triangle is largest at a corner. */
-static bool is_near(const struct look *look, const double *const p[3], uint32_t face)
+static bool is_near(const struct look *look, double p[3][3], const struct near_face *face)
 {
-    const double *q[3];
-    double weights[3], most = 0;
-    face_corners(look->way, face, q);
-    for (int k = 0; k < 3; k++)
-        most = larger(most, triangle_distance2(p[k], q[0], q[1], q[2], weights));
-    return sqrt(most) <= look->way->limit;
+    bool near = true;
+    for (int k = 0; k < 3 && near; k++)
+        near = sqrt(distance2_of(face, p[k])) <= look->way->limit;
+    return near;
 }
 
 static void middle(const double *p, const double *q, double out[3])
@@ -132,36 +175,44 @@ static void middle(const double *p, const double *q, double out[3])
         out[d] = 0.5 * (p[d] + q[d]);
 }
 
-/* Looks at a triangle; sets look->found if a point of it is too far. */
-static void look_at(struct look *look, const double *const p[3], int depth)
+static void add_part(struct look *look, const double *p, const double *q, const double *r)
 {
-    double centre[3], middles[3][3], reach = 0;
-    uint32_t face, other;
+    double(*part)[3] = look->parts[look->part_count++];
+    memcpy(part[0], p, sizeof *part);
+    memcpy(part[1], q, sizeof *part);
+    memcpy(part[2], r, sizeof *part);
+}
+
+/* Looks at a part; sets look->found if a point of it is too far. If it is not known to be near as a whole, it is cut
+ * into four. */
+static void look_at(struct look *look, int number)
+{
+    double centre[3], middles[3][3], (*p)[3] = look->parts[number], reach = 0;
+    int near, other;
     for (int d = 0; d < 3; d++)
         centre[d] = (p[0][d] + p[1][d] + p[2][d]) / 3;
-    test_point(look, centre, &face);
-    look->parts++;
+    test_point(look, centre, true, &near);
     for (int k = 0; k < 3; k++)
         reach = larger(reach, distance_squared(centre, p[k]));
-    if (look->found > 0 || face == TETLOD_NONE || look->distance + sqrt(reach) <= look->way->limit)
+    if (look->found > 0 || look->distance + sqrt(reach) <= look->way->limit)
         return;
-    if (is_near(look, p, face)) {
-        if (depth == 0) { // it alone will do
-            look->near[0] = face;
+    if (is_near(look, p, &look->near[near])) {
+        if (number == 0) { // it alone will do
+            look->near[0] = look->near[near];
             look->near_count = 1;
             look->more = false;
         }
         return;
     }
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 3 && !(look->found > 0); k++) {
         middle(p[k], p[(k + 1) % 3], middles[k]);
-        test_point(look, middles[k], &other);
+        test_point(look, middles[k], false, &other);
     }
-    if (look->found > 0 || look->parts + 4 > look->most || depth == MAX_DEPTH)
+    if (look->found > 0 || look->part_count + 4 > look->max_parts)
         return;
     for (int k = 0; k < 3; k++)
-        look_at(look, (const double *const[3]){p[k], middles[k], middles[(k + 2) % 3]}, depth + 1);
-    look_at(look, (const double *const[3]){middles[0], middles[1], middles[2]}, depth + 1);
+        add_part(look, p[k], middles[k], middles[(k + 2) % 3]);
+    add_part(look, middles[0], middles[1], middles[2]);
 }
 
 /* Was the face looked at before, and is all that it was held against what it was? */
@@ -180,7 +231,7 @@ static void keep_witnesses(const struct look *look, uint32_t out[WITNESSES])
     int count = 0;
     memset(out, 0xff, WITNESSES * sizeof *out);
     for (int i = 0; i < 3 * look->near_count && !look->more && count <= WITNESSES; i++) {
-        uint32_t v = face_vertex(look->way, look->near[i / 3], i % 3);
+        uint32_t v = face_vertex(look->way, look->near[i / 3].face, i % 3);
         bool is_new = true;
         for (int k = 0; k < count; k++)
             is_new &= out[k] != v;
@@ -192,32 +243,44 @@ static void keep_witnesses(const struct look *look, uint32_t out[WITNESSES])
         out[0] = TETLOD_NONE;
 }
 
-static int most_parts(const struct way *way)
+static int max_parts(const struct way *way)
 {
     if (way->limit <= 2 * way->check->rounding)
         return MAX_PARTS_KEPT;
     return way->check->surface.count > MANY_FACES ? MAX_PARTS_OF_MANY : MAX_PARTS;
 }
 
+static void look_at_face(struct look *look, size_t f)
+{
+    const struct way *way = look->way;
+    const uint32_t *v = way->from->triangles + 3 * f;
+    const double *p[3];
+    int near;
+    look->body = way->check->bodies ? way->check->bodies[v[0]] : 0;
+    look->near_count = look->part_count = 0;
+    look->more = false;
+    look->found = 0;
+    for (int k = 0; k < 3; k++) {
+        p[k] = way->from->positions + 3 * (size_t)v[k];
+        test_point(look, p[k], false, &near);
+    }
+    add_part(look, p[0], p[1], p[2]);
+    for (int i = 0; i < look->part_count && !(look->found > 0); i++)
+        look_at(look, i);
+}
+
 static void look_at_faces(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct way *way = context;
+    struct look look;
     (void)worker;
+    look.way = way;
+    look.max_parts = max_parts(way);
     for (size_t f = begin; f < end; f++) {
-        const uint32_t *v = way->from->triangles + 3 * f;
-        const double *p[3];
-        uint32_t face;
         way->found[f] = 0;
         if (is_known(way, f))
             continue;
-        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0,
-                            .most = most_parts(way)};
-        for (int k = 0; k < 3; k++) {
-            p[k] = way->from->positions + 3 * (size_t)v[k];
-            test_point(&look, p[k], &face);
-        }
-        if (!(look.found > 0))
-            look_at(&look, p, 0);
+        look_at_face(&look, f);
         way->found[f] = look.found;
         if (way->forth)
             keep_witnesses(&look, way->check->witnesses + WITNESSES * f);

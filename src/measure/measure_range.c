@@ -119,6 +119,16 @@ static bool is_own(const struct ranges *r, const struct sample *sample, const ui
     return true;
 }
 
+/* Is the point so far outside that no rounding can have put it there? `doubt`: what the weights may be off by. Most
+ * tetrahedra near a sample are, and need no weights in 113 bits. */
+static bool is_far_outside(const double *const q[4], const double p[3], double volume6, double doubt)
+{
+    const double least = -2 * doubt * fabs(volume6);
+    const double sign = volume6 < 0 ? -1 : 1;
+    return sign * tet_volume6(p, q[1], q[2], q[3]) < least || sign * tet_volume6(q[0], p, q[2], q[3]) < least ||
+           sign * tet_volume6(q[0], q[1], p, q[3]) < least || sign * tet_volume6(q[0], q[1], q[2], p) < least;
+}
+
 /* The tetrahedra that may hold the sample. */
 static void try_tets(const struct ranges *r, struct worker *worker, struct sample *sample, uint32_t count)
 {
@@ -142,14 +152,14 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
             add_place(r, worker, sample, &corner, 0);
             sample->held = true;
         }
-        double volume6 = fabs(tet_volume6(q[0], q[1], q[2], q[3])), size2 = tet_size_squared(q[0], q[1], q[2], q[3]),
+        double volume6 = tet_volume6(q[0], q[1], q[2], q[3]), size2 = tet_size_squared(q[0], q[1], q[2], q[3]),
                least = INFINITY;
-        if (!(volume6 > 0))
+        // heights are at least the volume by the square of the longest edge
+        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / fabs(volume6);
+        if (volume6 == 0 || is_far_outside(q, sample->p, volume6, doubt))
             continue;
         exact_map_set(&map, q);
         exact_weights(&map, (const quad[3]){sample->p[0], sample->p[1], sample->p[2]}, weights);
-        // heights are at least the volume by the square of the longest edge
-        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / volume6;
         for (int c = 0; c < 4; c++)
             least = smaller(least, place.weights[c] = (double)weights[c]);
         if (!(least >= -doubt))
@@ -159,15 +169,28 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
     }
 }
 
+/* Is the box of a face further away than that? Most faces near a closest one are. */
+static bool is_box_beyond(const double *const q[3], const double p[3], double distance)
+{
+    double sum = 0;
+    for (int d = 0; d < 3; d++) {
+        double low = smaller(smaller(q[0][d], q[1][d]), q[2][d]), high = larger(larger(q[0][d], q[1][d]), q[2][d]);
+        double out = larger(larger(low - p[d], p[d] - high), 0);
+        sum += out * out;
+    }
+    return sum > distance * distance;
+}
+
 /* The closest point of a face, if that may be the closest of all. */
 static bool is_closest(const struct ranges *r, const struct sample *sample, uint32_t triangle, double distance,
                        struct place *out)
 {
     const uint32_t *v = r->locator.surface.triangles + 3 * (size_t)triangle;
+    const double *q[3] = {position(r, v[0]), position(r, v[1]), position(r, v[2])};
+    const double limit = distance * (1 + 1e-9);
     *out = (struct place){{v[0], v[1], v[2], v[0]}, {0}};
-    return r->bodies[v[0]] == sample->body &&
-           sqrt(triangle_distance2(sample->p, position(r, v[0]), position(r, v[1]), position(r, v[2]), out->weights)) <=
-               distance * (1 + 1e-9);
+    return r->bodies[v[0]] == sample->body && !is_box_beyond(q, sample->p, limit * (1 + 1e-9)) &&
+           sqrt(triangle_distance2(sample->p, q[0], q[1], q[2], out->weights)) <= limit;
 }
 
 /* The faces that may be the closest. */

@@ -21,9 +21,10 @@ uint64_t overlay_levels_bytes(const struct tetmesh *original);
 /* Raises io_most[field], in the field's units, to the largest difference at the level that the coarsening is at, as far
  * as that is above it; INFINITY: the field is not asked about. Once at the finest level, then once after each step.
  * What a level has in common with the one before is known to be within what io_most was then: it must not fall.
- * ERR_NOMEM. */
+ * `reach`: only what is within it of the level's boundary is looked at, what is further inside being proved; the
+ * boundaries are no further than that from each other. INFINITY: all, 0: none. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status overlay_levels_next(struct overlay_levels *levels,
                                                       const struct coarsening *coarsening,
-                                                      double *io_most, struct tetlod_error *error);
+                                                      double reach, double *io_most, struct tetlod_error *error);
 
 #endif

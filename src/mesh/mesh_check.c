@@ -20,9 +20,17 @@
 #include "src/util/array.h"
 #include "src/util/union_find.h"
 
+enum { SMALL_SORT = 12 };
+
 struct link_edge {
     uint32_t low, high, triangle;
     bool forward; /* the triangle runs from low to high */
+};
+
+/* How often a vertex is an end of the edges that are counted. */
+struct seen {
+    uint32_t in; /* which link */
+    uint32_t edges, boundary_edges;
 };
 
 struct check {
@@ -34,9 +42,10 @@ struct check {
     uint32_t *star_tets;
     uint32_t *part, *surface; /* union-find over vertices: of the mesh, of the boundary (NONE: not on it) */
     struct link_edge *edges;  /* of the link at hand */
+    struct link_edge *spare;  /* as many, for sorting */
     uint32_t *triangle_part;  /* union-find over its triangles */
     uint32_t (*triangles)[3]; /* ascending */
-    uint32_t *ends;           /* of its boundary edges; of all its edges */
+    struct seen *seen;        /* [vertex] */
 };
 
 static const double *point(const struct check *c, uint32_t v)
@@ -72,20 +81,31 @@ static double face_area(const struct check *c, uint32_t v0, uint32_t v1, uint32_
     return sqrt(x * x + y * y + z * z) / 2;
 }
 
-static int compare_edges(const void *left, const void *right)
+static bool is_before(const struct link_edge *a, const struct link_edge *b)
 {
-    const struct link_edge *a = left, *b = right;
-    if (a->low != b->low)
-        return a->low < b->low ? -1 : 1;
-    if (a->high != b->high)
-        return a->high < b->high ? -1 : 1;
-    return a->triangle < b->triangle ? -1 : a->triangle > b->triangle;
+    return a->low != b->low ? a->low < b->low : a->high < b->high;
 }
 
-static int compare_ids(const void *left, const void *right)
+/* Sorts edges by their ends; those of the same ends stay in order. Links are small and there are many: qsort's calls
+ * would take most of the time. */
+static void sort_edges(struct link_edge *edges, size_t count, struct link_edge *spare)
 {
-    const uint32_t *a = left, *b = right;
-    return *a < *b ? -1 : *a > *b;
+    if (count <= SMALL_SORT) {
+        for (size_t i = 1; i < count; i++) {
+            struct link_edge edge = edges[i];
+            size_t k = i;
+            for (; k > 0 && is_before(&edge, &edges[k - 1]); k--)
+                edges[k] = edges[k - 1];
+            edges[k] = edge;
+        }
+        return;
+    }
+    size_t half = count / 2;
+    sort_edges(edges, half, spare);
+    sort_edges(edges + half, count - half, spare);
+    memcpy(spare, edges, half * sizeof *edges);
+    for (size_t i = 0, j = half, out = 0; i < half; out++)
+        edges[out] = j < count && is_before(&edges[j], &spare[i]) ? edges[j++] : spare[i++];
 }
 
 static int compare_triangles(const void *left, const void *right)
@@ -114,15 +134,27 @@ static uint32_t collect_link(struct check *c, uint32_t v)
         }
         c->triangle_part[count] = count;
     }
-    qsort(c->edges, 3 * (size_t)count, sizeof *c->edges, compare_edges);
+    sort_edges(c->edges, 3 * (size_t)count, c->spare);
     return count;
+}
+
+static void sort_three(uint32_t ids[3])
+{
+    static const int pairs[3][2] = {{0, 1}, {1, 2}, {0, 1}};
+    for (int i = 0; i < 3; i++) {
+        uint32_t *a = &ids[pairs[i][0]], *b = &ids[pairs[i][1]], kept = *a;
+        if (*a > *b) {
+            *a = *b;
+            *b = kept;
+        }
+    }
 }
 
 static void count_duplicates(struct check *c, uint32_t v, uint32_t count)
 {
     uint32_t kept = 0;
     for (uint32_t t = 0; t < count; t++) {
-        qsort(c->triangles[t], 3, sizeof **c->triangles, compare_ids);
+        sort_three(c->triangles[t]);
         if (c->triangles[t][0] > v) // v is the least: every tetrahedron once
             memmove(c->triangles[kept++], c->triangles[t], sizeof *c->triangles);
     }
@@ -131,20 +163,25 @@ static void count_duplicates(struct check *c, uint32_t v, uint32_t count)
         c->report->duplicate_tets += compare_triangles(c->triangles[t - 1], c->triangles[t]) == 0;
 }
 
-/* Sorts ids and gives how many different ones there are; *out_not_twice, how many of them are not there exactly
- * twice. */
-static uint32_t count_different(uint32_t *ids, size_t count, uint32_t *out_not_twice)
+/* Counts an edge of v's link at one of its ends. The first one adds a vertex to the link. */
+static void count_end(struct check *c, uint32_t v, uint32_t end, bool boundary, uint32_t *vertices)
 {
-    uint32_t different = 0;
-    *out_not_twice = 0;
-    qsort(ids, count, sizeof *ids, compare_ids);
-    for (size_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && ids[end] == ids[i]; end++)
-            ;
-        different++;
-        *out_not_twice += end - i != 2;
-    }
-    return different;
+    struct seen *seen = &c->seen[end];
+    if (seen->in != v)
+        *seen = (struct seen){.in = v};
+    *vertices += seen->edges++ == 0;
+    seen->boundary_edges += boundary;
+}
+
+/* The boundary's edges at v, each once; they belong to two faces of it where it is a surface. */
+static bool count_boundary_end(struct check *c, uint32_t end)
+{
+    struct seen *seen = &c->seen[end];
+    const uint32_t faces = seen->boundary_edges;
+    seen->boundary_edges = 0;
+    c->report->boundary_edges += faces > 0;
+    c->report->boundary_singular_edges += faces > 0 && faces != 2;
+    return faces > 0;
 }
 
 static void add_face(struct check *c, uint32_t v, const struct link_edge *first, size_t uses)
@@ -171,9 +208,9 @@ static void touch_boundary(struct check *c, uint32_t a, uint32_t b)
 static void check_link(struct check *c, uint32_t v)
 {
     struct mesh_report *report = c->report;
-    uint32_t triangles = collect_link(c, v), parts = triangles, edges = 0, not_twice;
-    size_t boundary_ends = 0, edge_ends = 0, sides = 3 * (size_t)triangles;
-    bool overfull = false;
+    uint32_t triangles = collect_link(c, v), parts = triangles, edges = 0, vertices = 0;
+    size_t sides = 3 * (size_t)triangles;
+    bool overfull = false, on_boundary = false;
     for (size_t i = 0, end; i < sides; i = end) {
         const struct link_edge *first = &c->edges[i];
         for (end = i + 1; end < sides && c->edges[end].low == first->low && c->edges[end].high == first->high; end++)
@@ -182,24 +219,19 @@ static void check_link(struct check *c, uint32_t v)
         overfull |= end - i > 2;
         if (v < first->low)
             add_face(c, v, first, end - i);
-        if (end - i == 1) {
-            c->ends[boundary_ends++] = first->low;
-            c->ends[boundary_ends++] = first->high;
+        if (end - i == 1)
             touch_boundary(c, v, first->low);
-        }
+        count_end(c, v, first->low, end - i == 1, &vertices);
+        count_end(c, v, first->high, end - i == 1, &vertices);
     }
-    report->boundary_vertices += boundary_ends > 0;
-    // each edge twice, from both its ends
-    report->boundary_edges += count_different(c->ends, boundary_ends, &not_twice);
-    report->boundary_singular_edges += not_twice;
     for (size_t i = 0; i < sides; i++) {
-        c->ends[edge_ends++] = c->edges[i].low;
-        c->ends[edge_ends++] = c->edges[i].high;
+        on_boundary |= count_boundary_end(c, c->edges[i].low);
+        on_boundary |= count_boundary_end(c, c->edges[i].high);
     }
-    uint32_t vertices = count_different(c->ends, edge_ends, &not_twice);
+    report->boundary_vertices += on_boundary;
     report->edges += vertices;
     int64_t euler = (int64_t)vertices - edges + triangles;
-    report->singular_vertices += overfull || parts != 1 || euler != (boundary_ends ? 1 : 2);
+    report->singular_vertices += overfull || parts != 1 || euler != (on_boundary ? 1 : 2);
     count_duplicates(c, v, triangles);
 }
 
@@ -237,19 +269,21 @@ static bool allocate(struct check *c)
     c->star_tets = array_new(4 * (size_t)c->tet_count, sizeof *c->star_tets);
     c->part = array_new(c->vertex_count, sizeof *c->part);
     c->surface = array_new(c->vertex_count, sizeof *c->surface);
-    if (!c->offsets || !c->star_tets || !c->part || !c->surface)
+    c->seen = array_new(c->vertex_count, sizeof *c->seen);
+    if (!c->offsets || !c->star_tets || !c->part || !c->surface || !c->seen)
         return false;
     stars_build(c->corners, c->tet_count, c->vertex_count, c->offsets, c->star_tets);
     for (uint32_t v = 0; v < c->vertex_count; v++) {
         c->part[v] = v;
         c->surface[v] = TETLOD_NONE;
+        c->seen[v] = (struct seen){.in = TETLOD_NONE};
         largest = c->offsets[v + 1] - c->offsets[v] > largest ? c->offsets[v + 1] - c->offsets[v] : largest;
     }
     c->edges = array_new(3 * largest, sizeof *c->edges);
     c->triangle_part = array_new(largest, sizeof *c->triangle_part);
     c->triangles = array_new(largest, sizeof *c->triangles);
-    c->ends = array_new(6 * largest, sizeof *c->ends);
-    return c->edges && c->triangle_part && c->triangles && c->ends;
+    c->spare = array_new(3 * largest, sizeof *c->spare);
+    return c->edges && c->triangle_part && c->triangles && c->spare;
 }
 
 static void release(struct check *c)
@@ -258,10 +292,11 @@ static void release(struct check *c)
     free(c->star_tets);
     free(c->part);
     free(c->surface);
+    free(c->seen);
     free(c->edges);
     free(c->triangle_part);
     free(c->triangles);
-    free(c->ends);
+    free(c->spare);
 }
 
 enum tetlod_status mesh_check(const double *positions, const uint32_t *corners, uint32_t vertex_count,

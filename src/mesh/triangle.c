@@ -7,13 +7,14 @@
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 
-static double on_segment(const double *p, const double *a, const double *b, double *t)
+double segment_distance2(const double *p, const double *a, const double *b, double *out_t)
 {
     double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, e[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
     double length2 = dot(d, d), sum = 0;
-    *t = length2 > 0 ? smaller(1, larger(0, dot(d, e) / length2)) : 0;
+    const double t = length2 > 0 ? smaller(1, larger(0, dot(d, e) / length2)) : 0;
     for (int i = 0; i < 3; i++)
-        sum += (e[i] - *t * d[i]) * (e[i] - *t * d[i]);
+        sum += (e[i] - t * d[i]) * (e[i] - t * d[i]);
+    *out_t = t;
     return sum;
 }
 
@@ -22,7 +23,7 @@ double triangle_distance2(const double *p, const double *a, const double *b, con
     const double *corner[4] = {a, b, c, a};
     double best = INFINITY, t, u[3], v[3], w[3], n[3];
     for (int i = 0; i < 3; i++) {
-        double distance2 = on_segment(p, corner[i], corner[i + 1], &t);
+        double distance2 = segment_distance2(p, corner[i], corner[i + 1], &t);
         if (distance2 < best) {
             best = distance2;
             weights[0] = weights[1] = weights[2] = 0;
@@ -57,8 +58,8 @@ static double segments_distance2(const double *a, const double *b, const double 
     subtract(d, c, v);
     subtract(a, c, w);
     double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), uw = dot(u, w), vw = dot(v, w), area2 = uu * vv - uv * uv;
-    best = smaller(smaller(on_segment(a, c, d, &t), on_segment(b, c, d, &t)),
-                   smaller(on_segment(c, a, b, &t), on_segment(d, a, b, &t)));
+    best = smaller(smaller(segment_distance2(a, c, d, &t), segment_distance2(b, c, d, &t)),
+                   smaller(segment_distance2(c, a, b, &t), segment_distance2(d, a, b, &t)));
     double r = uv * vw - vv * uw, s = uu * vw - uv * uw;
     if (!(area2 > 0) || r < 0 || r > area2 || s < 0 || s > area2)
         return best;

@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Distance of a point from a triangle, which may have no area. */
+/* Distances of points from segments and from triangles, which may have no length or no area. */
 #ifndef TETLOD_TRIANGLE_H
 #define TETLOD_TRIANGLE_H
+
+/* Square of the distance of p from the segment from a to b; out_t: the part of the way to b at the closest point. */
+double segment_distance2(const double *p, const double *a, const double *b, double *out_t);
 
 /* Square of the distance of p from the triangle, and the weights of its corners at the closest point. */
 double triangle_distance2(const double *p, const double *a, const double *b, const double *c, double weights[3]);

@@ -245,10 +245,23 @@ static void copy_components(struct build *build)
     }
 }
 
+/* How far from the level's boundary the certified error need not hold at the same position (PROOF.md, 5): a point that
+ * is further inside than the boundary moved is its own partner. Fields that are not controlled are certified nowhere;
+ * the exact and the measured limit leave rounding out. */
+static double unproved_reach(const struct build *build, uint32_t mark, double diagonal)
+{
+    const struct build_options *options = build->options;
+    double moved = build->log.marks[mark].moved;
+    if (options->certify_all || options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
+        return INFINITY;
+    return moved > BOUNDARY_KEPT * diagonal ? (moved + build->rounded_by) * (1 + 1e-9) : 0;
+}
+
 /* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones
  * have come to and what the level is certified for in any case (less a hair, which taking fractions of the range may
  * add). */
-static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
+static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark,
+                                     double diagonal)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
         const double *range = build->ranges[f];
@@ -262,7 +275,8 @@ static enum tetlod_status find_exact(struct build *build, const struct coarsenin
         bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
         build->exact[f] = asked ? finer * (range[1] - range[0]) : INFINITY;
     }
-    return overlay_levels_next(build->overlay, coarsening, build->exact, build->error);
+    return overlay_levels_next(build->overlay, coarsening, unproved_reach(build, mark, diagonal), build->exact,
+                               build->error);
 }
 
 /* `max` becomes no less than the exact maximum: where it is proved for another point than the one at the same place, or
@@ -302,34 +316,21 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     if (mark)
         coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads);
     if (build->overlay)
-        TETLOD_TRY(find_exact(build, coarsening, mark));
+        TETLOD_TRY(find_exact(build, coarsening, mark, diagonal));
     TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));
     file_level(build, mark, measured, domain, diagonal);
     return TETLOD_OK;
 }
 
-/* The tail's errors, as measured, and its maxima over the overlay. */
-static enum tetlod_status weigh_tail(struct build *build, const struct coarsening *exact,
-                                     const struct measured *measured)
+/* The tail is the rounded mesh: its errors are what was measured, and what rounding came to over the overlay. */
+static void file_tail(const struct build *build, const struct measured *measured)
 {
-    struct overlay_levels *overlay;
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
         double *errors = tail_errors(build) + (size_t)f * TETLOD_MEASURES, *range = build->ranges[f];
         errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
         errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
         errors[TETLOD_MAX] = fmin(larger(range_fraction(range, build->rounding[f]), errors[TETLOD_SAMPLED]), 1);
-        build->exact[f] = range_has_scale(range) ? errors[TETLOD_MAX] * (1 - 4 * DBL_EPSILON) * (range[1] - range[0])
-                                                 : INFINITY;
     }
-    TETLOD_TRY(overlay_levels_new(&overlay, build->original, exact, build->options->threads, build->error));
-    enum tetlod_status status = overlay_levels_next(overlay, exact, build->exact, build->error);
-    overlay_levels_free(overlay);
-    for (uint32_t f = 0; f < build->mesh->field_count && status == TETLOD_OK; f++) {
-        double *max = &tail_errors(build)[(size_t)f * TETLOD_MEASURES + TETLOD_MAX];
-        if (isfinite(build->exact[f]))
-            *max = larger(*max, range_fraction(build->ranges[f], build->exact[f]));
-    }
-    return status;
 }
 
 /* The last level: of a lossless stream nothing is left of any error. Else its positions are rounded, and it is measured
@@ -349,7 +350,7 @@ static enum tetlod_status measure_tail(struct build *build, struct measured *mea
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &exact, build->options->threads, build->error));
     TETLOD_TRY_DONE(measure_levels_next(measure, measured, &domain, build->error));
     build->levels[build->log.mark_count].domain_error = diagonal > 0 ? domain / diagonal : 0;
-    status = weigh_tail(build, &exact, measured);
+    file_tail(build, measured);
 done:
     measure_levels_free(measure);
     coarsening_fini(&exact);

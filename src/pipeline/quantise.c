@@ -6,7 +6,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/measure/overlay.h"
+#include "src/log/coarsening.h"
+#include "src/measure/overlay_levels.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
@@ -173,27 +174,32 @@ double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh)
 
 /* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that
  * does. */
-enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
-                                   double *out,
-                                   struct tetlod_error *error)
+static enum tetlod_status raise_to_overlay(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
+                                           double *io_most, struct tetlod_error *error)
 {
-    uint32_t *fields = array_new(mesh->field_count, sizeof *fields);
-    struct overlay_report report;
+    struct coarsening finest = {0};
+    struct overlay_levels *overlay = NULL;
     enum tetlod_status status = TETLOD_OK;
-    if (!fields)
-        return tetlodi_fail_nomem(error, "the fields", mesh->field_count * sizeof *fields);
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        fields[f] = f;
+    TETLOD_TRY_DONE(coarsening_init(&finest, copy, NULL, error));
+    TETLOD_TRY_DONE(overlay_levels_new(&overlay, mesh, &finest, threads, error));
+    status = overlay_levels_next(overlay, &finest, INFINITY, io_most, error);
+done:
+    overlay_levels_free(overlay);
+    coarsening_fini(&finest);
+    return status;
+}
+
+enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
+                                   double *out, struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < mesh->field_count; f++)
         out[f] = changed_by(&copy->fields[f], &mesh->fields[f], mesh->vertex_count);
-    }
     if (memcmp(copy->positions, mesh->positions, mesh->vertex_count * 3 * sizeof *copy->positions) != 0)
-        status = overlay_max(mesh, fields, copy, fields, mesh->field_count,
-                             &(struct overlay_options){.threads = threads}, out, &report, error);
+        TETLOD_TRY(raise_to_overlay(copy, mesh, threads, out, error));
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         double range[2];
         point_field_range(&mesh->fields[f], mesh->vertex_count, range);
         out[f] = fmin(out[f] * (1 + 1e-9), range[1] - range[0]);
     }
-    free(fields);
-    return status;
+    return TETLOD_OK;
 }

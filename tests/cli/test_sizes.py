@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A stream is smaller than the compressed VTU that holds its finest level alone, and rounding makes it smaller."""
 import os
+import resource
 
 import numpy as np
 
@@ -42,6 +43,26 @@ def rounded_positions():
     return None if same and len(set(nearest)) == len(points) and sizes[1] < sizes[0] else (same, sizes)
 
 
+def processor_time(*command):
+    """The least of two runs."""
+    times = []
+    for _ in range(2):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        must(*command, '--quiet', '--threads', '1')
+        times.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
+    return min(times)
+
+
+def times_of_builds():
+    """Rounded positions take less than four times a build, verify less than ten times."""
+    mesh, stream = path('solid.vtu'), path('solid.tetlod')
+    results.write(mesh, *results.solid(16))
+    rounded = processor_time('build', mesh, '--position-bits', '16', '-o', stream)
+    build = processor_time('build', mesh, '-o', stream)
+    verify = processor_time('verify', stream, '--against', mesh)
+    return None if rounded < 4 * build and verify < 10 * build else (build, rounded, verify)
+
+
 def main():
     if CONFIG != 'release':
         return report('sizes', True, skip='the same bytes in every configuration')
@@ -54,6 +75,7 @@ def main():
     report('values that repeat but for noise: the stream is the smaller', stream < vtu,
            '%d bytes, VTU %d' % (stream, vtu))
     case('rounded positions make a stream smaller, not larger', rounded_positions)
+    case('rounding takes less than four builds, verify less than ten', times_of_builds)
 
 
 main()

@@ -375,16 +375,52 @@ static void test_rounding(void)
     }
 }
 
-/* What the finest level of a mesh, as `coarsening` has it, is found to differ by. */
-static double finest(const struct tetmesh *original, const struct coarsening *coarsening)
+/* What the finest level of a mesh, as `coarsening` has it, is found to differ by near its boundary. */
+static double finest_within(const struct tetmesh *original, const struct coarsening *coarsening, double reach)
 {
     struct overlay_levels *levels;
     double most = 0;
     if (overlay_levels_new(&levels, original, coarsening, 1, NULL) != TETLOD_OK)
         return NAN;
-    CHECK(overlay_levels_next(levels, coarsening, &most, NULL) == TETLOD_OK);
+    CHECK(overlay_levels_next(levels, coarsening, reach, &most, NULL) == TETLOD_OK);
     overlay_levels_free(levels);
     return most;
+}
+
+static double finest(const struct tetmesh *original, const struct coarsening *coarsening)
+{
+    return finest_within(original, coarsening, INFINITY);
+}
+
+/* The vertex that is nearest to a point. */
+static uint32_t vertex_at(const struct tetmesh *mesh, double x, double y, double z)
+{
+    uint32_t best = 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        if (distance_squared(mesh->positions + 3 * (size_t)v, (const double[3]){x, y, z}) <
+            distance_squared(mesh->positions + 3 * (size_t)best, (const double[3]){x, y, z}))
+            best = v;
+    return best;
+}
+
+/* Near the boundary all differences are found, far inside none is looked for. */
+static void test_near_boundary(void)
+{
+    struct tetmesh mesh;
+    struct coarsening level;
+    REQUIRE(sample_find("cube")->make(&mesh, 8, NULL) == TETLOD_OK);
+    REQUIRE(coarsening_init(&level, &mesh, NULL, NULL) == TETLOD_OK);
+    level.fields[0].values[vertex_at(&mesh, 4, 4, 4)] += 0.5;
+    CHECK(finest_within(&mesh, &level, 0) == 0);
+    CHECK(finest_within(&mesh, &level, 0.16) == 0);
+    CHECK_NEAR(finest_within(&mesh, &level, 2.4), 0.5, 1e-12);
+    level.fields[0].values[vertex_at(&mesh, 4, 4, 8)] += 0.25;
+    level.fields[0].values[vertex_at(&mesh, 4, 2, 7)] += 0.375;
+    CHECK(finest_within(&mesh, &level, 0.16) >= 0.25 - 1e-12);
+    CHECK_NEAR(finest_within(&mesh, &level, 1.04), 0.375, 1e-12);
+    CHECK_NEAR(finest(&mesh, &level), 0.5, 1e-12);
+    coarsening_fini(&level);
+    tetmesh_fini(&mesh);
 }
 
 /* A finest level that is the original has no difference; one with a position, a value or a diagonal of its own has. */
@@ -425,5 +461,6 @@ int main(void)
     RUN(test_against_all_pairs);
     RUN(test_rounding);
     RUN(test_finest_level);
+    RUN(test_near_boundary);
     return test_end();
 }
