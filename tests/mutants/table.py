@@ -275,9 +275,14 @@ mutant('one range for all fields', 'format/read/reader.c', 'info->fields[f].rang
 
 mutant('verify: no exact maximum', 'src/cli/against.c', 'if (a->exact[f] > a->floors[f])', 'if (a->exact[f] < 0)',
        'max is held against the overlay', ATTACK)
-mutant('the exact tail of rounded positions has no exact maximum', 'src/pipeline/build.c',
-       '*max = larger(*max, range_fraction(build->ranges[f], build->exact[f]));', '(void)max;',
-       'max is raised where positions are rounded, at the tail too', ATTACK)
+mutant('what rounding positions changes has no exact maximum', 'src/pipeline/quantise.c',
+       'overlay_levels_next(overlay, &finest, INFINITY, io_most, error)', 'TETLOD_OK',
+       'max has what rounded positions change, at the tail too', ATTACK)
+mutant('overlay: of the level nothing is near the boundary', 'src/measure/overlay_levels.c',
+       'box[d] -= reach;\n            box[d + 3] += reach;', '',
+       'what is unproved near the boundary is looked at', 'unit/test_overlay')
+mutant('overlay: of the original nothing is near the boundary', 'src/measure/overlay_levels.c',
+       'levels->depths[t] <= 2 * reach', 'levels->depths[t] <= 0 * reach', 'the same', 'unit/test_overlay')
 mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c',
        'if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'
