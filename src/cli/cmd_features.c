@@ -4,12 +4,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <unistd.h>
 
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/extract_step.h"
 #include "src/cli/print_json.h"
+#include "src/cli/stream_input.h"
 #include "src/io/io.h"
 #include "src/report/features_json.h"
 #include "src/util/file.h"
@@ -17,12 +17,12 @@
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod features FILE --field NAME [--persistence P] [--above V] [--below V]\n"
+    "usage: tetlod features FILE|URL --field NAME [--persistence P] [--above V] [--below V]\n"
     "                       [--level K | --error E] [--step N | --time T] [-o OUT.vtu|.csv] [--json]\n"
     "\n"
     "Lists the maxima and minima of a field that the original certainly has, with a box that holds each,\n"
     "and those that it may have. FILE is a stream, of which the coarsest level is read that decides, or a\n"
-    "mesh file.\n"
+    "mesh file. URL is that of a stream, of which the bytes up to that level are fetched.\n"
     "\n"
     "  -f, --field NAME       the field; of a vector |NAME| or NAME:0\n"
     "      --persistence P    how far the field must fall from a maximum (rise from a minimum) before a\n"
@@ -192,19 +192,20 @@ static int of_stream(struct request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
     struct feature_answer answer = {0};
-    struct tetlod_file *file;
-    int fd, exit;
-    if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
-        return cli_fail(&error);
-    const struct tetlod_info *info = tetlod_info(file);
-    enum tetlod_status status = find_in_stream(request, file, cli_finest_here(info, fd), &answer, &inner);
-    if (status != TETLOD_OK)
-        tetlodi_fail(&error, status, "%s: %.230s", request->input, inner.message);
-    exit = status == TETLOD_OK ? show(request, request->of_step ? NULL : info, &answer) : cli_fail(&error);
+    struct stream_input input;
+    int exit = EXIT_FAILED;
+    enum tetlod_status status = stream_input_open(&input, request->input, parallel_cores(), &error);
+    if (status == TETLOD_OK) {
+        const struct tetlod_info *info = tetlod_info(input.file);
+        status = find_in_stream(request, input.file, input.finest, &answer, &inner);
+        if (status == TETLOD_OK)
+            exit = show(request, request->of_step ? NULL : info, &answer);
+        else
+            stream_input_fail(&input, request->input, status, &inner, &error);
+    }
     feature_answer_fini(&answer);
-    tetlod_close(file);
-    close(fd);
-    return exit;
+    stream_input_close(&input);
+    return status == TETLOD_OK ? exit : cli_fail(&error);
 }
 
 static int of_mesh(struct request *request)
@@ -305,7 +306,7 @@ static int run(int argc, char **argv)
     request.input = argv[optind];
     if (request.output && !cli_check_output(&command_features, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;
-    return cli_is_stream(request.input) ? of_stream(&request) : of_mesh(&request);
+    return web_source_is(request.input) || cli_is_stream(request.input) ? of_stream(&request) : of_mesh(&request);
 }
 
 const struct command command_features = {"features", "extrema that the original certainly has", help, run};

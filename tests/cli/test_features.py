@@ -112,6 +112,26 @@ def prefixes():
     report('a file that is cut off', 0 < said['level'] < levels - 1, said)
 
 
+def write_waves(name, n):
+    points, tets = attack.block(np.random.default_rng(5), n)
+    values = np.sin(5 * points[:, 0]) * np.cos(4 * points[:, 1]) * np.sin(3 * points[:, 2] + 1)
+    attack.write_mesh(path(name), points, tets, values)
+
+
+def urls():
+    """A stream at a URL answers as its file does; what is finer than the level that decides is not fetched."""
+    question = '--field', 'p', '--persistence', '10%'
+    write_waves('fine.vtk', 19)
+    must('build', 'fine.vtk', '-o', 'fine.tetlod', '--domain-error', '0')
+    local = answer('fine.tetlod', *question)
+    with common.Host() as host:
+        remote = answer(host.url + 'fine.tetlod', *question)
+    report('a URL gives the same answer', remote == local, (remote, local))
+    report('and fetches what it needs', host.sent < 0.7 * local[1]['of_bytes'], (host.sent, local[1]['of_bytes']))
+    fails('a host that is not there', 1, ('http://127.0.0.1:1/x.tetlod', 'cannot be read'), 'features',
+          'http://127.0.0.1:1/x.tetlod', *question)
+
+
 def series():
     must('sample', 'wake', '--steps', '3', '--size', '6', '-o', 'wake.pvd')
     must('build', 'wake.pvd', '-o', 'wake.tetlod')
@@ -144,13 +164,12 @@ def refusals():
 def main():
     judge_itself()
     random_fields()
-    points, tets = attack.block(np.random.default_rng(5), 9)
-    values = np.sin(5 * points[:, 0]) * np.cos(4 * points[:, 1]) * np.sin(3 * points[:, 2] + 1)
-    attack.write_mesh(path('plain.vtk'), points, tets, values)
+    write_waves('plain.vtk', 9)
     must('build', 'plain.vtk', '-o', 'plain.tetlod', '--domain-error', '0')
     vectors()
     outputs()
     prefixes()
+    urls()
     series()
     refusals()
     finish()
