@@ -10,6 +10,7 @@
 #include "src/cli/print_json.h"
 #include "src/cli/scratch_memory.h"
 #include "src/mesh/displacement.h"
+#include "src/mesh/ids.h"
 #include "src/pipeline/build_warnings.h"
 #include "src/report/info_json.h"
 #include "src/report/byte_table.h"
@@ -61,10 +62,18 @@ static void say_fields(const struct build_request *request, const struct tetmesh
                 request->build.regions);
 }
 
+/* Has the mesh values of cells that --cell-data average would make a field of? */
+static bool has_averages_to_make(const struct build_request *request, const struct tetmesh *mesh)
+{
+    bool any = false;
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++)
+        any |= !ids_by_kind(&mesh->cell_fields[f]);
+    return any && request->reading.options.cell_data != CELL_DATA_AVERAGE;
+}
+
 /* What to add where nothing but a coordinate could be controlled. */
 static void say_coordinate(const struct build_request *request, const struct tetmesh *mesh, uint32_t field)
 {
-    bool averages = request->reading.options.cell_data == CELL_DATA_AVERAGE;
     if (strncmp(mesh->fields[field].name, COORDINATE_NAME, strlen(COORDINATE_NAME)) != 0 || request->field_count)
         return;
     fprintf(stderr,
@@ -72,7 +81,7 @@ static void say_coordinate(const struct build_request *request, const struct tet
             "results come "
             "from a file that has them%s%s\n",
             mesh->fields[field].name, request->reading.options.solution ? "" : ", --q for PLOT3D",
-            mesh->cell_field_count && !averages ? ", --cell-data average from values of cells" : "");
+            has_averages_to_make(request, mesh) ? ", --cell-data average from values of cells" : "");
 }
 
 /* The field that costs most. */

@@ -7,7 +7,7 @@ import numpy as np
 
 LIBRARY = (glob.glob('/usr/lib/*/libcgns.so.*') + [None])[0]
 TYPES = {'float32': 3, 'float64': 4, 'int32': 2}  # DataType_t
-ELEMENTS = {'tetra': 10, 'tetra10': 11, 'pyramid': 12, 'wedge': 14, 'wedge15': 15, 'hexahedron': 17,
+ELEMENTS = {'tetra': 10, 'tetra10': 11, 'pyramid': 12, 'pyramid14': 13, 'wedge': 14, 'wedge15': 15, 'hexahedron': 17,
             'hexahedron20': 18, 'triangle': 5,
             'mixed': 20, 'ngon': 22, 'nface': 23}
 UNSTRUCTURED, STRUCTURED, VERTEX, CELL = 3, 2, 2, 3
