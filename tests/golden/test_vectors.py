@@ -7,6 +7,7 @@ import random
 import resource
 import struct
 import subprocess
+import tracemalloc
 
 from streams import crafted, plain, sealed, still_steps, tetlod
 from tap import finish, report
@@ -138,6 +139,38 @@ def check_limits():
         check_limit(what, beyond, words, True)
 
 
+def seek_finest(data, memory=None):
+    """A cursor at the finest level; None where the budget refuses it."""
+    try:
+        stream = tetlod.open(data, memory)
+        return stream.cursor().seek(len(stream.levels) - 1)
+    except tetlod.StreamError as problem:
+        return None if 'more memory than is allowed' in str(problem) else problem
+
+
+def check_budget():
+    """The reference decoder's memory stays within what it is allowed: it refuses what takes more, and gives room back."""
+    for name in 'grid_float32', 'paged_float32', 'tail_float64':
+        data, allowed = read(name + '.tetlod'), 64 << 20
+        tracemalloc.start()
+        cursor = seek_finest(data)
+        traced = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        taken = allowed + 2048 * len(data) - cursor.stream.budget.left
+        report('%s: what is taken is what is counted, about' % name, 0.8 * traced < taken < 5 * traced, (traced, taken))
+        report('less is refused', seek_finest(data, taken) and not seek_finest(data, taken - 1), taken)
+    data = read('grid_float32.tetlod')
+    stream = tetlod.open(data)
+    left = stream.budget.left
+    cursors = [stream.cursor().seek(1) for _ in range(3)]
+    report('cursors share the budget', stream.budget.left < left - 3 * cursors[0].taken + 1, stream.budget.left)
+    del cursors
+    report('and give it back', stream.budget.left == left, (stream.budget.left, left))
+    sizes = [tetlod.Budget(size, None).left for size in (0, 1000, 1 << 40)]
+    report('it goes with the bytes', sizes == [64 << 20, (64 << 20) + 2048000, 16 << 30], sizes)
+    report('and is no more than asked for', tetlod.Budget(1 << 30, 1 << 20).left == 1 << 20)
+
+
 def check_invalid():
     with open(os.path.join(GOLDEN, 'invalid', 'verdicts.txt')) as file:
         verdicts = [line.split(' ', 2) for line in file]
@@ -173,6 +206,7 @@ def check_forged():
 
 check_bomb()
 check_limits()
+check_budget()
 check_invalid()
 check_forged()
 finish()

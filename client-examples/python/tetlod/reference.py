@@ -52,8 +52,37 @@ TABLE, PACKED, NUMBERS, LEVEL_ROWS = (1 << 16, 3), (0, 64), (1 << 10, 4), (1 << 
 LABELS, FIELD_LABELS, STEP_ROWS = (1 << 16, 16), (1 << 16, 512), (1 << 22, 64)
 
 
+# Sections that are tables of numbers
+TABLES = 'TIME', 'CTIM', 'PTIM', 'TOPO', 'PAGE'
+
+
 def allowed(allowance, size):
     return allowance[0] + allowance[1] * size
+
+
+# Memory that a stream may take in all: so much, and so much for each byte of it; never more than the largest. A
+# heavily rounded stream has two tetrahedra in a byte.
+MEMORY, MOST_MEMORY = (64 << 20, 2048), 16 << 30
+
+# What Python's objects take: for a byte of a table, a cursor with its models, a vertex or a tetrahedron of it, a value
+# of a vertex there, one in a list of values
+TABLE_BYTE, CURSOR, ROW, VALUE, LISTED = 16, 1 << 20, 512, 128, 96
+
+
+class Budget:
+    def __init__(self, size, memory):
+        self.left = min(allowed(MEMORY, size), MOST_MEMORY if memory is None else memory)
+
+    def need(self, size, what):
+        """That much is going to be taken, and given back soon."""
+        require(size <= self.left, '%s takes more memory than is allowed' % what)
+
+    def take(self, size, what):
+        self.need(size, what)
+        self.left -= size
+
+    def give(self, size):
+        self.left += size
 
 
 # ---------------------------------------------------------------- header and index (SPEC 3)
@@ -165,7 +194,7 @@ def unpack(packed, size):
 
 
 class Stream:
-    def __init__(self, read, size):
+    def __init__(self, read, size, memory=None):
         header = read(0, 64)
         pointer = pointer_of(header)
         if pointer:
@@ -181,6 +210,8 @@ class Stream:
         require(required & ~1 == 0, 'the stream needs a newer reader')
         require(reserved == 0 and index_size <= plain_size <= min(1 << 28, max(index_size, allowed(TABLE, index_size))) and early_size <= 1 << 28 and
                 64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
+        self.budget = Budget(self.bytes if size is None else min(size, self.bytes), memory)
+        self.budget.take(TABLE_BYTE * plain_size, 'the index')
         index = read(64, index_size)
         require(len(index) == index_size, 'the stream ends too early')
         require(digest(header[:40] + index) == cid, 'the index is damaged: the content id is another')
@@ -266,7 +297,7 @@ class Stream:
             tag, place = tag.decode(), flags & 2
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
-            room = allowed(TABLE if tag in ('TIME', 'CTIM', 'PTIM', 'TOPO', 'PAGE') else PACKED, size)
+            room = allowed(TABLE if tag in TABLES else PACKED, size)
             require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
             known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'CTIM': 0, 'CSTP': 0,
                      'PCEL': 2, 'PMAP': 0, 'PVAL': 0, 'PTIM': 0, 'PSTP': 0, 'TOPO': 2, 'NEXT': 0,
@@ -282,6 +313,8 @@ class Stream:
     def section(self, tag, number=0):
         """What the first section with a tag holds, or a further one; None if there is none."""
         for section in [section for section in self.sections if section['tag'] == tag][number:number + 1]:
+            table = section['tag'] in TABLES
+            self.budget.need((TABLE_BYTE if table else 2) * section['size'] + section['stored'], 'section ' + tag)
             data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
             return unpack(data, section['size']) if section['packed'] else data
         return None
@@ -439,6 +472,7 @@ class Stream:
         field, rows = self.cell_fields[number], self.cell_rows or self.tets
         data, kind = self.section('PVAL' if self.cell_rows else 'CVAL', number), np.dtype(field['type']).newbyteorder('<')
         shape = (rows, field['components']) if field['components'] > 1 else (rows,)
+        self.need_cells(field)
         if field['quantum']:
             from .reference_steps import CellGroup
             codes = CellGroup(np.zeros(shape, '<i8'))
@@ -450,6 +484,12 @@ class Stream:
         values = np.frombuffer(data, kind)
         require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
         return values.reshape(shape)
+
+    def need_cells(self, field):
+        """Values of cells, where they are listed one by one and as arrays of all tetrahedra."""
+        rows = self.cell_rows or self.tets
+        listed = LISTED * rows if field['quantum'] else 0
+        self.budget.need(field['components'] * (listed + 16 * (rows + self.tets)) + 4 * self.tets, 'values of cells')
 
     def parents(self):
         """The cell of each tetrahedron (SPEC 3.6), cells numbered as they arrive; None: each is its own."""
@@ -526,6 +566,7 @@ class Stream:
         data = self.section('ORDR')
         if data is None:
             return None
+        self.budget.need(16 * (self.vertices + self.tets), 'the order')
         coder, first, second = Coder(self.seen_most), bits(4), [bits(4) for _ in range(4)]
         coder.start(data)
         numbers = []
@@ -576,8 +617,9 @@ class Stream:
         return Cursor(self, range(len(self.fields)) if fields is None else [self.field_index(f) for f in fields])
 
 
-def open(source):
-    """A stream from a path, an http(s) URL whose server knows Range, or bytes."""
+def open(source, memory=None):
+    """A stream from a path, an http(s) URL whose server knows Range, or bytes. `memory`: bytes that it and its cursors
+    may take, about; never more than 64 MiB and 2048 for each byte of it, or 16 GiB."""
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
     elif source.startswith(('http://', 'https://')):
@@ -588,11 +630,11 @@ def open(source):
             with urllib.request.urlopen(request) as answer:
                 data = answer.read()
                 return data if answer.status == 206 else data[offset:offset + size]
-        return Stream(read, None)
+        return Stream(read, None, memory)
     else:
         with __builtins_open(source, 'rb') as file:
             data = file.read()
-    return Stream(lambda offset, size: data[offset:offset + size], len(data))
+    return Stream(lambda offset, size: data[offset:offset + size], len(data), memory)
 
 
 def pointer_of(head):
@@ -869,7 +911,7 @@ class Cursor:
     """A mesh at one level. `positions`, `tets`, `field(name)` copy it into numpy arrays."""
 
     def __init__(self, stream, fields):
-        self.stream, self.level, self.decoded = stream, 0, 0
+        self.stream, self.level, self.decoded, self.taken = stream, 0, 0, 0
         self.columns = [Column(stream.scales[0], 3, 0)]
         for f in fields:
             self.columns.append(Column(stream.scales[1 + f], stream.fields[f]['components'], 1 + f))
@@ -885,6 +927,22 @@ class Cursor:
         self.listed, self.seams = None, frozenset()  # of a page: its vertices, and those that do not split
         self.left_out = set()        # tetrahedra of pages that were left out
         self._base()
+
+    def __del__(self):
+        self.stream.budget.give(self.taken)
+
+    def _take_room(self, level):
+        """Before a level is decoded: for all that it adds, as far as it is decoded."""
+        there, before = self.stream.levels[level], self.stream.levels[level - 1] if level else {'vertices': 0, 'tets': 0}
+        vertices = there['vertices'] - before['vertices']
+        components = sum(column.components for column in self.columns if column.part)
+        if self._is_tail(level):
+            size = LISTED * there['vertices'] * components
+        else:
+            size = ROW * (vertices + there['tets'] - before['tets']) + VALUE * vertices * components
+        size += 0 if level else CURSOR
+        self.stream.budget.take(size, 'level %d' % level)
+        self.taken += size
 
     # ------------------------------------------------ what it holds
 
@@ -1035,6 +1093,7 @@ class Cursor:
 
     def _base(self):
         base = self.stream.levels[0]
+        self._take_room(0)
         self._start(0)
         self._grow(base['vertices'], base['tets'])
         self.tet_count, self.count = len(self.tets_list), base['vertices']
@@ -1125,6 +1184,7 @@ class Cursor:
     # ------------------------------------------------ records (SPEC 7)
 
     def _decode_level(self, level):
+        self._take_room(level)
         self._start(level)
         if self._is_tail(level):
             self._tail()
@@ -1150,6 +1210,7 @@ class Cursor:
         closed set (reference_pages.closure): the pages that they need are among them."""
         self.seek(min(self.stream.groups) - 1)
         for level, group in sorted(self.stream.groups.items()):
+            self._take_room(level)
             self._start(level)
             self._decode_group(level, group, chosen.get(level, ()))
         self.decoded = self.level = None  # no level of the stream

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from .reference import Bytes, Coder, Number, STEP_ROWS, Scale, allowed, bits, digest, in_ring, require
+from .reference import (LISTED, STEP_ROWS, Bytes, Coder, Number, Scale, allowed, bits, digest, in_ring,
+                        require)
 
 GROUP, KEY, SAME, MOVED = 8, 0, 1, 2
 LIMITS = {'int8': 1 << 7, 'int16': 1 << 15, 'int32': 1 << 31, 'int64': 1 << 53}  # of whole numbers of cells
@@ -123,7 +124,8 @@ class Series:
         offset = self._sections[row]['offset'] + sum(sizes[:begin])
         group = self.stream._part('a group of steps', offset, sum(sizes[begin:begin + GROUP]),
                                   self._digests[row][begin // GROUP])
-        field = self.fields[number]
+        field, there = self.fields[number], self.stream.levels[self.bands[band]['level']]
+        self.stream.budget.need(2 * LISTED * field['components'] * there['vertices'], 'a step')
         steps = Steps(self._lower[self.bands[band]['level']], field['type'],
                       self._quanta[band * len(self.fields) + number], field['components'])
         for size in sizes[begin:step + 1]:
@@ -236,6 +238,7 @@ class CellSteps:
         size = sum(sizes[begin:begin + GROUP])
         wanted = self._digests[row][begin // GROUP] if size else digest(b'')
         group = self._stream._part('a group of steps of cells', offset, size, wanted)
+        self._stream.budget.need(2 * LISTED * first.size, 'a step of cells')
         steps = CellGroup(first)
         for size in sizes[begin:step + 1]:
             if size:
