@@ -149,7 +149,7 @@ def seek_finest(data, memory=None):
 
 
 def check_budget():
-    """The reference decoder's memory stays within what it is allowed: it refuses what takes more, and gives room back."""
+    """The reference decoder's memory stays within what is allowed: what takes more is refused, and room comes back."""
     for name in 'grid_float32', 'paged_float32', 'tail_float64':
         data, allowed = read(name + '.tetlod'), 64 << 20
         tracemalloc.start()

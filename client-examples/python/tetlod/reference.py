@@ -933,7 +933,8 @@ class Cursor:
 
     def _take_room(self, level):
         """Before a level is decoded: for all that it adds, as far as it is decoded."""
-        there, before = self.stream.levels[level], self.stream.levels[level - 1] if level else {'vertices': 0, 'tets': 0}
+        there = self.stream.levels[level]
+        before = self.stream.levels[level - 1] if level else {'vertices': 0, 'tets': 0}
         vertices = there['vertices'] - before['vertices']
         components = sum(column.components for column in self.columns if column.part)
         if self._is_tail(level):
