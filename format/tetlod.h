@@ -503,7 +503,9 @@ TETLOD_API void tetlod_feed_free(struct tetlod_feed *feed);
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *const *names,
                                                                 uint32_t count, struct tetlod_error *error);
 
-/* Copies `size` bytes. TETLOD_MORE until the index is complete, then OK; or as tetlod_open. */
+/* Copies `size` bytes: of a stream, or of an HDF5 file with one in it (format/SPEC.md, 3.10), whose other bytes are
+ * passed. Offsets below are those in the stream. TETLOD_MORE until the index is complete, then OK; or as tetlod_open.
+ */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, size_t size,
                                                              struct tetlod_error *error);
 

@@ -10,7 +10,7 @@ struct server_options {
     const char *const *listen;
     size_t listen_count;
     const char *metrics;         /* address for /metrics alone; NULL: served with the rest */
-    const char *const *paths;    /* streams, or folders of *.tetlod */
+    const char *const *paths;    /* streams, or folders of *.tetlod and *.vtkhdf */
     size_t path_count;
     const char *const *cors;     /* origins that may read answers, or "*", or "none" ["*", on local addresses none] */
     size_t cors_count;

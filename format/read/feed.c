@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/coding/pointer.h"
 #include "format/fail.h"
 #include "format/read/reader.h"
 
@@ -17,6 +18,8 @@ struct piece {
 struct tetlod_feed {
     struct tetlodi_buffer bytes; /* what was added */
     uint64_t dropped;            /* bytes that were added before those */
+    uint64_t pass;               /* bytes of an HDF5 file that come before its stream (SPEC 3.10) */
+    uint64_t pointed;            /* bytes that the stream has in it; 0: it is no such file */
     uint64_t end;                /* of the stream as far as it is there; further on if frames are left out */
     struct tetlod_options options;
     struct tetlod_file *file;
@@ -164,15 +167,49 @@ static enum tetlod_status put(struct tetlod_feed *feed, const uint8_t *bytes, si
     return TETLOD_OK;
 }
 
+/* The first bytes are those of an HDF5 file: what comes before its stream is passed. */
+static enum tetlod_status take_pointer(struct tetlod_feed *feed, struct tetlod_error *error)
+{
+    struct tetlodi_pointer pointer;
+    TETLOD_TRY(tetlodi_pointer_decode(&pointer, feed->bytes.bytes, error));
+    feed->pass = pointer.offset - POINTER_SIZE;
+    feed->pointed = pointer.size;
+    feed->bytes.size = 0;
+    feed->end = 0;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status open_file(struct tetlod_feed *feed, struct tetlod_error *error)
+{
+    const struct tetlod_source source = {read_fed, feed, feed->end};
+    TETLOD_TRY(tetlod_open(&feed->file, &source, &feed->options, error));
+    enum tetlod_status status = feed->selects ? find_skipped(feed, error) : TETLOD_OK;
+    if (status == TETLOD_OK && feed->pointed && feed->pointed != feed->file->index.info.bytes)
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM,
+                              "the pointer to the stream says %llu bytes, and the stream %llu",
+                              (unsigned long long)feed->pointed, (unsigned long long)feed->file->index.info.bytes);
+    if (status != TETLOD_OK)
+        close_file(feed);
+    return status;
+}
+
 /* Takes what belongs to header and index, and opens the file when that is all. */
 static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **bytes, size_t *size,
                                      struct tetlod_error *error)
 {
     for (;;) {
         uint64_t end;
+        size_t passed = feed->pass < *size ? (size_t)feed->pass : *size;
+        feed->pass -= passed;
+        *bytes += passed;
+        *size -= passed;
+        if (!feed->pointed && feed->bytes.size == POINTER_SIZE && tetlodi_pointer_is(feed->bytes.bytes)) {
+            TETLOD_TRY(take_pointer(feed, error));
+            continue;
+        }
         TETLOD_TRY(wanted(feed, &end, error));
         if (feed->bytes.size == end)
-            break;
+            return open_file(feed, error);
         size_t taken = end - feed->bytes.size < *size ? (size_t)(end - feed->bytes.size) : *size;
         if (!taken)
             return TETLOD_MORE;
@@ -180,12 +217,6 @@ static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **b
         *bytes += taken;
         *size -= taken;
     }
-    const struct tetlod_source source = {read_fed, feed, feed->end};
-    TETLOD_TRY(tetlod_open(&feed->file, &source, &feed->options, error));
-    enum tetlod_status status = feed->selects ? find_skipped(feed, error) : TETLOD_OK;
-    if (status != TETLOD_OK)
-        close_file(feed);
-    return status;
 }
 
 /* Takes bytes for the frames that they are of, and passes those between. */
@@ -225,6 +256,9 @@ enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, 
     const uint8_t *at = bytes;
     if (!feed->file)
         TETLOD_TRY(take_index(feed, &at, &size, error));
+    uint64_t left = feed->file->index.info.bytes - feed->end;
+    if (feed->pointed && size > left)
+        size = (size_t)left; // the rest is of the HDF5 file
     TETLOD_TRY(feed->selects ? take_frames(feed, at, size, error) : put(feed, at, size, error));
     if (feed->end > feed->file->index.info.bytes)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",

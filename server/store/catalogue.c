@@ -21,7 +21,7 @@
 #include "src/util/hash.h"
 #include "src/util/utf8_clean.h"
 
-static const char suffix[] = ".tetlod";
+static const char stream_ending[] = ".tetlod", hdf_ending[] = ".vtkhdf";
 
 enum {
     PATH_CAPACITY = 4096,
@@ -330,10 +330,28 @@ static enum tetlod_status take_file(struct scan *scan, int folder, const char *p
     return status;
 }
 
+static bool ends_in(const char *name, const char *ending)
+{
+    size_t size = strlen(name), length = strlen(ending);
+    return size > length && strcmp(name + size - length, ending) == 0;
+}
+
 static bool is_stream_name(const char *name)
 {
-    size_t size = strlen(name);
-    return name[0] != '.' && size >= sizeof suffix && strcmp(name + size - (sizeof suffix - 1), suffix) == 0;
+    return name[0] != '.' && (ends_in(name, stream_ending) || ends_in(name, hdf_ending));
+}
+
+/* VTKHDF files are meshes of other programs, too: those without a stream in them (SPEC 3.10) are passed. */
+static bool is_other_mesh(int folder, const char *name)
+{
+    static const char pointer[8] = "\x89TLH\r\n\x1a\n";
+    char start[sizeof pointer];
+    int fd = ends_in(name, hdf_ending) ? openat(folder, name, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY) : -1;
+    if (fd < 0)
+        return false; // what is wrong with it is said as of any other stream
+    bool points = read(fd, start, sizeof start) == sizeof start && memcmp(start, pointer, sizeof start) == 0;
+    close(fd);
+    return !points;
 }
 
 static int by_name(const void *a, const void *b)
@@ -386,7 +404,7 @@ static enum tetlod_status take_folder(struct scan *scan, const char *path, int f
         // which of two same ids is served must not depend on the folder's order
         qsort(names, count, sizeof *names, by_name);
     for (size_t i = 0; i < count; i++) {
-        if (!why) {
+        if (!why && !is_other_mesh(fd, names[i])) {
             enum tetlod_status ignored = take_file(scan, fd, names[i], NULL); // logged; the others are served
             (void)ignored;
         }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The streams that are served, by id. Built from paths: files, and folders of *.tetlod that are looked through again at
- * every scan. A stream that was replaced by another file stays for those who still read it, until nobody has asked for
- * its content id for a while; one that was written over in place is gone at once. Finding may be done by any thread,
- * scanning by one at a time.
+ * The streams that are served, by id. Built from paths: files, and folders of *.tetlod, and of *.vtkhdf with a stream
+ * in them, that are looked through again at every scan. A stream that was replaced by another file stays for those who
+ * still read it, until nobody has asked for its content id for a while; one that was written over in place is gone at
+ * once. Finding may be done by any thread, scanning by one at a time.
  */
 #ifndef TETLOD_SERVER_CATALOGUE_H
 #define TETLOD_SERVER_CATALOGUE_H

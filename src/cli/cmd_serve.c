@@ -16,9 +16,10 @@
 static const char help[] =
     "usage: tetlod serve [OPTIONS] PATH...\n"
     "\n"
-    "Serves streams over HTTP: files, or every *.tetlod of a folder. Prints the viewer's URL; stops on\n"
-    "SIGINT or SIGTERM after the answers in progress. It notices files that are new, replaced or gone (at\n"
-    "once on SIGHUP). On SIGHUP it also reads token, CORS and hosts again.\n"
+    "Serves streams over HTTP: files, or every *.tetlod of a folder, and every *.vtkhdf with a stream in\n"
+    "it. Prints the viewer's URL; stops on SIGINT or SIGTERM after the answers in progress. It notices\n"
+    "files that are new, replaced or gone (at once on SIGHUP). On SIGHUP it also reads token, CORS and\n"
+    "hosts again.\n"
     "\n"
     "  --listen ADDR:PORT      where to listen; may be repeated (default 127.0.0.1:8080). Also\n"
     "                          [ADDR]:PORT, unix:PATH. A socket handed over by systemd (LISTEN_FDS) takes\n"

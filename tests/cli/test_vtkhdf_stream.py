@@ -131,6 +131,21 @@ def server_case():
     assert answers[0] == answers[1]
 
 
+def folder_case():
+    """A folder's VTKHDF files with a stream in them are served, others are passed without a word."""
+    import urllib.request
+    os.makedirs(path('folder'), exist_ok=True)
+    for name, of in (('a.vtkhdf', 'fin.vtkhdf'), ('b.tetlod', 'fin.tetlod'), ('b.vtkhdf', 'bare.vtkhdf'),
+                     ('c.vtkhdf', 'bare.vtkhdf')):
+        shutil.copy(path(of), path(os.path.join('folder', name)))
+    write('folder/short.vtkhdf', b'1')
+    with Server(path('folder')) as server:
+        with urllib.request.urlopen(server.url + 'v1/meshes') as answer:
+            found = [mesh['id'] for mesh in json.load(answer)['meshes']]
+        said = server.messages()
+    assert found == ['a', 'b'] and 'not served' not in said, (found, said)
+
+
 def steps_of(name):
     """Points, tetrahedra and values of each step, as the documentation of VTKHDF says where they are."""
     with h5py.File(path(name)) as file:
@@ -260,7 +275,8 @@ def main():
     for name in ('series_moving', 'topologies'):
         shutil.copy(os.path.join(ROOT, 'tests', 'golden', name + '.tetlod'), path(name + '.tetlod'))
         must('convert', name + '.tetlod', '--stream', '--show', '2%', '-o', name + '.vtkhdf')
-    for test in (file_case, shown_case, commands_case, explode_case, server_case, cut_case):
+    must('convert', 'fin.vtu', '-o', 'bare.vtkhdf')
+    for test in (file_case, shown_case, commands_case, explode_case, server_case, cut_case, folder_case):
         case(test.__doc__ or test.__name__, test)
     for name in ('wake', 'series_moving', 'topologies'):
         case('steps of %s' % name, series_case, name)

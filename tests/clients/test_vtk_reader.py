@@ -258,6 +258,27 @@ def test_urls():
         check_host(place, coarse, fine)
 
 
+def test_vtkhdf():
+    """The stream in a VTKHDF file, as file and of a host: levels, and steps of every topology group."""
+    for name in ('fin', 'topologies'):
+        bare = golden(name) if name == 'topologies' else os.path.join(SCRATCH, name + '.tetlod')
+        tetlod('convert', bare, '--stream', '-o', os.path.join(SCRATCH, name + '.vtkhdf'))
+    fin, wake = (os.path.join(SCRATCH, name + '.vtkhdf') for name in ('fin', 'topologies'))
+    assert reader(fin).CanReadFile(fin) and not reader(fin).CanReadFile(os.path.join(SCRATCH, 'fin.vtu'))
+    with host() as place:
+        for path in fin, place + 'fin.vtkhdf':
+            same(level(path, Error=0.05), extracted(os.path.join(SCRATCH, 'fin.tetlod'), '--error', '5%'), path)
+        for path in wake, place + 'topologies.vtkhdf':
+            made = reader(path, Error=0.05)
+            made.UpdateInformation()
+            times = package.open(golden('topologies')).times
+            for number in (0, len(times) // 2, len(times) - 1):
+                made.UpdateTimeStep(times[number])
+                wanted = extracted(golden('topologies'), '--step', number, '--error', '5%')
+                same(made.GetOutput(), wanted, (path, number))
+            assert not made.said, made.said
+
+
 def check_host(place, coarse, fine):
     made = reader(place + 'fin.tetlod?signature=a%2Fb', Headers='X-Other: 1\nX-Key: secret', Error=0.05)
     made.Update()
@@ -408,7 +429,7 @@ def main():
     sys.path.insert(0, MODULE)
     tetlod('sample', 'fin', '--size', 14, '-o', 'fin.vtu')
     tetlod('build', 'fin.vtu', '-o', os.path.join(SCRATCH, 'fin.tetlod'), '--quiet')
-    run([test_levels, test_steps, test_box, test_arrays, test_urls, test_stop, test_errors, test_pictures])
+    run([test_levels, test_steps, test_box, test_arrays, test_urls, test_vtkhdf, test_stop, test_errors, test_pictures])
 
 
 main()

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/coding/pointer.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/stream_fuzz.h"
@@ -272,6 +273,51 @@ static void test_drop(void)
     stream_close(&s);
 }
 
+/* An HDF5 file with a stream in it, in pieces of any size: what is before and behind is passed (SPEC 3.10). */
+static void test_feed_inside(void)
+{
+    enum { BEFORE = 700, BEHIND = 90 };
+    struct stream s;
+    REQUIRE(stream_open(&s, 1, NULL));
+    struct tetlodi_pointer pointer = {BEFORE, s.memory.size};
+    size_t size = BEFORE + s.memory.size + BEHIND;
+    uint8_t *file = malloc(size);
+    REQUIRE(file != NULL);
+    memset(file, 7, size);
+    memcpy(file + BEFORE, s.memory.bytes, s.memory.size);
+    tetlodi_pointer_encode(&pointer, file);
+    for (size_t step = 1; step < 4096; step = 3 * step + 5) {
+        struct tetlod_feed *feed;
+        struct tetlod_cursor *cursor, *reference;
+        REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+        for (size_t at = 0; at < size; at += step) {
+            enum tetlod_status status = tetlod_feed_add(feed, file + at, size - at < step ? size - at : step, NULL);
+            REQUIRE(status == TETLOD_OK || (status == TETLOD_MORE && !tetlod_feed_file(feed)));
+        }
+        REQUIRE(tetlod_feed_level(feed) == s.info->level_count - 1);
+        REQUIRE(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), NULL, 0, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_cursor_new(&reference, s.file, NULL, 0, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_cursor_seek(cursor, s.info->level_count - 1, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_cursor_seek(reference, s.info->level_count - 1, NULL) == TETLOD_OK);
+        CHECK(differences(&s, cursor, reference) == 0);
+        tetlod_cursor_free(cursor);
+        tetlod_cursor_free(reference);
+        tetlod_feed_free(feed);
+    }
+    struct tetlod_feed *feed;
+    pointer.size++;
+    tetlodi_pointer_encode(&pointer, file);
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, file, size, NULL), TETLOD_ERR_STREAM);
+    tetlod_feed_free(feed);
+    file[9] ^= 1;
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, file, size, NULL), TETLOD_ERR_CHECKSUM);
+    tetlod_feed_free(feed);
+    free(file);
+    stream_close(&s);
+}
+
 struct heap {
     size_t blocks, calls, fails_after;
 };
@@ -406,6 +452,7 @@ int main(void)
     RUN(test_floats);
     RUN(test_spans);
     RUN(test_drop);
+    RUN(test_feed_inside);
     RUN(test_allocator);
     RUN(test_older_options);
     return test_end();

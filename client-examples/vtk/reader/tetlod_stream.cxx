@@ -172,11 +172,14 @@ tetlod_stream::part& tetlod_stream::part_of(double time, uint32_t& step)
   part& at = parts[number];
   tetlod_error error = {};
   if (!at.file && number == 0)
+  {
     at.file = whole;
+    at.offset = info().stream_offset;
+  }
   if (!at.file)
   {
     check(tetlod_open_topology(&at.file, whole, number, &error), error);
-    at.offset = info().topologies[number].offset;
+    at.offset = info().stream_offset + info().topologies[number].offset;
   }
   if (!at.series)
   {

@@ -81,7 +81,8 @@ int vtkTetlodReader::CanReadFile(const char* name)
 {
   char start[8] = {};
   std::ifstream(name, std::ios::binary).read(start, sizeof start);
-  return std::memcmp(start, "\x89TLD\r\n\x1a\n", sizeof start) == 0;
+  return std::memcmp(start, "\x89TLD\r\n\x1a\n", sizeof start) == 0 ||
+    std::memcmp(start, "\x89TLH\r\n\x1a\n", sizeof start) == 0; // a stream in a VTKHDF file
 }
 
 bool vtkTetlodReader::GetNeedsUpdate()
