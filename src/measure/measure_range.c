@@ -54,6 +54,7 @@ struct ranges {
     struct locator locator;
     struct coarsening mesh; /* the level */
     double size; /* of the level: its diagonal */
+    bool within; /* samples that a tetrahedron holds take its values only */
     /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
     bool in_place;
     struct sums *sums; /* [chunk][field] */
@@ -271,6 +272,8 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
     if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size, &count))
         return;
     try_tets(r, worker, &sample, count);
+    if (sample.held && r->within)
+        return;
     double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face);
     if (face == TETLOD_NONE ||
         !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9), &count) ||
@@ -340,13 +343,13 @@ static bool is_in_place(const struct tetmesh *original, const struct tetmesh *le
 }
 
 enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t *bodies, const struct tetmesh *level,
-                                 unsigned threads, struct measured_range *out, struct tetlod_error *error)
+                                 bool within, unsigned threads, struct measured_range *out, struct tetlod_error *error)
 {
     uint32_t fields = original->field_count;
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level),
-                       .in_place = is_in_place(original, level)};
+                       .within = within, .in_place = is_in_place(original, level)};
     uint8_t *counts = array_new(original->tet_count, 1);
     enum tetlod_status status = TETLOD_OK;
     r.vertex_counts = array_zero(original->vertex_count, 1);
