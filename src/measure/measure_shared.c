@@ -13,6 +13,7 @@
 #include "src/measure/measure_levels.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 
 struct sweep {
     const struct shared_levels *levels;
@@ -20,6 +21,7 @@ struct sweep {
     struct measure_levels *measure;
     struct buffer *parts; /* [MEASURE_PARTS] what is put */
     bool mine[MEASURE_PARTS];
+    double alone; /* processor seconds of what every program does */
     struct tetlod_error *error;
 };
 
@@ -63,6 +65,16 @@ static enum tetlod_status keep_level(struct sweep *sweep, double domain)
     return status == TETLOD_OK ? status : tetlodi_fail_nomem(sweep->error, "the levels", sweep->parts[0].size);
 }
 
+/* The next level, at which every program has to come by itself. */
+static void advance(struct sweep *sweep, uint32_t mark)
+{
+    const struct shared_levels *levels = sweep->levels;
+    double begun = thread_seconds();
+    if (mark)
+        coarsening_advance(&sweep->coarsening, levels->log, levels->log->marks[mark].contractions, levels->threads);
+    sweep->alone += thread_seconds() - begun;
+}
+
 static enum tetlod_status measure_parts(struct sweep *sweep, struct measured *scratch)
 {
     const struct shared_levels *levels = sweep->levels;
@@ -70,8 +82,7 @@ static enum tetlod_status measure_parts(struct sweep *sweep, struct measured *sc
     measure_levels_restrict(sweep->measure, sweep->mine);
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
         double domain = levels->domains[mark];
-        if (mark)
-            coarsening_advance(&sweep->coarsening, log, log->marks[mark].contractions, levels->threads);
+        advance(sweep, mark);
         TETLOD_TRY(measure_levels_next(sweep->measure, scratch, &domain, sweep->error));
         TETLOD_TRY(keep_level(sweep, domain));
         if (levels->progress && !levels->progress(levels->progress_opaque, (mark + 1.0) / log->mark_count))
@@ -96,15 +107,21 @@ static enum tetlod_status put_parts(struct sweep *sweep)
 /* Sweeps until no part is open. */
 static enum tetlod_status do_parts(struct sweep *sweep, struct measured *scratch)
 {
+    const struct work_share *share = sweep->levels->share;
     enum tetlod_status status = TETLOD_OK;
     while (status == TETLOD_OK && take_parts(sweep)) {
+        double begun = thread_seconds();
         status = begin_sweep(sweep);
+        sweep->alone += thread_seconds() - begun;
         if (status == TETLOD_OK)
             status = measure_parts(sweep, scratch);
         end_sweep(sweep);
         if (status == TETLOD_OK)
             status = put_parts(sweep);
     }
+    if (share->spent_alone)
+        share->spent_alone(share->opaque, sweep->alone);
+    sweep->alone = 0;
     return status;
 }
 

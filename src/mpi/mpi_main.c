@@ -12,6 +12,7 @@
 #include "src/cli/build_request.h"
 #include "src/cli/cli.h"
 #include "src/mpi/mpi_share.h"
+#include "src/util/number_text.h"
 #include "src/util/parallel.h"
 #include "src/util/spool.h"
 
@@ -23,6 +24,7 @@ static const char help[] =
     "reads INPUT and has the whole mesh in memory; rank 0 writes the stream.\n"
     "\n"
     "      --threads N   threads of each rank (default: the cores of its machine, by its ranks)\n"
+    "      --model N     say at the end what the job has cost, and what it would on N ranks\n"
     "\n"
     "All other options: 'tetlod help build'. Without MPI: 'tetlod help plan'.\n"
     "\n"
@@ -66,6 +68,24 @@ static unsigned own_threads(void)
     return own < allowed ? own : allowed;
 }
 
+/* Takes --model N out of the arguments. False: N is no number of ranks. */
+static bool take_model(int *io_argc, char **argv, uint64_t *out)
+{
+    int kept = 0;
+    bool good = true;
+    for (int i = 0; i < *io_argc; i++) {
+        bool alone = strcmp(argv[i], "--model") == 0, joined = strncmp(argv[i], "--model=", 8) == 0;
+        const char *text = joined ? argv[i] + 8 : alone && i + 1 < *io_argc ? argv[i + 1] : "";
+        if (alone || joined)
+            good &= text_count(text, false, out) && *out >= 1 && *out <= 1000000;
+        else
+            argv[kept++] = argv[i];
+        i += alone;
+    }
+    *io_argc = kept;
+    return good;
+}
+
 /* The arguments of tetlod build, with threads before the user's own. */
 static int build(int argc, char **argv, const struct work_share *share)
 {
@@ -82,6 +102,38 @@ static int build(int argc, char **argv, const struct work_share *share)
     int result = build_together(argc, arguments, share);
     free(arguments);
     return result;
+}
+
+/* What the job has cost, and what it would on other numbers of ranks: processor seconds of the rank that takes longest,
+ * which with a core for each thread and a fast network is the time that the job takes. */
+static void print_cost(const struct job_cost *cost, uint32_t ranks, uint32_t asked)
+{
+    const double one = job_cost_of(cost, 1);
+    printf("%-12s %6s %10s %10s %10s\n", "stage", "parts", "work s", "longest s", "each s");
+    for (uint32_t i = 0; i < cost->stage_count; i++)
+        printf("%-12u %6u %10.3f %10.3f %10.3f\n", i + 1, cost->stages[i].parts, cost->stages[i].work,
+               cost->stages[i].longest, cost->stages[i].alone);
+    printf("%-12s %6s %10s %10s %10.3f\n", "each rank", "", "", "", cost->alone);
+    printf("%-12s %6s %10s %10s %10.3f\n\n", "rank 0", "", "", "", cost->leads);
+    printf("%-12s %10s %10s\n", "ranks", "seconds", "speed-up");
+    for (uint32_t n = 1; n < asked; n *= 2)
+        printf("%-12u %10.2f %10.2f\n", n, job_cost_of(cost, n), one / job_cost_of(cost, n));
+    printf("%-12u %10.2f %10.2f\n\n", asked, job_cost_of(cost, asked), one / job_cost_of(cost, asked));
+    printf("on %u ranks: at most %.0f MB of memory a rank, %.1f MB received\n", ranks, (double)cost->resident / 1e6,
+           (double)cost->moved / 1e6);
+}
+
+/* Collective. */
+static int model(const struct work_share *share, uint32_t asked, int rank)
+{
+    struct tetlod_error error = {0};
+    struct job_cost cost;
+    if (mpi_share_cost(share, &cost, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    if (rank == 0)
+        print_cost(&cost, share->members, asked);
+    job_cost_fini(&cost);
+    return EXIT_DONE;
 }
 
 /* Every rank ends as the job does. */
@@ -101,15 +153,23 @@ static int run(int argc, char **argv, int rank)
 {
     struct tetlod_error error = {0};
     struct work_share share;
+    uint64_t asked = 0;
     bool helps = argc > 1 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "help") == 0);
     if (helps || argc < 3 || strcmp(argv[1], "build") != 0) {
         if (rank == 0)
             fputs(help, helps ? stdout : stderr);
         return helps ? EXIT_DONE : EXIT_USAGE;
     }
+    if (!take_model(&argc, argv, &asked)) {
+        if (rank == 0)
+            fprintf(stderr, "tetlod-mpi: --model takes a number of ranks, 1 to 1000000\n");
+        return EXIT_USAGE;
+    }
     if (mpi_share_new(&share, MPI_COMM_WORLD, &error) != TETLOD_OK)
         return cli_fail(&error);
     int result = finish(&share, build(argc, argv, &share), rank);
+    if (result == EXIT_DONE && asked)
+        result = model(&share, (uint32_t)asked, rank);
     mpi_share_free(&share);
     return result;
 }

@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/mpi/mpi_share.h"
 
+#include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <time.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 
 /* Counts of MPI are int: larger messages go in pieces. */
 enum { PIECE = 1 << 30 };
@@ -19,6 +22,13 @@ static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02;
 struct result {
     unsigned char *bytes;
     uint64_t size;
+    double begun; /* processor seconds of its thread */
+};
+
+/* What a stage costs this rank. */
+struct stage_time {
+    uint32_t parts;
+    double begun, all, alone, longest;
 };
 
 struct mpi_share {
@@ -32,7 +42,22 @@ struct mpi_share {
     struct result *results; /* [part] */
     bool over, told;     /* a rank has failed, as all know; it was another one */
     uint64_t moved;
+    struct stage_time *stages; /* [stage_count] */
+    uint32_t stage_count;
+    double begun;              /* processor seconds before all */
 };
+
+static double process_seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static struct stage_time *this_stage(const struct mpi_share *share)
+{
+    return &share->stages[share->stage_count - 1];
+}
 
 /* Waits without keeping a core busy that another rank may need. */
 static void wait_for(MPI_Request *request)
@@ -75,7 +100,9 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     struct mpi_share *share = opaque;
     const uint32_t none = 0;
     uint32_t before;
-    share->results = array_zero(parts, sizeof *share->results);
+    struct stage_time *stages = array_resize(share->stages, share->stage_count + (size_t)1, sizeof *stages);
+    share->stages = stages ? stages : share->stages;
+    share->results = stages ? array_zero(parts, sizeof *share->results) : NULL;
     share->parts = share->results ? parts : 0;
     share->order = order;
     if (!agree(share, share->results != NULL))
@@ -85,7 +112,10 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
         MPI_Fetch_and_op(&none, &before, MPI_UINT32_T, 0, 0, MPI_REPLACE, share->window);
         MPI_Win_flush(0, share->window);
     }
-    return agree(share, true) ? TETLOD_OK : other_failed(error);
+    if (!agree(share, true))
+        return other_failed(error);
+    share->stages[share->stage_count++] = (struct stage_time){.parts = parts, .begun = process_seconds()};
+    return TETLOD_OK;
 }
 
 static bool take(void *opaque, uint32_t *out_part)
@@ -100,17 +130,23 @@ static bool take(void *opaque, uint32_t *out_part)
     if (place >= share->parts)
         return false;
     *out_part = share->order ? share->order[place] : place;
+    share->results[*out_part].begun = thread_seconds();
     return true;
 }
 
 static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, size_t size, struct tetlod_error *error)
 {
     struct mpi_share *share = opaque;
-    struct result result = {array_new(size, 1), size};
-    if (!result.bytes)
+    struct result *result = &share->results[part]; // no other thread has this part
+    double seconds = thread_seconds() - result->begun;
+    result->bytes = array_new(size, 1);
+    result->size = size;
+    if (!result->bytes)
         return tetlodi_fail_nomem(error, "a part", size);
-    memcpy(result.bytes, bytes, size);
-    share->results[part] = result; // no other thread has this part
+    memcpy(result->bytes, bytes, size);
+    pthread_mutex_lock(&share->lock);
+    this_stage(share)->longest = fmax(this_stage(share)->longest, seconds);
+    pthread_mutex_unlock(&share->lock);
     return TETLOD_OK;
 }
 
@@ -140,7 +176,6 @@ static void send_part(struct mpi_share *share, uint32_t part, int owner)
         uint64_t left = result->size - at;
         MPI_Bcast(result->bytes + at, (int)(left < PIECE ? left : PIECE), MPI_BYTE, owner, share->comm);
     }
-    share->moved += share->ranks > 1 ? result->size : 0;
 }
 
 /* Room for what others have done. */
@@ -150,7 +185,8 @@ static bool make_room(struct mpi_share *share, const uint64_t *list)
         struct result *result = &share->results[part];
         if (result->bytes)
             continue;
-        *result = (struct result){array_new(list[2 * (size_t)part + 1], 1), list[2 * (size_t)part + 1]};
+        *result = (struct result){array_new(list[2 * (size_t)part + 1], 1), list[2 * (size_t)part + 1], 0};
+        share->moved += result->size;
         if (!result->bytes)
             return false;
     }
@@ -162,6 +198,7 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     struct mpi_share *share = opaque;
     uint64_t *list = NULL;
     *out_again = false;
+    this_stage(share)->all = process_seconds() - this_stage(share)->begun;
     if (!agree(share, status == TETLOD_OK))
         return status == TETLOD_OK ? other_failed(error) : status;
     bool room = list_results(share, &list) && make_room(share, list);
@@ -192,6 +229,12 @@ static void end(void *opaque)
     drop_results(opaque);
 }
 
+static void spent_alone(void *opaque, double seconds)
+{
+    struct mpi_share *share = opaque;
+    this_stage(share)->alone += seconds;
+}
+
 /* ---- the share */
 
 enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct tetlod_error *error)
@@ -207,7 +250,8 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
                      &share->counter, &share->window);
     MPI_Win_lock_all(0, share->window);
     pthread_mutex_init(&share->lock, NULL);
-    *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end, share};
+    share->begun = process_seconds();
+    *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end, spent_alone, share};
     return TETLOD_OK;
 }
 
@@ -217,6 +261,7 @@ void mpi_share_free(struct work_share *share)
     if (!mpi)
         return;
     drop_results(mpi);
+    free(mpi->stages);
     MPI_Win_unlock_all(mpi->window);
     MPI_Win_free(&mpi->window);
     MPI_Comm_free(&mpi->comm);
@@ -243,7 +288,56 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
     return false;
 }
 
-uint64_t mpi_share_moved(const struct work_share *share)
+/* ---- what it has cost */
+
+/* A stage on all ranks. */
+static void sum_stage(const struct mpi_share *share, const struct stage_time *own, struct stage_cost *out)
 {
-    return ((const struct mpi_share *)share->opaque)->moved;
+    double sums[2] = {own->all - own->alone, own->alone}, most[2] = {own->longest, own->alone};
+    MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
+    MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, share->comm);
+    bool sweeps = most[1] > 0; // many parts at once: each has its share
+    *out = (struct stage_cost){own->parts, sums[0], most[1], sweeps ? sums[0] / own->parts : most[0]};
+}
+
+enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cost *out, struct tetlod_error *error)
+{
+    struct mpi_share *mpi = share->opaque;
+    struct rusage usage;
+    double outside = process_seconds() - mpi->begun, least = outside, most;
+    *out = (struct job_cost){.stages = array_zero(mpi->stage_count, sizeof *out->stages),
+                             .stage_count = mpi->stage_count};
+    if (!agree(mpi, out->stages != NULL))
+        return mpi->told ? other_failed(error) : tetlodi_fail_nomem(error, "the stages", mpi->stage_count);
+    for (uint32_t i = 0; i < mpi->stage_count; i++) {
+        sum_stage(mpi, &mpi->stages[i], &out->stages[i]);
+        outside -= mpi->stages[i].all;
+    }
+    least = mpi->rank || mpi->ranks == 1 ? outside : INFINITY;
+    most = mpi->rank ? 0 : outside;
+    MPI_Allreduce(&least, &out->alone, 1, MPI_DOUBLE, MPI_MIN, mpi->comm);
+    MPI_Allreduce(&most, &out->leads, 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
+    out->leads = fmax(out->leads - out->alone, 0);
+    getrusage(RUSAGE_SELF, &usage);
+    uint64_t bytes[2] = {mpi->moved, (uint64_t)usage.ru_maxrss << 10};
+    MPI_Allreduce(MPI_IN_PLACE, bytes, 2, MPI_UINT64_T, MPI_MAX, mpi->comm);
+    out->moved = bytes[0];
+    out->resident = bytes[1];
+    return TETLOD_OK;
+}
+
+void job_cost_fini(struct job_cost *cost)
+{
+    free(cost->stages);
+    *cost = (struct job_cost){0};
+}
+
+double job_cost_of(const struct job_cost *cost, uint32_t ranks)
+{
+    double seconds = cost->alone + cost->leads;
+    for (uint32_t i = 0; i < cost->stage_count; i++) {
+        const struct stage_cost *stage = &cost->stages[i];
+        seconds += stage->alone + fmax(stage->work / ranks, stage->longest);
+    }
+    return seconds;
 }

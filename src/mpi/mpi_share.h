@@ -21,7 +21,29 @@ void mpi_share_free(struct work_share *share);
  * failed by itself says, on all ranks. */
 bool mpi_share_finish(struct work_share *share, bool good, const char *text, int *out_rank, char **out_text);
 
-/* Bytes that this rank has sent to others, or received from them. */
-uint64_t mpi_share_moved(const struct work_share *share);
+/* What a job has cost, in processor seconds: stage by stage, and outside of them. */
+struct stage_cost {
+    uint32_t parts;
+    double work;    /* of all ranks, without `alone` */
+    double alone;   /* that every rank spends, however many there are */
+    double longest; /* part */
+};
+
+struct job_cost {
+    struct stage_cost *stages; /* [stage_count] owned */
+    uint32_t stage_count;
+    double alone;  /* outside of stages: of a rank that does not lead */
+    double leads;  /* what rank 0 spends more: the end of the measuring, and writing */
+    uint64_t moved, resident; /* bytes that came to a rank from others; most that a rank had in memory */
+};
+
+/* Collective, after a job that went well: what it has cost, on all ranks. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cost *out,
+                                                 struct tetlod_error *error);
+void job_cost_fini(struct job_cost *cost);
+
+/* Processor seconds of the rank that takes longest if there were so many: the rank that leads, which waits for the
+ * others in every stage. */
+double job_cost_of(const struct job_cost *cost, uint32_t ranks);
 
 #endif

@@ -4,6 +4,13 @@
 #include <errno.h>
 #include <time.h>
 
+double thread_seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
 double monotonic_seconds(void)
 {
     struct timespec now;

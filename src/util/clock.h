@@ -8,6 +8,9 @@
 /* Seconds of a clock that only goes forward. */
 double monotonic_seconds(void);
 
+/* Processor seconds of the calling thread. */
+double thread_seconds(void);
+
 /* A condition whose waits end by that clock. */
 void monotonic_cond_init(pthread_cond_t *condition);
 

@@ -30,6 +30,8 @@ struct work_share {
                               struct tetlod_error *error);
     /* The stage is over: its parts may go. */
     void (*end)(void *opaque);
+    /* Of the processor time of this stage so much is spent by every member, however many there are; NULL: nobody asks. */
+    void (*spent_alone)(void *opaque, double seconds);
     void *opaque;
 };
 

@@ -72,6 +72,16 @@ def one_fails():
     return None if done.returncode and len(lines) == 1 and not os.path.exists(path('no.tetlod')) else done
 
 
+def models():
+    """--model says what a job costs on other numbers of ranks: less on more, and never less than its longest part."""
+    done = mpi(2, 'build', 'fin.vtu', '-o', 'many.tetlod', '--paged=2000', '--quiet', '--model', '8')
+    table = done.stdout.decode().split('speed-up\n')[1].split('\n\n')[0].splitlines()
+    rows = [[float(word) for word in line.split()] for line in table]
+    good = [row[0] for row in rows] == [1, 2, 4, 8] and rows[0][2] == 1 and rows[0][1] > rows[3][1] > 0
+    bad = mpi(2, 'build', 'fin.vtu', '--model', 'x', '-o', 'no.tetlod')
+    return None if done.returncode == 0 and good and bad.returncode == 2 and len(own_lines(bad)) == 1 else (done, bad)
+
+
 def stages():
     """Every part comes to all ranks; a failure at any moment does, too."""
     done = job(3, os.path.join(os.path.dirname(PROGRAM), 'tests/mpi/test_stages'))
@@ -126,5 +136,6 @@ case('a folder that is not there', fails_once, 1, ['nowhere/no.tetlod'], 'build'
      'nowhere/no.tetlod')
 case('one rank fails', one_fails)
 case('stages', stages)
+case('a model', models)
 case('a solver', in_situ)
 finish()
