@@ -251,7 +251,8 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     MPI_Win_lock_all(0, share->window);
     pthread_mutex_init(&share->lock, NULL);
     share->begun = process_seconds();
-    *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end, spent_alone, share};
+    *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end,
+                               spent_alone, share};
     return TETLOD_OK;
 }
 
