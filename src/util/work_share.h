@@ -30,7 +30,7 @@ struct work_share {
                               struct tetlod_error *error);
     /* The stage is over: its parts may go. */
     void (*end)(void *opaque);
-    /* Of the processor time of this stage so much is spent by every member, however many there are; NULL: nobody asks. */
+    /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
     void *opaque;
 };
