@@ -121,7 +121,11 @@ export interface Spec {
   surface?: boolean;
   slices?: { origin: Point; normal: Point }[];
   /** A function of components colours instead of `field`: steps over a stack, as formula.js makes them. */
-  formula?: { inputs: [field: string, component: number][]; program: [operation: number, number: number][]; text: string } | null;
+  formula?: {
+    inputs: [field: string, component: number][];
+    program: [operation: number, number: number][];
+    text: string;
+  } | null;
   /** Points are moved by a field of three components; `outline`: the boundary without that comes, too. */
   warp?: { field: string; scale: number; outline?: boolean } | null;
   /** `zone`: the two isosurfaces between which the original's lies, too. */
@@ -335,16 +339,19 @@ export type Source = string | URL | Remote | Blob | Reader;
 type Listeners = { [Name in keyof Events]?: (event: CustomEvent<Events[Name]>) => void };
 
 export class TetlodStream extends EventTarget {
-  static open(source: Source, options?: {
-    /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
-    target?: Target;
-    /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first that drove the contraction. */
-    fields?: string[] | 'first';
-    signal?: AbortSignal;
-    retries?: number;
-    on?: Listeners;
-    wasm?: string | URL;
-  }): Promise<TetlodStream>;
+  static open(
+    source: Source,
+    options?: {
+      /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
+      target?: Target;
+      /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first that drove the contraction. */
+      fields?: string[] | 'first';
+      signal?: AbortSignal;
+      retries?: number;
+      on?: Listeners;
+      wasm?: string | URL;
+    },
+  ): Promise<TetlodStream>;
   readonly info: Info;
   /** Names of those that are decoded. */
   readonly fields: string[];
@@ -364,12 +371,22 @@ export class TetlodStream extends EventTarget {
   /** Of the whole stream, all topology groups among them. */
   readonly bytes: number;
   /** Shows a step in a band, or in the coarsest one within an error; values pass into it in `blend` milliseconds. */
-  seekStep(step: number, choice?: { band?: number; error?: number; blend?: number }, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  seekStep(
+    step: number,
+    choice?: { band?: number; error?: number; blend?: number },
+    options?: { signal?: AbortSignal },
+  ): Promise<{ level: number; reached: boolean }>;
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of what is drawn of the mesh; null elsewhere. */
-  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]>; part?: 'inside' | 'outside' | 'between'; level?: number } | null>;
+  probe(point: Point): Promise<{
+    tet: number;
+    values: Record<string, number[]>;
+    cells: Record<string, number[]>;
+    part?: 'inside' | 'outside' | 'between';
+    level?: number;
+  } | null>;
   /** Fetches values of cells, which are there from the event `cells` on. show() does so for those that it needs. */
   loadCells(name: string): Promise<void>;
   /** Bytes of values of cells, beside `received`. */
@@ -378,15 +395,37 @@ export class TetlodStream extends EventTarget {
   cells(name: string): Promise<Float64Array>;
   /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1; what is not drawn is a gap. `bounds`: how far off the value is at most at each of these ends, where the field's local bound is loaded. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array; bounds?: Float64Array }>;
-  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
-  ask(question: string, options?: { within?: number }): Promise<{ lower: number; upper: number; bound: 'exact' | 'certified'; level?: number; tets?: number; bytes: number }>;
-  features(quantity: string, options?: { persistence?: number }): Promise<{
+  ask(
+    question: string,
+    options?: { within?: number },
+  ): Promise<{
+    lower: number;
+    upper: number;
+    bound: 'exact' | 'certified';
+    level?: number;
+    tets?: number;
+    bytes: number;
+  }>;
+  features(
+    quantity: string,
+    options?: { persistence?: number },
+  ): Promise<{
     level: number;
     error: number;
     bounded: { maximum: boolean; minimum: boolean };
-    features: { kind: 'maximum' | 'minimum'; proven: boolean; at: number[]; box: [number[], number[]]; range: number[]; persistence: number }[];
+    features: {
+      kind: 'maximum' | 'minimum';
+      proven: boolean;
+      at: number[];
+      box: [number[], number[]];
+      range: number[];
+      persistence: number;
+    }[];
   }>;
-  draft(tets: number): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
+  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  draft(
+    tets: number,
+  ): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
   /** Pages are those that a view needs, from now on, where the level that is shown has none; null: no more than its own. */
   look(look: Look | null): void;
   /** Gives back the memory that finer levels took. */
@@ -397,6 +436,14 @@ export class TetlodStream extends EventTarget {
    *  what was shown before is shown again. */
   frames(spec: Spec): AsyncGenerator<Pictures, void, void>;
   close(reason?: unknown): void;
-  addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: boolean | AddEventListenerOptions): void;
-  addEventListener(name: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;
+  addEventListener<Name extends keyof Events>(
+    name: Name,
+    listener: (event: CustomEvent<Events[Name]>) => void,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
+  addEventListener(
+    name: string,
+    listener: EventListenerOrEventListenerObject | null,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
 }

@@ -179,7 +179,7 @@ async function showsCells(url) {
   await notebook.goto(url);
   const [closed, open] = await notebook.locator('tetlod-view').elementHandles();
   await notebook.waitForFunction((view) => view.stream?.level > 0 && !view.childElementCount, open);
-  await notebook.waitForFunction((view) => view.shadowRoot.querySelector('slot'), closed);
+  await notebook.waitForFunction((view) => view.shadowRoot.querySelector('slot:not([name])'), closed);
   const [, frame] = notebook.frames();
   assert.equal(await closed.$eval('iframe', ({ src }) => src), frame.url());
   await frame.waitForFunction(() => window.tetlod?.settled);

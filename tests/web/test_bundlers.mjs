@@ -19,7 +19,12 @@ const old = major < 20 || (major === 20 && minor < 19) ? `Vite needs node 20.19,
 
 mkdirSync(join(project, 'src'), { recursive: true });
 cpSync(join(ROOT, 'tests/web/bundlers'), project, { recursive: true });
-if (!old) await execute('npm', ['install', '--no-package-lock', '--ignore-scripts', '--no-audit', '--no-fund', '--loglevel=error'], { cwd: project });
+if (!old)
+  await execute(
+    'npm',
+    ['install', '--no-package-lock', '--ignore-scripts', '--no-audit', '--no-fund', '--loglevel=error'],
+    { cwd: project },
+  );
 cpSync(join(ROOT, 'build/client'), join(project, 'node_modules/tetlod'), { recursive: true });
 const main = `import { TetlodStream } from 'tetlod';
 const stream = await TetlodStream.open(new URLSearchParams(location.search).get('url'), { target: { error: 0.01 } });
@@ -28,7 +33,10 @@ const { tets } = await stream.mesh();
 window.result = { reached, tets: tets.length / 4, expected: stream.info.levels[level].tets };
 `;
 writeFileSync(join(project, 'src/main.js'), main);
-writeFileSync(join(project, 'index.html'), '<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module" src="/src/main.js"></script>');
+writeFileSync(
+  join(project, 'index.html'),
+  '<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module" src="/src/main.js"></script>',
+);
 
 const { path } = sampleStream();
 const server = await program([path]);
@@ -49,7 +57,11 @@ async function a_fresh_vite_project() {
   const host = await folderHost(join(project, 'dist'));
   await opens(host.origin, 'index.html');
   host.close();
-  const development = await vite.createServer({ root: project, logLevel: 'error', server: { port: 0, host: '127.0.0.1' } });
+  const development = await vite.createServer({
+    root: project,
+    logLevel: 'error',
+    server: { port: 0, host: '127.0.0.1' },
+  });
   await development.listen();
   await opens(`http://127.0.0.1:${development.httpServer.address().port}`);
   await development.close();
@@ -57,9 +69,15 @@ async function a_fresh_vite_project() {
 
 async function a_fresh_webpack_project() {
   if (old) return old;
-  writeFileSync(join(project, 'webpack.config.mjs'), `export default { mode: 'production', entry: './src/main.js', output: { path: '${join(project, 'packed')}' }, experiments: { topLevelAwait: true } };`);
+  writeFileSync(
+    join(project, 'webpack.config.mjs'),
+    `export default { mode: 'production', entry: './src/main.js', output: { path: '${join(project, 'packed')}' }, experiments: { topLevelAwait: true } };`,
+  );
   await execute('npx', ['webpack', '--config', 'webpack.config.mjs'], { cwd: project });
-  writeFileSync(join(project, 'packed/index.html'), '<!doctype html><title>t</title><link rel="icon" href="data:,"><script defer src="main.js"></script>');
+  writeFileSync(
+    join(project, 'packed/index.html'),
+    '<!doctype html><title>t</title><link rel="icon" href="data:,"><script defer src="main.js"></script>',
+  );
   const host = await folderHost(join(project, 'packed'));
   await opens(host.origin, 'index.html');
   host.close();
@@ -70,8 +88,14 @@ async function the_example_with_three() {
   const { build } = createRequire(resolve(ROOT, 'server/web/package.json'))('esbuild');
   const folder = join(project, 'three');
   cpSync(join(ROOT, 'build/client'), folder, { recursive: true });
-  await build({ entryPoints: [join(folder, 'example-three.js')], bundle: true, format: 'esm', outfile: join(folder, 'example.bundle.js'), logLevel: 'error',
-    alias: { tetlod: join(folder, 'stream.js'), 'tetlod/adapters.js': join(folder, 'adapters.js') } });
+  await build({
+    entryPoints: [join(folder, 'example-three.js')],
+    bundle: true,
+    format: 'esm',
+    outfile: join(folder, 'example.bundle.js'),
+    logLevel: 'error',
+    alias: { tetlod: join(folder, 'stream.js'), 'tetlod/adapters.js': join(folder, 'adapters.js') },
+  });
   const host = await folderHost(folder);
   const page = await openPage(browser, host.origin);
   await page.goto(`${host.origin}/example.html?url=${server.url}v1/meshes/fin`);
@@ -86,7 +110,9 @@ async function the_example_with_three() {
 
 async function types_are_strict() {
   if (old) return old;
-  writeFileSync(join(project, 'src/types.ts'), `import { TetlodStream, type Info, type Mesh } from 'tetlod';
+  writeFileSync(
+    join(project, 'src/types.ts'),
+    `import { TetlodStream, type Info, type Mesh } from 'tetlod';
 import { toPolyData } from 'tetlod/adapters.js';
 import { TetlodView } from 'tetlod/element.js';
 const shownField = (stream: TetlodStream): string => stream.fields[0] ?? '';
@@ -106,9 +132,78 @@ export async function use(file: File): Promise<[Info, Mesh]> {
   view.source = file;
   return [stream.info, await stream.mesh()];
 }
-`);
-  await execute('npx', ['tsc', '--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext', '--moduleResolution', 'nodenext', '--lib', 'es2022,dom', 'src/types.ts'], { cwd: project })
-    .catch((error) => assert.fail(error.stdout || error.message));
+`,
+  );
+  await execute(
+    'npx',
+    [
+      'tsc',
+      '--noEmit',
+      '--strict',
+      '--target',
+      'es2022',
+      '--module',
+      'nodenext',
+      '--moduleResolution',
+      'nodenext',
+      '--lib',
+      'es2022,dom',
+      'src/types.ts',
+    ],
+    { cwd: project },
+  ).catch((error) => assert.fail(error.stdout || error.message));
+}
+
+// The types are written by hand: each public member is held against the code, and one that is not there is found.
+async function every_public_member_has_its_type() {
+  if (old) return old;
+  const types = join(project, 'types');
+  mkdirSync(join(types, 'code'), { recursive: true });
+  for (const file of ['stream.d.ts', 'element.d.ts'])
+    cpSync(join(ROOT, 'client-examples/web', file), join(types, file));
+  cpSync(join(ROOT, 'server/web/client/stream.js'), join(types, 'code/stream.js'));
+  cpSync(join(ROOT, 'server/web/page/element.js'), join(types, 'code/element.js'));
+  const compare = () => execute('node', ['compare-types.mjs', types], { cwd: project });
+  await compare().catch((error) => assert.fail(error.stdout || error.message));
+  const written = readFileSync(join(types, 'stream.d.ts'), 'utf8');
+  writeFileSync(join(types, 'stream.d.ts'), written.replace('  compact(): Promise<void>;', '  compacted(): void;'));
+  const wrong = await compare().catch(({ stdout }) => stdout);
+  assert.match(
+    String(wrong),
+    /TetlodStream\.compacted: has a type, and is not there\nTetlodStream\.compact: has no type/,
+  );
+}
+
+// <tetlod-view> in JSX, with a namespace of all modules and with React 19's.
+async function the_element_in_jsx() {
+  if (old) return old;
+  const view =
+    '<tetlod-view src="a" error={0.01} controls="bar player" ref={(view: TetlodView | null) => void view?.play()} />';
+  const files = {
+    'global.tsx': `import type {} from 'tetlod/jsx';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${view};\n`,
+    'react.tsx': `import type {} from 'tetlod/react';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${view};\n`,
+  };
+  for (const [name, text] of Object.entries(files)) writeFileSync(join(project, 'src', name), text);
+  const options = [
+    '--noEmit',
+    '--strict',
+    '--skipLibCheck',
+    '--target',
+    'es2022',
+    '--module',
+    'nodenext',
+    '--lib',
+    'es2022,dom',
+  ];
+  const check = (file, jsx, ...more) =>
+    execute('npx', ['tsc', ...options, ...more, '--jsx', jsx, join('src', file)], { cwd: project });
+  await check('global.tsx', 'preserve', '--typeRoots', 'none').catch((error) =>
+    assert.fail(error.stdout || error.message),
+  );
+  await check('react.tsx', 'react-jsx').catch((error) => assert.fail(error.stdout || error.message));
+  writeFileSync(join(project, 'src/wrong.tsx'), files['react.tsx'].replace('src="a"', 'source="a"'));
+  const said = await check('wrong.tsx', 'react-jsx').catch(({ stdout }) => stdout);
+  assert.match(String(said), /Property 'source' does not exist/);
 }
 
 // As from a CDN: a worker of another origin is not allowed.
@@ -116,7 +211,10 @@ async function modules_of_another_origin() {
   const library = await folderHost(join(project, 'node_modules/tetlod'));
   const site = join(SCRATCH, 'site');
   mkdirSync(site, { recursive: true });
-  writeFileSync(join(site, 'index.html'), `<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module">${main.replace("'tetlod'", `'${library.origin}/stream.js'`)}</script>`);
+  writeFileSync(
+    join(site, 'index.html'),
+    `<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module">${main.replace("'tetlod'", `'${library.origin}/stream.js'`)}</script>`,
+  );
   const host = await folderHost(site);
   await opens(host.origin, 'index.html');
   host.close();
@@ -131,7 +229,15 @@ async function files_and_functions() {
     const { TetlodStream } = await import('./stream.js');
     const all = Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0));
     const asked = [];
-    const sources = [new File([all], 'fin.tetlod'), { read: async (from, to) => { asked.push(to); return all.slice(from, to); } }];
+    const sources = [
+      new File([all], 'fin.tetlod'),
+      {
+        read: async (from, to) => {
+          asked.push(to);
+          return all.slice(from, to);
+        },
+      },
+    ];
     const found = [];
     for (const source of sources) {
       const stream = await TetlodStream.open(source);
@@ -143,7 +249,11 @@ async function files_and_functions() {
       found.push({ tets: tets.length / 4, expected: stream.info.tets, level, most, size: all.length });
       stream.close();
     }
-    const refused = await TetlodStream.open({ read: async () => { throw new Error('no such place'); } }).catch((error) => error.message);
+    const refused = await TetlodStream.open({
+      read: async () => {
+        throw new Error('no such place');
+      },
+    }).catch((error) => error.message);
     const cut = await TetlodStream.open(new Blob([all.slice(0, 5000)])).catch((error) => error.message);
     return { found, refused, cut };
   }, readFileSync(path).toString('base64'));
@@ -155,4 +265,13 @@ async function files_and_functions() {
   host.close();
 }
 
-await run([a_fresh_vite_project, a_fresh_webpack_project, the_example_with_three, types_are_strict, modules_of_another_origin, files_and_functions]);
+await run([
+  a_fresh_vite_project,
+  a_fresh_webpack_project,
+  the_example_with_three,
+  types_are_strict,
+  every_public_member_has_its_type,
+  the_element_in_jsx,
+  modules_of_another_origin,
+  files_and_functions,
+]);

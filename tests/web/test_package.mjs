@@ -40,13 +40,20 @@ async function shows(file, target, unit, server) {
 
 async function theExamples() {
   await build({
-    entryPoints: [join(folder, 'example-vtk.js')], bundle: true, format: 'esm', outfile: join(folder, 'example.bundle.js'), logLevel: 'error',
-    nodePaths: [resolve(ROOT, 'server/web/node_modules')], alias: { tetlod: resolve(folder, 'stream.js'), 'tetlod/adapters.js': resolve(folder, 'adapters.js') },
+    entryPoints: [join(folder, 'example-vtk.js')],
+    bundle: true,
+    format: 'esm',
+    outfile: join(folder, 'example.bundle.js'),
+    logLevel: 'error',
+    nodePaths: [resolve(ROOT, 'server/web/node_modules')],
+    alias: { tetlod: resolve(folder, 'stream.js'), 'tetlod/adapters.js': resolve(folder, 'adapters.js') },
   });
   const server = await program([path]);
   await (await shows('example.html', { error: 0.001, tets: 500000 }, 'tetrahedra', server)).context().close();
   await (await shows('example-canvas.html', { error: 0.01 }, 'triangles', server)).context().close();
-  const { stdout } = await execute('node', [join(folder, 'example-node.mjs'), `${server.url}v1/meshes/fin`], { cwd: folder });
+  const { stdout } = await execute('node', [join(folder, 'example-node.mjs'), `${server.url}v1/meshes/fin`], {
+    cwd: folder,
+  });
   assert.match(stdout, /\nat 1 %: level \d+, \d+ tetrahedra, Pressure from \d[\d.]* to \d/);
   await server.stop();
 }
@@ -56,11 +63,23 @@ async function anElement() {
   const server = await program([path]);
   const page = await shows('example-element.html', { error: 0.01 }, 'tetrahedra', server);
   const view = page.locator('tetlod-view');
-  assert.deepEqual(await view.evaluate((v) => [v.stream.fields, new URLSearchParams(v.state).get('slices')]), [['Pressure'], 'y@0.5']);
-  const settledAt = (error) => page.waitForFunction((e) => document.querySelector('tetlod-view').seen?.settled && document.querySelector('tetlod-view').seen.error <= e, error);
+  assert.deepEqual(await view.evaluate((v) => [v.stream.fields, new URLSearchParams(v.state).get('slices')]), [
+    ['Pressure'],
+    'y@0.5',
+  ]);
+  const settledAt = (error) =>
+    page.waitForFunction(
+      (e) =>
+        document.querySelector('tetlod-view').seen?.settled && document.querySelector('tetlod-view').seen.error <= e,
+      error,
+    );
   await view.evaluate((v) => {
-    v.addEventListener('level', ({ detail }) => { v.seen = detail; });
-    v.addEventListener('error', ({ detail }) => { v.failure = detail.message; });
+    v.addEventListener('level', ({ detail }) => {
+      v.seen = detail;
+    });
+    v.addEventListener('error', ({ detail }) => {
+      v.failure = detail.message;
+    });
     v.setAttribute('error', '0.2%');
   });
   await settledAt(0.002);
@@ -84,13 +103,18 @@ async function anElement() {
 async function worksUnderAStrictPolicy() {
   const server = await program([path]);
   const host = await folderHost(folder);
-  host.headers = { 'Content-Security-Policy': `default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self' ${new URL(server.url).origin}` };
+  host.headers = {
+    'Content-Security-Policy': `default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self' ${new URL(server.url).origin}`,
+  };
   writeFileSync(join(folder, 'strict.html'), '<!doctype html><script type="module" src="./strict.js"></script>');
-  writeFileSync(join(folder, 'strict.js'), `import { TetlodStream } from './stream.js';
+  writeFileSync(
+    join(folder, 'strict.js'),
+    `import { TetlodStream } from './stream.js';
     const stream = await TetlodStream.open('${server.url}v1/meshes/fin');
     const done = await stream.refineTo({ error: 0.01 });
     const { tets, positions } = await stream.mesh();
-    window.result = { ...done, tets: tets.length / 4, vertices: positions.length / 3, expected: stream.info.levels[done.level] };`);
+    window.result = { ...done, tets: tets.length / 4, vertices: positions.length / 3, expected: stream.info.levels[done.level] };`,
+  );
   const page = await openPage(browser, host.origin);
   await page.goto(`${host.origin}/strict.html`);
   const result = await (await page.waitForFunction(() => window.result, null)).jsonValue();
@@ -144,13 +168,16 @@ async function resolvesByItsName() {
   mkdirSync(join(project, 'node_modules'), { recursive: true });
   symlinkSync(resolve(ROOT, 'build/client'), join(project, 'node_modules/tetlod'));
   const files = await fileHost(readFileSync(path));
-  writeFileSync(join(project, 'main.mjs'), `import { TetlodStream } from 'tetlod';
+  writeFileSync(
+    join(project, 'main.mjs'),
+    `import { TetlodStream } from 'tetlod';
     import { View } from 'tetlod/codec';
     const stream = await TetlodStream.open('${files.url}');
     await stream.refineTo({ tets: 5000 });
     const { tets } = await stream.mesh();
     console.log(JSON.stringify([typeof View.create, tets.length / 4, stream.info.levels[stream.level].tets]));
-    stream.close();`);
+    stream.close();`,
+  );
   // a stream that is closed keeps nothing alive: the program ends
   const { stdout } = await promisify(execFile)('node', ['main.mjs'], { cwd: project, timeout: 60000 });
   const [made, tets, expected] = JSON.parse(stdout);
@@ -158,14 +185,21 @@ async function resolvesByItsName() {
   assert.ok(tets === expected && tets <= 5000);
   files.close();
   const { version, exports } = JSON.parse(readFileSync(resolve(ROOT, 'build/client/package.json')));
-  assert.match(readFileSync(resolve(ROOT, 'format/tetlod.h'), 'utf8'), new RegExp(`TETLOD_VERSION_STRING "${version}"`));
-  for (const target of Object.values(exports).flatMap((value) => (typeof value === 'string' ? value : Object.values(value))))
+  assert.match(
+    readFileSync(resolve(ROOT, 'format/tetlod.h'), 'utf8'),
+    new RegExp(`TETLOD_VERSION_STRING "${version}"`),
+  );
+  for (const target of Object.values(exports).flatMap((value) =>
+    typeof value === 'string' ? value : Object.values(value),
+  ))
     assert.ok(existsSync(resolve(ROOT, 'build/client', target)), target);
   const types = readFileSync(resolve(ROOT, 'build/client/stream.d.ts'), 'utf8');
   const members = Object.getOwnPropertyNames(TetlodStream.prototype).filter((name) => name !== 'constructor');
   for (const name of members) assert.match(types, new RegExp(`\\b${name}\\(`), `stream.d.ts has ${name}`);
   const typed = /export interface Events \{([^]*?)\n\}/.exec(types)[1];
-  const sources = ['client/engine.js', 'client/worker.js', 'client/stream.js'].map((file) => readFileSync(resolve(ROOT, 'server/web', file), 'utf8')).join('\n');
+  const sources = ['client/engine.js', 'client/worker.js', 'client/stream.js']
+    .map((file) => readFileSync(resolve(ROOT, 'server/web', file), 'utf8'))
+    .join('\n');
   const events = new Set([...sources.matchAll(/(?:#emit|#dispatch|event:)\(? ?'(\w+)'/g)].map(([, name]) => name));
   for (const inner of ['read', 'broken']) assert.ok(events.delete(inner), inner);
   for (const name of events) assert.match(typed, new RegExp(`\\b${name}: `), `Events has ${name}`);
@@ -176,14 +210,59 @@ async function resolvesByItsName() {
 async function itsNotices() {
   const server = await program([path]);
   const text = readFileSync(join(folder, 'notices.txt'), 'utf8');
-  for (const [name, license] of [['@kitware/vtk.js', 'Redistribution and use in source and binary forms'], ['gl-matrix', 'Permission is hereby granted'], ['d3-scale-chromatic', 'Permission to use, copy']])
+  for (const [name, license] of [
+    ['@kitware/vtk.js', 'Redistribution and use in source and binary forms'],
+    ['gl-matrix', 'Permission is hereby granted'],
+    ['d3-scale-chromatic', 'Permission to use, copy'],
+  ])
     assert.match(text, new RegExp(`\\n${name} [\\d.]+ \\(.*\\)\\n[^]*?${license}`));
   assert.equal(await (await fetch(`${server.url}notices.txt`)).text(), text);
   const { devDependencies } = JSON.parse(readFileSync(resolve(ROOT, 'server/web/package.json'), 'utf8'));
   for (const file of readdirSync(resolve(ROOT, 'server/web/page')).filter((name) => name.endsWith('.js')))
-    for (const [, name] of readFileSync(resolve(ROOT, 'server/web/page', file), 'utf8').matchAll(/(?:from|import) '((?:@[^/']+\/)?[^./'][^/']*)/g))
+    for (const [, name] of readFileSync(resolve(ROOT, 'server/web/page', file), 'utf8').matchAll(
+      /(?:from|import) '((?:@[^/']+\/)?[^./'][^/']*)/g,
+    ))
       assert.ok(devDependencies[name], `${file} imports ${name}, which package.json does not name`);
   await server.stop();
 }
 
-await run([resolvesByItsName, itsNotices, rangesOfOneUrl, theExamples, anElement, worksUnderAStrictPolicy]);
+// What would be published: nothing is missing that the package names, nothing is there that nobody needs, and it works
+// where it is installed from that file.
+async function the_file_that_is_published() {
+  const place = join(SCRATCH, 'packed');
+  mkdirSync(place);
+  const { stdout } = await execute('npm', ['pack', '--json', '--pack-destination', place], { cwd: folder });
+  const [{ filename, files }] = JSON.parse(stdout);
+  const names = files.map(({ path: name }) => name);
+  const { exports, types } = JSON.parse(readFileSync(join(folder, 'package.json')));
+  const named = Object.values(exports).flatMap((to) => (typeof to === 'string' ? [to] : Object.values(to)));
+  for (const name of [...named, types]
+    .map((name) => name.slice(2))
+    .concat('README.md', 'LICENSE', 'notices.txt', 'inline.js'))
+    assert.ok(names.includes(name), `${name} is missing`);
+  assert.deepEqual(
+    names.filter((name) => !/\.(js|mjs|d\.ts|wasm|html|json)$|^(README\.md|LICENSE|notices\.txt)$/.test(name)),
+    [],
+  );
+  assert.match(readFileSync(join(folder, 'notices.txt'), 'utf8'), /vtk\.js[^]*Kitware/i);
+  const modules = join(place, 'node_modules/tetlod');
+  mkdirSync(modules, { recursive: true });
+  await execute('tar', ['-xzf', join(place, filename), '-C', modules, '--strip-components', '1']);
+  const code = `import { TetlodStream } from 'tetlod'; import { TetlodView } from 'tetlod/element.js';
+    const stream = await TetlodStream.open(new Blob([(await import('node:fs')).readFileSync(process.argv[2])]));
+    const { level } = await stream.refineTo({ error: 0.1 });
+    console.log(typeof TetlodView, level, (await stream.mesh()).tets.length > 0); stream.close();`;
+  writeFileSync(join(place, 'use.mjs'), code);
+  const said = await execute('node', ['use.mjs', resolve(path)], { cwd: place });
+  assert.match(said.stdout, /^function \d+ true\n$/);
+}
+
+await run([
+  the_file_that_is_published,
+  resolvesByItsName,
+  itsNotices,
+  rangesOfOneUrl,
+  theExamples,
+  anElement,
+  worksUnderAStrictPolicy,
+]);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// <tetlod-view src="…" error="1%" field="Pressure">: a stream in any page, as the viewer's page shows it, without its panel.
+// <tetlod-view src="…" error="1%" field="Pressure" controls="bar readout player">: a stream in any page, as the page of
+// the viewer shows it, without its panel.
 
 import { Axes } from './axes.js';
 import { element } from './dom.js';
 import { errorOf, shownField, shownMeasure } from './levels.js';
+import { promiseOf } from './promises.js';
+import { count } from './numbers.js';
 import { Viewer } from './viewer.js';
 
 const style = `
@@ -17,7 +20,13 @@ const style = `
 .over text { font-size: 12px; fill: currentColor; text-anchor: middle; dominant-baseline: central; opacity: .75; } .over .name { font-style: italic; font-weight: 600; }
 .bar { position: absolute; left: 50%; bottom: 8px; width: min(430px, 90%); height: 54px; transform: translateX(-50%); pointer-events: none; }
 .notice { position: absolute; left: 8px; top: 8px; max-width: 90%; padding: .3rem .6rem; border-radius: 6px; background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
-.notice:empty { display: none; }`;
+.notice:empty, [hidden] { display: none !important; }
+.readout { position: absolute; right: 8px; top: 8px; max-width: 60%; padding: .3rem .6rem; border-radius: 6px; font-size: 12px; font-variant-numeric: tabular-nums; background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
+.time { position: absolute; left: 50%; bottom: 66px; width: min(560px, calc(100% - 24px)); transform: translateX(-50%); }
+#player { display: grid; grid-template-columns: auto 1fr auto; gap: 2px 8px; align-items: center; padding: 4px 8px; border-radius: 6px; font-size: 12px; background: color-mix(in srgb, var(--tetlod-background) 85%, transparent); }
+#player .buttons { display: flex; gap: 3px; } #player .track { position: relative; display: grid; } #player .track > * { grid-area: 1 / 1; width: 100%; margin: 0; }
+#player-buffer { height: 3px; align-self: end; pointer-events: none; } #player-buffer rect { fill: currentColor; opacity: .5; }
+#player p { grid-column: 1 / -1; margin: 0; } #player p:empty { display: none; }`;
 
 // "1%" or "0.01"
 function errorFrom(text) {
@@ -26,10 +35,17 @@ function errorFrom(text) {
   return value;
 }
 
+const parts = ['bar', 'readout', 'player']; // that may be shown, each with a slot in which another may stand
+
 // Where there are no elements (a page that is made on a server) it can be imported all the same.
 export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
-  static observedAttributes = ['src', 'error', 'field', 'state'];
-  #viewer = null; #source = null; #notice; #resized = null;
+  static observedAttributes = ['src', 'error', 'field', 'state', 'controls'];
+  #viewer = null;
+  #source = null;
+  #notice;
+  #resized = null;
+  #slots = {};
+  #player = null;
 
   /** What is shown, if not `src`: whatever TetlodStream.open takes. */
   set source(source) {
@@ -50,6 +66,38 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     return this.#viewer?.fragment.replace(/^#/, '') ?? this.getAttribute('state') ?? '';
   }
 
+  /** Which parts are shown: bar, readout, player. */
+  get controls() {
+    return (this.getAttribute('controls') ?? 'bar').split(/\s+/).filter((name) => parts.includes(name));
+  }
+
+  set controls(names) {
+    this.setAttribute('controls', [names].flat().join(' '));
+  }
+
+  /** Of a series in time: the step that is shown, or null; and whether it plays. */
+  get step() {
+    return this.#viewer?.at?.step ?? null;
+  }
+
+  set step(step) {
+    this.#viewer?.store.set({ step });
+  }
+
+  get playing() {
+    return this.#player?.playing ?? false;
+  }
+
+  /** Plays a series in time, from the step that is shown on; does nothing where there is none. */
+  async play() {
+    await this.#makePlayer();
+    if (this.#player && !this.playing) this.#player.toggle();
+  }
+
+  pause() {
+    if (this.playing) this.#player.toggle();
+  }
+
   connectedCallback() {
     this.#open();
   }
@@ -61,6 +109,7 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
   attributeChangedCallback(name, before, value) {
     if (!this.isConnected || !this.shadowRoot || before === value) return; // it has not opened yet
     if (name === 'src') this.#open();
+    else if (name === 'controls') this.#showParts();
     else if (this.#viewer?.scene) this.#follow(name, value); // one that opens reads the attributes when it is there
   }
 
@@ -89,6 +138,10 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     this.dispatchEvent(new CustomEvent('error', { detail: { message: error.message } }));
   }
 
+  get #hasStandIn() {
+    return [...this.children].some(({ slot }) => !slot);
+  }
+
   // What stands in the element is for where the stream cannot be shown.
   #giveWay() {
     this.#close();
@@ -98,20 +151,50 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
   #close() {
     this.#resized?.disconnect();
     this.#viewer?.close();
-    this.#viewer = null;
+    this.#viewer = this.#player = null;
   }
 
   #build() {
     const make = (name, className) => element(name, { className });
-    const [stage, picture, over, bar] = [make('div', 'stage'), make('div', 'picture'), make('div', 'over'), make('canvas', 'bar')];
+    const [stage, picture, over, bar] = [
+      make('div', 'stage'),
+      make('div', 'picture'),
+      make('div', 'over'),
+      make('canvas', 'bar'),
+    ];
     this.#notice = element('div', { className: 'notice', role: 'status' });
     picture.tabIndex = 0;
     picture.setAttribute('role', 'application');
     picture.setAttribute('aria-label', 'The volume. Drag to turn it.');
-    stage.append(picture, over, bar, this.#notice);
+    picture.part = 'picture';
+    const readout = element('div', { className: 'readout', part: 'readout', role: 'status' });
+    const time = make('div', 'time');
+    bar.part = 'bar';
+    bar.setAttribute('role', 'img');
+    bar.setAttribute('aria-label', 'Colours and their values');
+    this.#slots = {
+      bar: element('slot', { name: 'bar' }, bar),
+      readout: element('slot', { name: 'readout' }, readout),
+      player: element('slot', { name: 'player' }, time),
+    };
+    stage.append(picture, over, ...Object.values(this.#slots), this.#notice);
     const shadow = this.shadowRoot ?? this.attachShadow({ mode: 'open' });
     shadow.replaceChildren(element('style', {}, style), stage);
+    this.#showParts();
     return { stage, picture, over, bar };
+  }
+
+  // A slot that is not shown hides what stands in it, too.
+  #showParts() {
+    for (const name of parts) if (this.#slots[name]) this.#slots[name].hidden = !this.controls.includes(name);
+    if (this.controls.includes('player')) this.#makePlayer();
+  }
+
+  async #makePlayer() {
+    const viewer = this.#viewer;
+    if (this.#player || !viewer?.series) return;
+    const { Player } = await import('./player.js');
+    if (viewer === this.#viewer) this.#player ??= new Player(viewer, this.#slots.player.querySelector('.time'));
   }
 
   // What the attributes ask for before the stream is there.
@@ -130,8 +213,9 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     let viewer = null;
     try {
       viewer = this.#viewer = new Viewer(parts, this.#fragment());
-      const hear = (name, tell) => viewer.addEventListener(name, ({ detail }) => viewer === this.#viewer && tell(detail));
-      hear('retry', ({ message }) => (this.childElementCount ? this.#giveWay() : this.#say(message)));
+      const hear = (name, tell) =>
+        viewer.addEventListener(name, ({ detail }) => viewer === this.#viewer && tell(detail));
+      hear('retry', ({ message }) => (this.#hasStandIn ? this.#giveWay() : this.#say(message)));
       hear('progress', () => this.#say(''));
       hear('failed', (failure) => this.#fail(failure));
       this.#say('Loading…');
@@ -141,13 +225,13 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
       this.#show(viewer, parts);
     } catch (error) {
       if (viewer !== this.#viewer) return;
-      if (this.childElementCount) this.#giveWay();
+      if (this.#hasStandIn) this.#giveWay();
       this.#fail(error);
     }
   }
 
   #show(viewer, { over, bar }) {
-    this.replaceChildren();
+    for (const child of [...this.childNodes]) if (!child.slot) child.remove(); // what stood in for the picture
     const axes = new Axes(over, viewer.scene, viewer.info.bounds);
     viewer.scene.addEventListener('render', () => axes.update());
     viewer.store.watch(['axes'], ({ axes: shown }) => axes.show(shown));
@@ -156,12 +240,31 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     viewer.recolorNow();
     viewer.follow();
     viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.#tellLevel(viewer));
+    viewer.addEventListener('info', () => this.#tellReadout(viewer));
+    viewer.addEventListener('series', () => this.#showParts());
+    viewer.addEventListener('step', ({ detail: { step, time, error } }) =>
+      this.dispatchEvent(new CustomEvent('step', { detail: { step, time, error } })),
+    );
     if (this.hasAttribute('field')) this.#follow('field', this.getAttribute('field'));
+    this.#showParts();
     this.dispatchEvent(new Event('ready'));
     this.#tellLevel(viewer);
   }
 
-  #tellLevel({ info, level, store: { state }, settled }) {
+  #tellReadout({ info, level, told }) {
+    const text = `${promiseOf(told, level)}; ${count(info.levels[level].tets)} tetrahedra`;
+    const [readout] = this.#slots.readout.children;
+    if (readout.textContent !== text) readout.textContent = text;
+  }
+
+  #tellLevel(viewer) {
+    const {
+      info,
+      level,
+      store: { state },
+      settled,
+    } = viewer;
+    this.#tellReadout(viewer);
     const error = errorOf(info.levels[level], shownField(info, state), shownMeasure(info, state));
     this.dispatchEvent(new CustomEvent('level', { detail: { level, tets: info.levels[level].tets, error, settled } }));
   }

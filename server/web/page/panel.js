@@ -298,7 +298,7 @@ export async function openPanel() {
   const offerSteps = async () => {
     const [{ Player }, { lateStyles }] = await Promise.all([import('./player.js'), import('./late_styles.js')]);
     await lateStyles();
-    player ??= new Player(viewer, byId('stage'));
+    player ??= new Player(viewer, byId('stage'), byId('notices'));
   };
   viewer.addEventListener('series', offerSteps);
   if (viewer.series) offerSteps();

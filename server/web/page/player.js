@@ -1,47 +1,81 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The bar that plays a series in time: steps one after the other, those that come late, or not at all, in a coarser band.
+// The bar that plays a series in time: steps one after the other; late ones, or missing ones, in a coarser band.
 
-import { byId, element, svg } from './dom.js';
+import { element, svg } from './dom.js';
 import { percent, significant } from './numbers.js';
 
 const rates = [1, 2, 5, 10, 15, 30]; // steps a second
 const usual = 10;
 const patience = 1.5; // intervals that a step may take before it is late
-const longest = 8;    // and before it is not waited for any more,
-const least = 1000;   // but at least so many milliseconds
+const longest = 8; // and before it is not waited for any more,
+const least = 1000; // but at least so many milliseconds
 const recovered = 16; // steps in time after which a finer band is tried again
-const blended = 0.8;  // of an interval: what is left is for decoding
+const blended = 0.8; // of an interval: what is left is for decoding
 
-const sleep = (milliseconds) => new Promise((resolve) => { setTimeout(resolve, milliseconds); });
+const sleep = (milliseconds) =>
+  new Promise((resolve) => {
+    setTimeout(resolve, milliseconds);
+  });
 
 // Fields that only the first step has.
 function wordsOfStill({ info, series }) {
-  const still = info.fields.map(({ name }) => name).filter((name) => !series.fields.some((field) => field.name === name));
+  const still = info.fields
+    .map(({ name }) => name)
+    .filter((name) => !series.fields.some((field) => field.name === name));
   return still.length ? `${still.join(', ')}: no steps; every step shows the values of the first.` : '';
 }
 
 export class Player {
-  #viewer; #parts; #playing = null; #rate = usual; #loop = true;
+  #viewer;
+  #parts;
+  #playing = null;
+  #rate = usual;
+  #loop = true;
   // #playing: what tells one play from the next, which may begin while a step of the one before is on its way
   #coarser = 0; // bands below the wanted one, because the steps come late
-  #inTime = 0;  // steps since one was late
+  #inTime = 0; // steps since one was late
 
-  /** `stage`: where the bar goes. The viewer's stream is a series. */
-  constructor(viewer, stage) {
+  /** `stage`: where the bar goes; `above`: what lies over it, if there is anything. The viewer's stream is a series. */
+  constructor(viewer, stage, above = '') {
     this.#viewer = viewer;
     const { times } = viewer.series;
     const button = (id, label, text, act) => {
-      const made = element('button', { type: 'button', id, className: 'small', ariaLabel: label, title: label }, text);
+      const made = element(
+        'button',
+        { type: 'button', id, part: id, className: 'small', ariaLabel: label, title: label },
+        text,
+      );
       made.addEventListener('click', act);
       return made;
     };
-    const line = element('input', { type: 'range', id: 'player-step', min: 0, max: times.length - 1, step: 1, value: 0, ariaLabel: 'Step in time' });
+    const line = element('input', {
+      type: 'range',
+      id: 'player-step',
+      part: 'player-step',
+      min: 0,
+      max: times.length - 1,
+      step: 1,
+      value: 0,
+      ariaLabel: 'Step in time',
+    });
     line.addEventListener('input', () => this.go(Number(line.value)));
-    const speed = element('select', { id: 'player-speed', ariaLabel: 'Steps a second' }, ...rates.map((rate) => element('option', { value: rate, selected: rate === usual }, `${rate} /s`)));
-    speed.addEventListener('change', () => { this.#rate = Number(speed.value); });
-    const buffer = svg('svg', { id: 'player-buffer', viewBox: `0 0 ${times.length} 1`, preserveAspectRatio: 'none', 'aria-hidden': 'true' });
+    const speed = element(
+      'select',
+      { id: 'player-speed', ariaLabel: 'Steps a second' },
+      ...rates.map((rate) => element('option', { value: rate, selected: rate === usual }, `${rate} /s`)),
+    );
+    speed.addEventListener('change', () => {
+      this.#rate = Number(speed.value);
+    });
+    const buffer = svg('svg', {
+      id: 'player-buffer',
+      viewBox: `0 0 ${times.length} 1`,
+      preserveAspectRatio: 'none',
+      'aria-hidden': 'true',
+    });
     this.#parts = {
-      line, buffer,
+      line,
+      buffer,
       play: button('player-play', 'Play (space)', '▶', () => this.toggle()),
       loop: button('player-loop', 'Begin again at the end', '⟲', () => this.#setLoop(!this.#loop)),
       now: element('output', { id: 'player-now' }),
@@ -49,9 +83,27 @@ export class Player {
       still: element('p', { id: 'player-still' }, wordsOfStill(viewer)),
     };
     const { play, loop, now, late, still } = this.#parts;
-    const buttons = element('span', { className: 'buttons' }, button('player-back', 'One step back (,)', '‹', () => this.step(-1)), play,
-      button('player-on', 'One step on (.)', '›', () => this.step(1)), loop, speed);
-    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, byId('notices'), buttons, element('span', { className: 'track' }, line, buffer), now, late, still));
+    const buttons = element(
+      'span',
+      { className: 'buttons' },
+      button('player-back', 'One step back (,)', '‹', () => this.step(-1)),
+      play,
+      button('player-on', 'One step on (.)', '›', () => this.step(1)),
+      loop,
+      speed,
+    );
+    stage.append(
+      element(
+        'section',
+        { id: 'player', part: 'player', ariaLabel: 'Time' },
+        above,
+        buttons,
+        element('span', { className: 'track' }, line, buffer),
+        now,
+        late,
+        still,
+      ),
+    );
     this.#setLoop(true);
     viewer.addEventListener('step', () => this.#tell());
     viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.steps));
@@ -152,6 +204,8 @@ export class Player {
   }
 
   #drawBuffer(steps) {
-    this.#parts.buffer.replaceChildren(...steps.map(([from, to]) => svg('rect', { x: from, y: 0, width: to - from, height: 1 })));
+    this.#parts.buffer.replaceChildren(
+      ...steps.map(([from, to]) => svg('rect', { x: from, y: 0, width: to - from, height: 1 })),
+    );
   }
 }
