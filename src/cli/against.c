@@ -24,6 +24,7 @@
 #include "src/measure/measure_range.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
+#include "src/mesh/adjacency.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/stream/level_mesh.h"
@@ -68,6 +69,7 @@ struct against {
     struct measure_levels *measure_levels;
     struct boundary_check *boundary;
     struct clusters clusters;  /* of the original */
+    uint32_t *neighbours;      /* [4 * tet of the level] */
 };
 
 static enum tetlod_status nomem(const struct against *a)
@@ -404,8 +406,8 @@ static enum tetlod_status check_domain(const struct against *a, uint32_t k, doub
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     double stored = info->levels[k].domain_error, found;
-    TETLOD_TRY(boundary_check_level(a->boundary, &a->level, a->all_touched ? NULL : a->touched, stored * a->diagonal,
-                                    &found, a->error));
+    TETLOD_TRY(boundary_check_level(a->boundary, &a->level, a->neighbours, a->all_touched ? NULL : a->touched,
+                                    stored * a->diagonal, &found, a->error));
     found = larger(found, measured > stored * a->diagonal * (1 + TIE) + 4e-12 * a->diagonal ? measured : 0);
     if (found > 0)
         return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,
@@ -487,7 +489,7 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     struct overlay_options options = {.threads = a->options->threads, .floors = a->floors, .overlaps = true,
-                                      .clusters = &a->clusters};
+                                      .clusters = &a->clusters, .neighbours = a->neighbours};
     struct overlay_report overlay;
     TETLOD_TRY(choose_tets(a, &options));
     if (!all)
@@ -529,6 +531,8 @@ static enum tetlod_status check_levels(struct against *a)
     for (uint32_t k = info->level_count; k-- > 0;) {
         double domain;
         TETLOD_TRY(measure_this(a, k, &domain));
+        TETLOD_TRY(adjacency_build(a->level.corners, a->level.tet_count, a->level.vertex_count, a->neighbours, NULL,
+                                   a->error));
         TETLOD_TRY(check_sampled(a, k));
         TETLOD_TRY(check_order(a, k));
         TETLOD_TRY(check_domain(a, k, domain));
@@ -558,9 +562,11 @@ static enum tetlod_status prepare(struct against *a)
     a->floors = array_new(info->field_count, sizeof *a->floors);
     a->usable = array_new(info->tets, 1);
     a->wanted = array_new(info->tets, 1);
+    a->neighbours = array_new(info->tets, 4 * sizeof *a->neighbours);
     a->report->exact = array_new(info->level_count, sizeof *a->report->exact);
     if (!a->fields || !a->level_fields || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
-        !a->usable || !a->wanted || !a->report->exact)
+        !a->usable || !a->wanted || !a->neighbours ||
+        !a->report->exact)
         return nomem(a);
     if (a->input->unused_points != info->unused_points)
         return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "the input has %llu unused points, the index says %llu",
@@ -587,7 +593,8 @@ static enum tetlod_status prepare(struct against *a)
 static void release(struct against *a)
 {
     void *const owned[] = {a->parents, a->bodies,   a->touched, a->usable,       a->wanted, a->fields,
-                           a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
+                           a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding,
+                           a->neighbours};
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);
     clusters_fini(&a->clusters);

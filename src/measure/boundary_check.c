@@ -18,7 +18,7 @@
 #include "src/util/parallel.h"
 
 /* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
-enum { MAX_PARTS = 341, MAX_PARTS_OF_MANY = 21, MAX_PARTS_KEPT = 5, MANY_FACES = 5000 };
+enum { MAX_PARTS = 85, MAX_PARTS_OF_MANY = 21, MAX_PARTS_KEPT = 5, MANY_FACES = 5000 };
 
 /* Faces that are asked before all are searched; vertices of them that are kept for the next level. */
 enum { MAX_NEAR = 24, WITNESSES = 6 };
@@ -299,23 +299,31 @@ static enum tetlod_status go(struct way *way, double *out_distance, struct tetlo
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_surface(struct mesh_surface *surface, const struct tetmesh *mesh, const uint32_t *bodies,
-                                       struct tetlod_error *error)
+static enum tetlod_status make_surface(struct mesh_surface *surface, const struct tetmesh *mesh,
+                                       const uint32_t *neighbours, const uint32_t *bodies, struct tetlod_error *error)
 {
+    TETLOD_TRY(mesh_surface_init(surface, mesh->positions, mesh->corners, neighbours, mesh->tet_count, NULL, 0, 0,
+                                 error));
+    surface->bodies = bodies;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_original_surface(struct boundary_check *check, struct tetlod_error *error)
+{
+    const struct tetmesh *mesh = check->original;
     uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     enum tetlod_status status = TETLOD_OK;
     if (!neighbours)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", 16 * (uint64_t)mesh->tet_count));
     TETLOD_TRY_DONE(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
-    status = mesh_surface_init(surface, mesh->positions, mesh->corners, neighbours, mesh->tet_count, NULL, 0, 0, error);
-    surface->bodies = bodies;
+    status = make_surface(&check->surface, mesh, neighbours, check->bodies, error);
 done:
     free(neighbours);
     return status;
 }
 
 enum tetlod_status boundary_check_level(struct boundary_check *check, const struct tetmesh *level,
-                                        const uint8_t *touched,
+                                        const uint32_t *neighbours, const uint8_t *touched,
                                         double limit, double *out_distance, struct tetlod_error *error)
 {
     struct mesh_surface surface = {0};
@@ -323,7 +331,7 @@ enum tetlod_status boundary_check_level(struct boundary_check *check, const stru
     if (limit < check->limit) // what was near enough then may not be now
         touched = NULL;
     check->limit = limit;
-    TETLOD_TRY(make_surface(&surface, level, check->bodies, error));
+    TETLOD_TRY(make_surface(&surface, level, neighbours, check->bodies, error));
     struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners,
                         .touched = touched, .forth = true};
     forth.limit = limit * (1 + 1e-9) + check->rounding;
@@ -352,7 +360,7 @@ enum tetlod_status boundary_check_new(struct boundary_check **out, const struct 
     check->rounding = KEPT * mesh_diagonal(original);
     for (size_t i = 0; i < 3 * (size_t)original->vertex_count; i++)
         check->rounding = larger(check->rounding, 16 * DBL_EPSILON * fabs(original->positions[i]));
-    TETLOD_TRY_DONE(make_surface(&check->surface, original, bodies, error));
+    TETLOD_TRY_DONE(make_original_surface(check, error));
     check->witnesses = array_new(check->surface.count, WITNESSES * sizeof *check->witnesses);
     if (!check->witnesses)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary",

@@ -18,11 +18,12 @@ TETLOD_CHECKED enum tetlod_status boundary_check_new(struct boundary_check **out
                                                      struct tetlod_error *error);
 void boundary_check_free(struct boundary_check *check);
 
-/* *out_distance: a distance of the boundaries above `limit`, or 0: none was found. From one level to the next coarser
- * one only vertices with touched[vertex] are others (NULL: all may be): faces without are known. Limits do not fall.
- * ERR_NOMEM. */
+/* `neighbours`: of the level, as adjacency_build makes them. *out_distance: a distance of the boundaries above `limit`,
+ * or 0: none was found. From one level to the next coarser one only vertices with touched[vertex] are others (NULL: all
+ * may be): faces without are known. Limits do not fall. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status boundary_check_level(struct boundary_check *check, const struct tetmesh *level,
-                                                       const uint8_t *touched, double limit, double *out_distance,
+                                                       const uint32_t *neighbours, const uint8_t *touched,
+                                                       double limit, double *out_distance,
                                                        struct tetlod_error *error);
 
 #endif

@@ -42,7 +42,8 @@ struct overlay {
     struct clusters own_clusters;    /* if none were given */
     double *boxes;                   /* [6 * tet of b] */
     uint8_t *usable[2];              /* [tet] it has an interpolant, and may be looked at */
-    uint32_t *neighbours;            /* of b (adjacency.h), where it may overlap itself */
+    const uint32_t *neighbours;      /* of b (adjacency.h), where it may overlap itself */
+    uint32_t *own_neighbours;        /* if none were given */
     _Atomic uint8_t *covered;        /* [tet of a] a COVER */
     const struct overlay_options *options;
     uint32_t field_count, compared_count;
@@ -567,10 +568,13 @@ static enum tetlod_status prepare_cover(struct overlay *overlay, struct tetlod_e
     if (!overlay->options->overlaps)
         return TETLOD_OK;
     overlay->covered = array_zero(overlay->meshes[0]->tet_count, sizeof *overlay->covered);
-    overlay->neighbours = array_new(b->tet_count, 4 * sizeof *overlay->neighbours);
+    overlay->neighbours = overlay->options->neighbours;
+    if (overlay->covered && overlay->neighbours)
+        return TETLOD_OK;
+    overlay->neighbours = overlay->own_neighbours = array_new(b->tet_count, 4 * sizeof *overlay->neighbours);
     if (!overlay->covered || !overlay->neighbours)
-        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * 16 * (uint64_t)sizeof *overlay->neighbours);
-    return adjacency_build(b->corners, b->tet_count, b->vertex_count, overlay->neighbours, NULL, error);
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * 4 * (uint64_t)sizeof *overlay->neighbours);
+    return adjacency_build(b->corners, b->tet_count, b->vertex_count, overlay->own_neighbours, NULL, error);
 }
 
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
@@ -615,7 +619,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     free(overlay->compared);
     free(overlay->boxes);
     free(overlay->covered);
-    free(overlay->neighbours);
+    free(overlay->own_neighbours);
     clusters_fini(&overlay->own_clusters);
 }
 

@@ -32,6 +32,7 @@ struct overlay_options {
     const struct clusters *clusters;
     /* b may overlap itself: tetrahedra of a whose differences are small on one sheet of it are found quickly */
     bool overlaps;
+    const uint32_t *neighbours; /* of b, as adjacency_build makes them (borrowed); NULL: made if b overlaps itself */
     const double *floors;      /* [count] in the field's units: differences up to that are not looked for; NULL: 0 */
     /* [tet of b][count] of each tetrahedron its own: a floor, raised to a bound of the differences in it; NULL: none.
      * Also where b covers a place more than once; `floors` and the results do not count then */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Errors that are known beforehand. */
 #include "src/measure/measure_levels.h"
+#include "src/mesh/adjacency.h"
 
 #include <stdlib.h>
 
@@ -312,16 +313,20 @@ static void test_boundary_of_a_stricter_level(void)
     struct pyramid original, level;
     struct boundary_check *check;
     const uint8_t touched[6] = {0};
+    uint32_t neighbours[64];
     double distance;
     pyramid_init(&original);
     pyramid_init(&level);
+    REQUIRE(level.mesh.tet_count <= 16 && adjacency_build(level.mesh.corners, level.mesh.tet_count,
+                                                          level.mesh.vertex_count, neighbours, NULL,
+                                                          NULL) == TETLOD_OK);
     level.positions[2] = 0;
     REQUIRE(boundary_check_new(&check, &original.mesh, NULL, 1, NULL) == TETLOD_OK);
-    REQUIRE(boundary_check_level(check, &level.mesh, NULL, 0.3, &distance, NULL) == TETLOD_OK);
+    REQUIRE(boundary_check_level(check, &level.mesh, neighbours, NULL, 0.3, &distance, NULL) == TETLOD_OK);
     CHECK(distance == 0);
-    REQUIRE(boundary_check_level(check, &level.mesh, touched, 0.3, &distance, NULL) == TETLOD_OK);
+    REQUIRE(boundary_check_level(check, &level.mesh, neighbours, touched, 0.3, &distance, NULL) == TETLOD_OK);
     CHECK(distance == 0);
-    REQUIRE(boundary_check_level(check, &level.mesh, touched, 0.1, &distance, NULL) == TETLOD_OK);
+    REQUIRE(boundary_check_level(check, &level.mesh, neighbours, touched, 0.1, &distance, NULL) == TETLOD_OK);
     CHECK_NEAR(distance, 0.25, 1e-12);
     boundary_check_free(check);
 }
