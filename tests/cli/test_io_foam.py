@@ -173,6 +173,40 @@ def large_case():
     return compare(wanted, converted(packed))
 
 
+def decomposed_case():
+    """A mesh in a folder for each processor, which meet in the same points; a whole mesh of earlier results beside them
+    is not read, one of later results is."""
+    must('sample', 'cube', '--size', '5', '-o', 'in.vtu')
+    points, tets = read('in.vtu')[:2]
+    tets = tets.astype(np.int64)
+    part_of = np.digitize(points[tets].mean(axis=1)[:, 0], [1.3, 3.1])
+    shutil.rmtree(path('parts'), ignore_errors=True)
+    os.makedirs(path('parts'))
+    for part in range(3):
+        used, corners = np.unique(tets[part_of == part], return_inverse=True)
+        made = foam_files(points[used], corners.reshape(-1, 4), TETRAHEDRON, bool(part % 2), False)[0]
+        shutil.move(path(os.path.dirname(made)), path('parts/processor%d' % part))
+    write('parts/case.foam', '')
+    p, t, f, c = converted(path('parts/case.foam'))
+    wanted = np.concatenate([np.arange((part_of == part).sum()) / 7 for part in range(3)])
+    if len(p) != len(points) or not np.allclose(np.sort(volumes(p, t)), np.sort(volumes(points, tets))):
+        return len(p), len(points)
+    if not np.array_equal(c['T'], wanted):
+        return 'values'
+    whole = os.path.dirname(foam_files(points, tets, TETRAHEDRON, False, False)[0])
+    shutil.move(path(whole + '/constant'), path('parts/constant'))
+    shutil.move(path(whole + '/1'), path('parts/0'))
+    if not np.array_equal(converted(path('parts/case.foam'))[3]['T'], wanted):
+        return 'earlier results were read'
+    shutil.move(path('parts/0'), path('parts/2'))
+    if not np.array_equal(converted(path('parts/case.foam'))[3]['T'], np.arange(len(tets)) / 7):
+        return 'later results were not read'
+    shutil.rmtree(path('parts/2'))
+    os.remove(path('parts/processor1/constant/polyMesh/owner'))
+    done = tetlod('convert', path('parts/case.foam'), '-o', path('out.vtu'))
+    return None if done.returncode == 3 and b'processor1: ' in done.stderr and b'owner' in done.stderr else done
+
+
 def damaged_gzip_case():
     """What is behind the values is looked at, too: it is where the check sum is."""
     foam_case(False, False, True)
@@ -229,6 +263,7 @@ def main():
     for WIDTHS['label'], WIDTHS['scalar'] in (64, 64), (32, 32), (32, 64):
         case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)
     case('longer files', large_case)
+    case('a decomposed case', decomposed_case)
     case('damaged gzip', damaged_gzip_case)
     case('four triangles that are no tetrahedron', odd_tetrahedra_case)
     damaged_cases(False)

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "format/fail.h"
 #include "src/io/readers/foam_cells.h"
@@ -201,15 +202,78 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
-enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
-                             struct tetlod_error *error)
+static enum tetlod_status read_mesh(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                    struct tetlod_error *error)
 {
     struct foam f = {.input = input, .report = report, .error = error};
-    if (!input->path)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
     TETLOD_TRY(blocks_add(out, &f.block, error));
     TETLOD_TRY(read_points(&f));
     TETLOD_TRY(foam_cells(&f.block->cells, input, error));
     f.cells = f.block->cells.count;
     return read_time(&f);
+}
+
+/* ---- decomposed cases: a mesh in each folder processor0, processor1, ... */
+
+/* What is in a folder: how many processors, the last time (-1: none), and whether there is a mesh. */
+struct contents {
+    uint32_t processors;
+    double last;
+    bool has_mesh;
+};
+
+static struct contents look(const char *folder)
+{
+    struct contents out = {.last = -1};
+    struct dirent **entries;
+    char path[4500];
+    int count = scandir(folder, &entries, NULL, alphasort);
+    for (int i = 0; i < count; i++) {
+        const char *name = entries[i]->d_name;
+        struct text text = {name, name + strlen(name)}, number = {name + strlen("processor"), name + strlen(name)};
+        double time;
+        if (text_double(&text, false, &time) && time > out.last)
+            out.last = time;
+        else if (strncmp(name, "processor", strlen("processor")) == 0 && number.at < number.end && strspn(number.at, "0123456789") == (size_t)(number.end - number.at))
+            out.processors++;
+        free(entries[i]);
+    }
+    if (count >= 0)
+        free(entries);
+    snprintf(path, sizeof path, "%.4096s/constant/polyMesh", folder);
+    out.has_mesh = access(path, F_OK) == 0;
+    return out;
+}
+
+/* The pieces meet in points that are the same bit for bit. */
+static enum tetlod_status read_processors(struct blocks *out, const struct io_input *input, const char *folder,
+                                          uint32_t count, struct io_report *report, struct tetlod_error *error)
+{
+    for (uint32_t p = 0; p < count; p++) {
+        char path[4500];
+        struct io_input piece = *input;
+        struct tetlod_error inner = {0};
+        snprintf(path, sizeof path, "%.4096s/processor%u/case.foam", folder, p);
+        piece.path = path;
+        enum tetlod_status status = read_mesh(out, &piece, report, &inner);
+        if (status != TETLOD_OK)
+            return tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
+    }
+    return TETLOD_OK;
+}
+
+/* A case that has been decomposed may still have its mesh as a whole: what has the later results is read. */
+enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                             struct tetlod_error *error)
+{
+    char folder[4097], first[4200];
+    if (!input->path)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
+    const char *slash = strrchr(input->path, '/');
+    snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - input->path) : 1, slash ? input->path : ".");
+    snprintf(first, sizeof first, "%s/processor0", folder);
+    const struct contents whole = look(folder), piece = look(first);
+    bool decomposed = whole.processors && piece.has_mesh && (!whole.has_mesh || piece.last > whole.last);
+    return decomposed ? read_processors(out, input, folder, whole.processors, report, error)
+                      : read_mesh(out, input, report, error);
 }
