@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // realpath
 #include "src/cli/plan.h"
 
 #include <errno.h>

@@ -222,6 +222,13 @@ struct contents {
     bool has_mesh;
 };
 
+static bool is_processor(const char *name)
+{
+    static const char start[] = "processor";
+    const char *number = name + strlen(start);
+    return strncmp(name, start, strlen(start)) == 0 && *number && number[strspn(number, "0123456789")] == 0;
+}
+
 static struct contents look(const char *folder)
 {
     struct contents out = {.last = -1};
@@ -230,12 +237,11 @@ static struct contents look(const char *folder)
     int count = scandir(folder, &entries, NULL, alphasort);
     for (int i = 0; i < count; i++) {
         const char *name = entries[i]->d_name;
-        struct text text = {name, name + strlen(name)}, number = {name + strlen("processor"), name + strlen(name)};
+        struct text text = {name, name + strlen(name)};
         double time;
         if (text_double(&text, false, &time) && time > out.last)
             out.last = time;
-        else if (strncmp(name, "processor", strlen("processor")) == 0 && number.at < number.end && strspn(number.at, "0123456789") == (size_t)(number.end - number.at))
-            out.processors++;
+        out.processors += is_processor(name);
         free(entries[i]);
     }
     if (count >= 0)
