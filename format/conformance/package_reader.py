@@ -35,6 +35,10 @@ def of_stream(stream):
 def answer(path):
     stream = tetlod.open(path, decoder='library')
     own = of_stream(stream)
+    if stream.info.paged:
+        low, high = stream.info.bounds
+        mesh = stream.region([*low, *((a + b) / 2 for a, b in zip(low, high))])
+        own['region'] = answers.level(mesh.points, mesh.tets, list(mesh.fields.values()))
     groups = [of_stream(stream._topology(number)) for number in range(1, len(stream.info.topologies))]
     return {**own, 'groups': groups} if groups else own
 

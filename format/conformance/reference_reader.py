@@ -10,6 +10,7 @@ sys.path[:0] = [HERE, os.environ.get('TETLOD_PYTHON',
                                      os.path.join(HERE, '..', '..', 'client-examples', 'python'))]
 import answers  # noqa: E402
 import tetlod.reference as tetlod  # noqa: E402
+from tetlod import reference_pages  # noqa: E402
 
 
 def steps_of(series):
@@ -38,9 +39,20 @@ def of_stream(stream):
     return answer
 
 
+def region_of(stream):
+    """All detail in the box of the least eighth (SPEC 7.6)."""
+    low, high = stream.bounds
+    box = low, [(a + b) / 2 for a, b in zip(low, high)]
+    chosen = reference_pages.closure(stream, reference_pages.meeting(stream, box))
+    found = stream.cursor().seek_pages(chosen)
+    return answers.level(found.positions, found.tets, [found.field(field['name']) for field in stream.fields])
+
+
 def answer(path):
     stream = tetlod.open(path)
     own = of_stream(stream)
+    if stream.groups:
+        own['region'] = region_of(stream)
     groups = [of_stream(stream.topology(number)) for number in range(1, len(stream.topologies))]
     return {**own, 'groups': groups} if groups else own
 

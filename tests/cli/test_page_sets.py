@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """extract --box of streams in pages: what the reference decoder has, within what is certified, out of few bytes."""
+import glob
 import itertools
 import json
 import os
@@ -13,6 +14,8 @@ from common import ROOT, Host, case, fails, finish, info, must, path, write
 sys.path[:0] = [os.path.join(ROOT, 'client-examples', 'python'), os.path.join(ROOT, 'tests', 'http')]
 import numpy  # noqa: E402
 from region_judge import COARSE, FINE, TRANSITION, read_vtk  # noqa: E402
+os.environ['TETLOD_LIBRARY'] = glob.glob(os.path.join(ROOT, 'build', 'release', 'libtetlod.so.*'))[0]
+import tetlod as client  # noqa: E402
 from tetlod import reference, reference_pages  # noqa: E402
 
 CASES = {  # a boundary that moves, several fields, parts, a local bound
@@ -178,6 +181,38 @@ def over_http():
     return None if sent < 0.75 * size and not overlap else (size, sent, asked)
 
 
+def packages():
+    """The package: the library and Python give the mesh of extract, of a URL by the ranges that it needs."""
+    stream = info('big.tetlod')
+    box, root = random_box(stream, random.Random(7), 1 / 512), stream['first_paged_level'] - 1
+    fine = errors_of(stream)[finest(stream) - 1]
+    wanted, _ = extract('big.tetlod', [box], root, fine)
+    level = next(k for k, error in enumerate(errors_of(stream)) if error <= fine)
+    with Host() as host:
+        for place, decoder in ((path('big.tetlod'), 'library'), (path('big.tetlod'), 'python'),
+                               (host.url + 'big.tetlod', 'library')):
+            mesh = client.read(place, box=list(box), box_error=fine, decoder=decoder)
+            same = numpy.array_equal(mesh.points, wanted['points']) and numpy.array_equal(mesh.tets, wanted['tets'])
+            outside = numpy.where(mesh.tet_levels <= root, COARSE, TRANSITION)
+            parts = numpy.where(mesh.tet_levels >= level, FINE, outside)
+            if not same or not numpy.array_equal(parts, wanted['cell']['Region'][:, 0]) or mesh.level != level:
+                return place, decoder, len(mesh.tets), len(wanted['tets'])
+            if mesh.error != errors_of(stream)[mesh.tet_levels.min()] or mesh.errors['Pressure']['max'] > mesh.error:
+                return mesh.error
+        size = os.path.getsize(path('big.tetlod'))
+        if host.sent > 0.75 * size or len(host.asked) > 12:
+            return host.sent, size, host.asked
+    material = client.read(path('parts.tetlod'), box=[0, 0, 0, 3, 3, 3], box_error=0.001)
+    middles = material.points[material.tets].mean(axis=1)
+    if not numpy.array_equal(material.cells['material'], numpy.where(middles[:, 0] < 3, 2, 5)):
+        return 'other values of cells'
+    try:
+        client.open(path('level.tetlod')).region([0, 0, 0, 1, 1, 1])
+        return 'a region of a stream without pages'
+    except ValueError as problem:
+        return None if '--paged' in str(problem) else problem
+
+
 def cut_off():
     """A file without what lies behind the pages of a box."""
     with open(path('cube.tetlod'), 'rb') as file:
@@ -196,6 +231,8 @@ for each in CASES:
     case('%s: as the reference decoder, within what is certified' % each, page_sets, each)
 case('values of cells', cells_follow)
 case('of a URL', over_http)
+must('build', path('big.vtu'), '-o', 'level.tetlod', '--max-error', '0', '--quiet')
+case('of the package', packages)
 case('of a file that is cut off', cut_off)
 fails('a host that is not there', 1, ['cannot be read'], 'extract', 'http://127.0.0.1:1/x.tetlod', '--error', '1%',
       '-o', 'no.vtu')

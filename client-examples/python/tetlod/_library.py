@@ -13,7 +13,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ._model import MEASURES, Field, Info, Level, Topology, unknown_field
+from ._model import MEASURES, Field, Info, Level, Region, Topology, unknown_field
 from ._sources import Source
 from ._steps import Steps, own_ranges
 from ._words import speak
@@ -32,6 +32,9 @@ class CError(Structure):
 
 class CSource(Structure):
     _fields_ = [('read', READ), ('opaque', c_void_p), ('size', c_uint64)]
+
+
+GAP = 8192  # bytes between two spans that are read along, for one request less
 
 
 class CField(Structure):
@@ -76,6 +79,19 @@ class CInfo(Structure):
                 ('stream_offset', c_uint64)]
 
 
+class CPlace(Structure):
+    _fields_ = [('low', c_double * 3), ('high', c_double * 3), ('radius', c_double), ('level', c_uint32)]
+
+
+class CPageSetInfo(Structure):
+    _fields_ = [('level', c_uint32), ('pages', c_uint32), ('vertices', c_uint64), ('tets', c_uint64),
+                ('reserved', c_uint64 * 2)]
+
+
+class CSpan(Structure):
+    _fields_ = [('offset', c_uint64), ('size', c_uint64)]
+
+
 class CMesh(Structure):
     _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('level', c_uint32), ('positions', c_void_p),
                 ('fields', POINTER(c_void_p)),
@@ -105,6 +121,13 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_cursor_free': (None, [c_void_p]),
     'tetlod_cursor_seek': (c_int, [c_void_p, c_uint32, POINTER(CError)]),
     'tetlod_cursor_mesh': (None, [c_void_p, POINTER(CMesh)]),
+    'tetlod_page_set_new': (c_int, [POINTER(c_void_p), c_void_p, c_uint32, POINTER(CPlace), c_size_t, POINTER(CError)]),
+    'tetlod_page_set_free': (None, [c_void_p]),
+    'tetlod_page_set_info': (None, [c_void_p, POINTER(CPageSetInfo)]),
+    'tetlod_page_set_spans': (c_size_t, [c_void_p, POINTER(c_uint32), c_uint32, c_uint64, POINTER(CSpan), c_size_t]),
+    'tetlod_cursor_select': (c_int, [c_void_p, c_void_p, POINTER(CError)]),
+    'tetlod_cursor_numbers': (None, [c_void_p, c_void_p, c_void_p]),
+    'tetlod_cursor_tet_levels': (None, [c_void_p, c_void_p]),
     'tetlod_section_index': (c_uint32, [POINTER(CInfo), c_char_p]),
     'tetlod_series_new': (c_int, [POINTER(c_void_p), c_void_p, POINTER(CError)]),
     'tetlod_series_free': (None, [c_void_p]),
@@ -222,7 +245,8 @@ class LibraryDecoder:
                     bool(c.lossless), fields,
                     tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
                     tuple(Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset,
-                                   t.size) for t in c.topologies[:c.topology_count]))
+                                   t.size) for t in c.topologies[:c.topology_count]),
+                    tuple(range(c.first_paged_level, c.level_count - c.exact_last)) if c.page_count else ())
 
     def seek(self, level: int) -> None:
         error = CError()
@@ -244,6 +268,43 @@ class LibraryDecoder:
             fields[field.name] = view(self, address, shape, '=f8')
         points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
+
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> Region:
+        """The pages of all levels up to `coarse`, and in the boxes of those up to `fine`."""
+        pages, cursor, error = c_void_p(), c_void_p(), CError()
+        places = (CPlace * len(boxes))(*(CPlace(tuple(box[:3]), tuple(box[3:]), 0, fine) for box in boxes))
+        status = self._library.tetlod_page_set_new(byref(pages), self._file, coarse, places, len(boxes), byref(error))
+        try:
+            self._check(status, error)
+            self._source.hold(self._spans(pages))
+            self.open_cursor(cursor, self._selected)
+            self._check(self._library.tetlod_cursor_select(cursor, pages, byref(error)), error)
+            about = CPageSetInfo()
+            self._library.tetlod_page_set_info(pages, byref(about))
+            self._check(self._library.tetlod_cursor_seek(cursor, about.level, byref(error)), error)
+            return self._region(cursor)
+        finally:
+            self._library.tetlod_cursor_free(cursor)
+            self._library.tetlod_page_set_free(pages)
+
+    def _region(self, cursor: c_void_p) -> Region:
+        """Copies: the cursor goes."""
+        mesh = CMesh()
+        self._library.tetlod_cursor_mesh(cursor, byref(mesh))
+        points, tets, fields = self._arrays(mesh, {number: mesh.fields[number] for number in self._selected})
+        levels, numbers = (np.empty(mesh.tets, np.uint32) for _ in range(2))
+        self._library.tetlod_cursor_tet_levels(cursor, levels.ctypes.data)
+        self._library.tetlod_cursor_numbers(cursor, None, numbers.ctypes.data)
+        return Region(points.copy(), tets.copy(), {name: values.copy() for name, values in fields.items()}, levels,
+                      numbers)
+
+    def _spans(self, pages: c_void_p) -> Sequence[Tuple[int, int]]:
+        """Of the pages' bytes, joined where little lies between."""
+        fields = (c_uint32 * max(1, len(self._selected)))(*self._selected)
+        count = self._library.tetlod_page_set_spans(pages, fields, len(self._selected), GAP, None, 0)
+        spans = (CSpan * count)()
+        self._library.tetlod_page_set_spans(pages, fields, len(self._selected), GAP, spans, count)
+        return [(span.offset, span.size) for span in spans]
 
     @functools.cached_property
     def steps(self) -> Optional[Steps]:

@@ -44,7 +44,8 @@ class Mesh:
 
     `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the range.
     `errors[field][measure]` are all of them. `cells` holds values of tetrahedra by name, such as materials.
-    `time` is that of the step that `Stream.at` found. `id` is the stream's content id.
+    `time` is that of the step that `Stream.at` found. `id` is the stream's content id. `tet_levels` of a region is
+    the level that each tetrahedron is of, and whose errors hold in it; else None.
     """
     points: Any
     tets: Any
@@ -56,6 +57,7 @@ class Mesh:
     cells: Mapping[str, Any]
     time: Optional[float] = None
     id: str = ''
+    tet_levels: Optional[Any] = None
 
     def __repr__(self) -> str:
         """Three lines: what it is, its fields, its cells."""

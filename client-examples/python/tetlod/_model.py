@@ -59,6 +59,17 @@ class Info:
     metadata: Dict[str, Any]
     cells: Tuple[str, ...]
     topologies: Tuple[Topology, ...] = ()
+    paged: Tuple[int, ...] = ()  # levels in pages, of which a region takes some
+
+
+@dataclass(frozen=True)
+class Region:
+    """A mesh of some of the pages: of each tetrahedron its level, and the number that it has with all pages."""
+    points: Any
+    tets: Any
+    fields: Dict[str, Any]
+    levels: Any
+    numbers: Any
 
 
 @dataclass(frozen=True)

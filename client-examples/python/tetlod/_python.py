@@ -7,8 +7,8 @@ import functools
 import gc
 from typing import Any, Dict, Iterator, Optional, Sequence, Tuple
 
-from . import reference
-from ._model import Field, Info, Level, Topology, unknown_field
+from . import reference, reference_pages
+from ._model import Field, Info, Level, Region, Topology, unknown_field
 from ._sources import Source
 from ._steps import Steps, own_ranges
 
@@ -29,6 +29,20 @@ class PythonDecoder:
             self._cursor = self._stream.cursor(self._names)
         with collector_paused():
             self._cursor.seek(level)
+
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> Region:
+        """As the library's, but levels in pages are read whole."""
+        chosen = {level: set(range(group.count)) for level, group in self._stream.groups.items() if level <= coarse}
+        for box in boxes:
+            for level, pages in reference_pages.meeting(self._stream, (box[:3], box[3:]), fine).items():
+                chosen.setdefault(level, set()).update(pages)
+        chosen = reference_pages.closure(self._stream, chosen)
+        cursor = self._stream.cursor(self._names)
+        with collector_paused():
+            cursor.seek_pages(chosen)
+        levels, numbers = reference_pages.rows_of(cursor, chosen)
+        fields = {name: cursor.field(name) for name in self._names}
+        return Region(cursor.positions, cursor.tets, fields, levels, numbers)
 
     def cells(self, name: str) -> Any:
         return self._stream.cells(name)
@@ -85,4 +99,6 @@ def information(stream: Any) -> Info:
     return Info(stream.cid, stream.vertices, stream.tets, stream.bytes,
                 ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
                 not stream.scales[0].bits and all(exact) and not any(f['quantum'] for f in stream.cell_fields), fields, levels, stream.metadata,
-                tuple(f['name'] for f in stream.cell_fields), tuple(Topology(**topology) for topology in stream.topologies))
+                tuple(f['name'] for f in stream.cell_fields),
+                tuple(Topology(**topology) for topology in stream.topologies),
+                tuple(sorted(stream.groups)))

@@ -13,7 +13,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import warnings
-from typing import Any, BinaryIO, Callable, Dict, Mapping, Optional, Union
+from typing import Any, BinaryIO, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 from ._model import Choice
 from .reference import POINTER_MAGIC, StreamError, pointer_of
@@ -45,6 +45,9 @@ class Source:
 
     def expect(self, end: int) -> None:
         """A hint: bytes up to `end` will be read."""
+
+    def hold(self, spans: Sequence[Tuple[int, int]]) -> None:
+        """Ranges (offset, size) that will be read in parts: what is far away has them fetched, each by one request."""
 
     def close(self) -> None:
         pass
@@ -104,6 +107,9 @@ class Part(Source):
     def expect(self, end: int) -> None:
         self.wanted = max(self.wanted, end)
 
+    def hold(self, spans: Sequence[Tuple[int, int]]) -> None:
+        self.whole.hold([(self.offset + offset, size) for offset, size in spans])
+
 
 class Inside(Part):
     """The stream in an HDF5 file (SPEC 3.10)."""
@@ -126,6 +132,7 @@ class Remote(Source):
     def __init__(self, url: str, headers: Headers, progress: Optional[Progress]) -> None:
         self.name, self.url, self.headers, self.progress = url, url, dict(headers), progress
         self.data, self.wanted, self.requests = bytearray(), 0, 0
+        self.held: List[Tuple[int, bytes]] = []
         self.answer: Optional[http.client.HTTPResponse] = None
         self.tag: Optional[str] = None
 
@@ -138,6 +145,9 @@ class Remote(Source):
 
     def read(self, offset: int, size: int) -> bytes:
         end = offset + size
+        for at, data in self.held:
+            if at <= offset and end <= at + len(data):
+                return data[offset - at:end - at]
         if len(self.data) < end and (offset >= self.late or
                                      offset > max(len(self.data),
                                                   self.wanted)) and (apart := self._apart(offset, size)) is not None:
@@ -150,6 +160,11 @@ class Remote(Source):
 
     def expect(self, end: int) -> None:
         self.wanted = max(self.wanted, end)
+
+    def hold(self, spans: Sequence[Tuple[int, int]]) -> None:
+        missing = [(offset, size) for offset, size in spans if offset + size > len(self.data)]
+        parts = [(offset, self._apart(offset, size)) for offset, size in missing]
+        self.held = [(offset, part) for offset, part in parts if part is not None]
 
     def close(self) -> None:
         if self.answer is not None:

@@ -925,7 +925,7 @@ class Cursor:
         self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
         self.exact = False           # fields have the tail's values
         self.listed, self.seams = None, frozenset()  # of a page: its vertices, and those that do not split
-        self.left_out = set()        # tetrahedra of pages that were left out
+        self.left_out = {}           # tetrahedra of pages that were left out: of which level
         self._base()
 
     def __del__(self):
@@ -1222,7 +1222,9 @@ class Cursor:
         from .reference_pages import page_frames
         lists, self.seams, pages = group.lists(self.columns[0].values, self.tets_list[:self.tet_count], self.left_out)
         if chosen is not None:
-            self.left_out.update(t for t, page in enumerate(pages) if page not in chosen)
+            for t, page in enumerate(pages):
+                if page not in chosen:
+                    self.left_out.setdefault(t, level)
         frames = [page_frames(group, column.part, self.stream.frame(level, column.part)) for column in self.columns]
         for number, page in enumerate(group.pages):
             if not page.vertices or chosen is not None and number not in chosen:

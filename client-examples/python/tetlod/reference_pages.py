@@ -144,3 +144,18 @@ def closure(stream, pages):
             if level - 1 in stream.groups:
                 closed.setdefault(level - 1, set()).update(stream.groups[level].pages[number].needed)
     return closed
+
+
+def rows_of(cursor, chosen):
+    """Of each tetrahedron of a cursor with these pages: the level that it is of, and its number with all pages."""
+    groups, levels = cursor.stream.groups, cursor.stream.levels
+    root = min(groups) - 1
+    finest = max((level for level, pages in chosen.items() if pages), default=root)
+    of = [min(cursor.left_out.get(t, finest + 1) - 1, finest) for t in range(len(cursor.tets))]
+    numbers, next_number = list(range(levels[root]['tets'])), levels[root]['tets']
+    for level, group in sorted(groups.items()):
+        for number, page in enumerate(group.pages):
+            if number in chosen.get(level, ()):
+                numbers.extend(range(next_number, next_number + page.tets))
+            next_number += page.tets
+    return np.array(of, np.uint32), np.array(numbers, np.uint32)
