@@ -237,22 +237,42 @@ enum tetlod_status library_build(const struct tetmesh *mesh, const struct tetlod
     return status;
 }
 
-enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
-                                enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
-                                struct tetlod_error *error)
+/* Programs that build together do so by cells; one of them speaks. */
+static void join_share(const struct work_share *share, struct tetlod_build_options *given, struct build_options *build)
+{
+    build->share = share;
+    build->paged = BUILD_CELL_TETS;
+    if (!share->leads) {
+        given->progress = NULL;
+        given->warn = NULL;
+    }
+}
+
+enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
+                                        const struct tetlod_build_options *options, const struct work_share *share,
+                                        const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     struct tetlod_build_options given;
     struct build_options build;
     struct tetmesh copy = {0};
     struct build_control *controls = NULL;
     enum tetlod_status status = library_options(options, &given, &build, error);
+    if (share)
+        join_share(share, &given, &build);
     if (status == TETLOD_OK)
         status = library_copy_mesh(&copy, mesh, error);
     if (status == TETLOD_OK)
         status = library_choose(&copy, &given, false, &build, &controls, error);
     if (status == TETLOD_OK)
-        status = library_build(&copy, &given, build, &(const struct tetlodi_sink){write, opaque}, error);
+        status = library_build(&copy, &given, build, sink, error);
     free(controls);
     tetmesh_fini(&copy);
     return status;
+}
+
+enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
+                                enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
+                                struct tetlod_error *error)
+{
+    return library_build_arrays(mesh, options, NULL, &(const struct tetlodi_sink){write, opaque}, error);
 }

@@ -6,6 +6,12 @@
 #include "src/library/tetlod_build.h"
 #include "src/pipeline/build.h"
 
+/* tetlod_build, with other programs that have the same mesh (src/util/work_share.h); NULL: alone. */
+TETLOD_CHECKED enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
+                                                       const struct tetlod_build_options *options,
+                                                       const struct work_share *share, const struct tetlodi_sink *sink,
+                                                       struct tetlod_error *error);
+
 /* The caller's options of its version of the struct, NULL: the defaults, and the pipeline's. */
 TETLOD_CHECKED enum tetlod_status library_options(const struct tetlod_build_options *options,
                                                   struct tetlod_build_options *out, struct build_options *out_build,

@@ -8,33 +8,6 @@
 #include "src/mpi/mpi_share.h"
 #include "src/util/array.h"
 
-/* The build of a mesh that all ranks have. */
-static enum tetlod_status build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
-                                const struct work_share *share, const struct tetlodi_sink *sink,
-                                struct tetlod_error *error)
-{
-    struct tetlod_build_options given;
-    struct build_options build;
-    struct tetmesh copy = {0};
-    struct build_control *controls = NULL;
-    enum tetlod_status status = library_options(options, &given, &build, error);
-    build.share = share;
-    build.paged = BUILD_CELL_TETS;
-    if (!share->leads) {
-        given.progress = NULL;
-        given.warn = NULL;
-    }
-    if (status == TETLOD_OK)
-        status = library_copy_mesh(&copy, mesh, error);
-    if (status == TETLOD_OK)
-        status = library_choose(&copy, &given, false, &build, &controls, error);
-    if (status == TETLOD_OK)
-        status = library_build(&copy, &given, build, sink, error);
-    free(controls);
-    tetmesh_fini(&copy);
-    return status;
-}
-
 /* The status of all ranks: what one has failed with by itself all return. */
 static enum tetlod_status finish(MPI_Comm comm, struct work_share *share, enum tetlod_status status,
                                  struct tetlod_error *error)
@@ -65,7 +38,8 @@ enum tetlod_status tetlod_build_comm(MPI_Comm comm, const struct tetlod_build_pi
     if (status == TETLOD_OK)
         status = comm_agree(comm, mpi_share_new(&share, comm, error), error);
     if (status == TETLOD_OK) {
-        status = build(&mesh, options, &share, &(const struct tetlodi_sink){write, opaque}, error);
+        const struct tetlodi_sink sink = {write, opaque};
+        status = library_build_arrays(&mesh, options, &share, &sink, error);
         status = finish(comm, &share, status, error);
         mpi_share_free(&share);
     }
