@@ -12,13 +12,12 @@ static const char help[] =
     "One task of what tetlod plan has written down: it does work that no other task has begun, until none\n"
     "is left. Tasks may run at once, one after the other or again, on one machine or on many.\n"
     "\n"
-    "      --task I/N     task I of N: how much of the measuring it takes at once (default: 1/1)\n"
-    "      --threads N    threads (default: as many as there are cores)\n"
-    "      --memory SIZE  about how much memory to use, as of tetlod build\n"
+    "      --task I/N   task I of N: how much of the measuring it takes at once (default: 1/1)\n"
+    "      --threads N  threads (default: as many as there are cores)\n"
     "\n"
     "example: tetlod run work --task $SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT\n";
 
-enum { TASK = 256, THREADS, MEMORY };
+enum { TASK = 256, THREADS };
 
 /* 3/8 */
 static bool parse_task(const char *text, uint64_t *members)
@@ -40,18 +39,16 @@ static int run(int argc, char **argv)
 {
     static const struct option options[] = {{"task", required_argument, NULL, TASK},
                                             {"threads", required_argument, NULL, THREADS},
-                                            {"memory", required_argument, NULL, MEMORY},
                                             {0}};
-    const char *threads = NULL, *memory = NULL;
+    const char *threads = NULL;
     struct tetlod_error error = {0};
     struct plan plan;
     struct work_share share = {0};
     uint64_t members = 1;
     for (int option; (option = cli_option(&command_run, argc, argv, "", options)) != -1;) {
-        if (option == TASK ? !parse_task(optarg, &members) : option != THREADS && option != MEMORY)
+        if (option == TASK ? !parse_task(optarg, &members) : option != THREADS)
             return EXIT_USAGE;
         threads = option == THREADS ? optarg : threads;
-        memory = option == MEMORY ? optarg : memory;
     }
     if (!cli_operands(&command_run, argc, 1, "the FOLDER of a plan"))
         return EXIT_USAGE;
@@ -61,7 +58,6 @@ static int run(int argc, char **argv)
         result = cli_fail(&error);
     } else {
         plan_add_option(&plan, "--threads", threads);
-        plan_add_option(&plan, "--memory", memory);
         optind = 0;
         result = build_together(plan.count, plan.arguments, &share);
     }
