@@ -531,12 +531,13 @@ bench-cut: needs $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
 
-## bench-web: the web client in headless Chromium, and over a slow link (BLUNT=folder of the blunt fin)
+## bench-web: the web client in headless Chromium, over a slow link and in pages (BLUNT=folder of the blunt fin, FLY=60)
 .PHONY: bench-web
 BENCHES += bench-web
 bench-web: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@node tests/bench/web.mjs $(BINARY) build/bench-web$(if $(BLUNT),-blunt)
+	@node tests/bench/fly.mjs $(BINARY) build/bench-web $(FLY)
 
 ## bench: measure; bench-* are its parts
 .PHONY: bench
