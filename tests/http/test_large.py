@@ -14,7 +14,7 @@ import time
 from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, run
 
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
-from streams import plain, sealed, tetlod  # noqa: E402
+from streams import crafted, plain, sealed, tetlod  # noqa: E402
 
 MADE = os.path.join(SCRATCH, 'fin.tetlod')
 CROSSES = 1 << 32  # where 32 bits end
@@ -207,6 +207,28 @@ def test_five_gigabytes():
     os.unlink(path)
 
 
+def test_what_was_read_once_comes_from_memory():
+    """Ranges and whole bodies leave without reading the file again, however many pieces they leave in."""
+    noise = random.Random(7).randbytes(6 << 20)
+    data = crafted([(4, 1, 20, 8)], 1, [(b'MORE', 0, noise, len(noise))])
+    with open(os.path.join(SCRATCH, 'more.tetlod'), 'wb') as file:
+        file.write(data)
+    with Server('more.tetlod') as server:
+        path = '/v1/meshes/more/%s/stream' % server.json('/v1/meshes/more')['cid']
+        ranges = [{}, {'Range': 'bytes=100000-1148575'}, {'Range': 'bytes=3000000-3065535'}]
+
+        def ask():
+            for headers in ranges * 3:
+                status, _, body = server.get(path, **headers)
+                assert (status, len(body)) in ((200, len(data)), (206, 1 << 20), (206, 65536)), (status, len(body))
+        ask()
+        before = server.counted()
+        ask()
+        reads, characters = (after - then for then, after in zip(before, server.counted()))
+    assert characters < 65536, characters  # of 24 MB
+    assert reads < 4 * 3 * len(ranges), reads  # wake-ups
+
+
 def test_stop_in_the_middle():
     """Of streams being decoded, and answers that wait for room, are being made or sent, nothing is looked at once it is gone."""
     folder = os.path.join(SCRATCH, 'stopped')
@@ -296,7 +318,7 @@ def main():
     run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes,
          test_conditions_and_ranges,
          test_chosen_fields, test_readers_that_wait_take_no_memory, test_the_kernel_holds_little,
-         test_five_gigabytes, test_stop_in_the_middle, test_written_over_while_it_is_read])
+         test_what_was_read_once_comes_from_memory, test_five_gigabytes, test_stop_in_the_middle, test_written_over_while_it_is_read])
 
 
 main()
