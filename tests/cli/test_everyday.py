@@ -176,6 +176,8 @@ case('a file that is cut off gives what it holds', cut_off)
 case('build --for mail', mail)
 case('limits in units', units)
 case('compare takes parts of vectors', compare_parts)
+for command in ('build', 'x.vtu', '-o', 'x.tetlod'), ('verify', 'x.tetlod'), ('compare', 'x.vtu', 'y.vtu'):
+    fails('%s: more threads than there can be' % command[0], 2, ('from 0 to 64', "'65'"), *command, '--threads', '65')
 case('build and info print about ten levels', tables)
 case('arrays that are left out are named', names)
 finish()
