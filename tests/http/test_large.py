@@ -318,7 +318,8 @@ def main():
     run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes,
          test_conditions_and_ranges,
          test_chosen_fields, test_readers_that_wait_take_no_memory, test_the_kernel_holds_little,
-         test_what_was_read_once_comes_from_memory, test_five_gigabytes, test_stop_in_the_middle, test_written_over_while_it_is_read])
+         test_what_was_read_once_comes_from_memory, test_five_gigabytes, test_stop_in_the_middle,
+         test_written_over_while_it_is_read])
 
 
 main()
