@@ -9,6 +9,7 @@
 #include "server/http/params.h"
 #include "server/http/respond.h"
 #include "server/jobs/json_body.h"
+#include "server/jobs/kept_levels.h"
 #include "server/jobs/obtain.h"
 #include "server/routes/handlers.h"
 #include "server/routes/steps.h"
@@ -21,6 +22,7 @@ enum { TEXT_CAPACITY = 512 };
 
 struct ask_context {
     struct dataset *dataset;
+    struct cache *memory; /* the site's */
     enum coding coding;
     char text[TEXT_CAPACITY];
     struct ask_question question;
@@ -51,8 +53,12 @@ static enum tetlod_status make_answer(void *opaque, struct run *run, struct cach
     struct ask_result result;
     options.wanted = wanted;
     options.opaque = run;
+    struct kept_levels kept;
+    kept_levels_begin(&kept, context->memory, info->cid);
+    options.shelf = &kept.shelf;
     enum tetlod_status status = ask_stream(file, info->level_count - 1, &context->question,
                                            context->of_step ? &context->step : NULL, &options, &result, error);
+    kept_levels_end(&kept);
     if (status == TETLOD_ERR_CANCELLED)
         return fail_unwanted(error);
     if (status == TETLOD_ERR_FIELD) // no level certifies the field: the request is right, there is no answer
@@ -122,6 +128,7 @@ enum outcome handle_ask(struct exchange *exchange)
     if (!context)
         return respond_no_memory(exchange);
     context->dataset = dataset_hold(exchange->dataset);
+    context->memory = exchange->site->memory;
     context->coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
     if (take_question(exchange, dataset_info(exchange->dataset), context))
         return answer(exchange, context);

@@ -117,8 +117,8 @@ static void add_extremes(struct pass *pass, const double weights[4])
     double values[2];
     enclose_at(pass, weights, values);
     for (int e = 0; e < 2; e++) {
-        pass->least[e] = fmin(pass->least[e], values[e]);
-        pass->most[e] = fmax(pass->most[e], values[e]);
+        pass->least[e] = smaller(pass->least[e], values[e]);
+        pass->most[e] = larger(pass->most[e], values[e]);
     }
 }
 
@@ -198,8 +198,8 @@ static bool box_planes(const struct ask_question *question, const double *const 
             double *plane = planes[*count], least = DBL_MAX, most = -DBL_MAX;
             for (int c = 0; c < 4; c++) {
                 plane[c] = side ? question->box[1][i] - corners[c][i] : corners[c][i] - question->box[0][i];
-                least = fmin(least, plane[c]);
-                most = fmax(most, plane[c]);
+                least = smaller(least, plane[c]);
+                most = larger(most, plane[c]);
             }
             if (most < 0)
                 return false;
@@ -293,6 +293,26 @@ static struct ask_interval volume_range(const struct pass *pass)
     return (struct ask_interval){fmax(whole * (1 - ROUNDING) - swept, 0), whole * (1 + ROUNDING) + swept};
 }
 
+static void add_share(void *opaque, const double piece[4][4])
+{
+    *(double *)opaque += clip_share(piece);
+}
+
+/* The volume of a tetrahedron's part in the box, if one is asked about. */
+static double volume_asked(const struct pass *pass, uint32_t tet)
+{
+    const double *corners[4];
+    double planes[MAX_CLIP_PLANES][4], share = 0;
+    unsigned count;
+    for (size_t c = 0; c < 4; c++)
+        corners[c] = pass->level->positions + 3 * (size_t)pass->level->corners[4 * (size_t)tet + c];
+    if (!box_planes(pass->question, corners, planes, &count))
+        return 0;
+    if (count)
+        clip_tet((const double(*)[4])planes, count, add_share, &share);
+    return fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6 * (count ? share : 1);
+}
+
 /* Keeps, of the tetrahedra that are asked, those in which the function passes from `low` to `high`. Returns the volume
  * of those in which it is below. */
 static long double narrow(struct pass *pass, int function, double low, double high)
@@ -301,16 +321,15 @@ static long double narrow(struct pass *pass, int function, double low, double hi
     long double below = 0;
     uint32_t kept = 0;
     for (uint32_t i = 0; i < pass->subset_count; i++) {
-        const uint32_t t = pass->subset[i], *corners = level->corners + 4 * (size_t)t;
-        const double *at = level->positions, *ends = pass->ends[function];
+        const uint32_t t = pass->subset[i];
+        const double *ends = pass->ends[function];
         if (pass->question->over_region && level->regions[t] != pass->question->region)
             continue;
         enclose(pass, t);
-        double least = fmin(fmin(ends[0], ends[1]), fmin(ends[2], ends[3]));
-        double most = fmax(fmax(ends[0], ends[1]), fmax(ends[2], ends[3]));
+        double least = smaller(smaller(ends[0], ends[1]), smaller(ends[2], ends[3]));
+        double most = larger(larger(ends[0], ends[1]), larger(ends[2], ends[3]));
         if (most <= low)
-            below += fabs(tet_volume6(at + 3 * (size_t)corners[0], at + 3 * (size_t)corners[1],
-                                      at + 3 * (size_t)corners[2], at + 3 * (size_t)corners[3])) / 6;
+            below += volume_asked(pass, t);
         else if (least <= high)
             pass->subset[kept++] = t;
     }
@@ -318,13 +337,14 @@ static long double narrow(struct pass *pass, int function, double low, double hi
     return below;
 }
 
-/* All tetrahedra, to be narrowed down; without a box, which would cut those that are left out. No memory: all it is. */
+/* All tetrahedra that may lie in the box, to be narrowed down. No memory: all it is, each time. */
 static void begin_subset(struct pass *pass)
 {
-    pass->subset = pass->question->in_box ? NULL : array_new(pass->level->tets, sizeof *pass->subset);
-    pass->subset_count = pass->subset ? pass->level->tets : 0;
-    for (uint32_t t = 0; t < pass->subset_count; t++)
-        pass->subset[t] = t;
+    pass->subset = array_new(pass->level->tets, sizeof *pass->subset);
+    pass->subset_count = 0;
+    for (uint32_t t = 0; t < pass->level->tets && pass->subset; t++)
+        if (!pass->question->in_box || volume_asked(pass, t) > 0)
+            pass->subset[pass->subset_count++] = t;
 }
 
 /* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
@@ -338,13 +358,15 @@ static double quantile(struct pass *pass, int which, double share)
     long double wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
     // of the volume at most a threshold, the upper end is that of the lower function
     const int end = which == LOWER ? UPPER : LOWER;
+    // of what the level's error leaves open, or of rounding
+    const double enough = fmax(1e-6 * pass->level->error, 1e-13 * (high - low));
     long double below = 0;
     pass->side = ASK_AT_MOST;
     pass->skip[which] = true;
     begin_subset(pass);
     for (int k = 0; k < MAX_HALVINGS; k++) {
         double middle = low + (high - low) / 2;
-        if (!(middle > low && middle < high))
+        if (!(middle > low && middle < high) || high - low <= enough)
             break;
         pass->thresholds[end] = middle;
         run(pass);

@@ -196,6 +196,22 @@ static bool may_be_enough(const struct asking *asking, const struct ask_options 
     return 2 * bound * (1 - 3e-9) <= options->width * (options->relative ? scale_of(asking, 0) : 1);
 }
 
+/* A form as a mesh: a level may be on the shelf, and is put there if it is not. */
+static enum tetlod_status take_form(const struct asking *asking, const struct ask_options *options, uint32_t number,
+                                    struct form_mesh *out, struct tetlod_error *error)
+{
+    const struct ask_shelf *shelf = asking->forms->series ? NULL : options->shelf;
+    const uint32_t level = asking->forms->forms[number].level, field = asking->forms->field;
+    const char *name = asking->question->quantity.name;
+    if (shelf && shelf->take(shelf->opaque, level, name, out))
+        return TETLOD_OK;
+    TETLOD_TRY(forms_take(asking->forms, number, out, error));
+    if (shelf)
+        shelf->put(shelf->opaque, level, name, out,
+                   field == TETLOD_NONE ? 0 : asking->info->fields[field].components);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status ask_levels(const struct asking *asking, const struct ask_options *options,
                                      struct ask_result *out, struct tetlod_error *error)
 {
@@ -212,7 +228,7 @@ static enum tetlod_status ask_levels(const struct asking *asking, const struct a
             continue;
         if (options->wanted && !options->wanted(options->opaque))
             return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
-        TETLOD_TRY(forms_take(forms, i, &mesh, error));
+        TETLOD_TRY(take_form(asking, options, i, &mesh, error));
         if (volume < 0)
             TETLOD_TRY(measure_volume(asking, &mesh, form, &volume, error));
         TETLOD_TRY(answer(asking, &mesh, form, asking->question, &out->interval, error));

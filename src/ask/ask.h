@@ -6,6 +6,14 @@
 #include "src/ask/answer.h"
 #include "src/ask/forms.h"
 
+/* Where levels of the stream's own values are kept from one question to the next, with a field, "" for none. */
+struct ask_shelf {
+    void *opaque;
+    /* false: it is not there. What it gives holds until the question is answered. */
+    bool (*take)(void *opaque, uint32_t level, const char *field, struct form_mesh *out);
+    void (*put)(void *opaque, uint32_t level, const char *field, const struct form_mesh *mesh, uint32_t components);
+};
+
 /* How wide an answer may be: in its own units, or relative to what it can be at most: the field's range, the volume, or
  * both. */
 struct ask_options {
@@ -13,6 +21,7 @@ struct ask_options {
     bool relative;
     bool (*wanted)(void *opaque); /* asked before each level: false ends it with ERR_CANCELLED; may be NULL */
     void *opaque;
+    const struct ask_shelf *shelf; /* NULL: each question decodes its levels */
 };
 
 /* Reads a width, 0.5 or 1%; false if the text is none. */

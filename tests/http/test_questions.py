@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import urllib.parse
+from concurrent.futures import ThreadPoolExecutor
 
 from served import SCRATCH, TETLOD, Server, run
 
@@ -36,6 +37,22 @@ def test_answers():
             assert server.get(path(question, within='2%'), If_None_Match=head['etag'])[0] == 304
         tags = {server.get(path(question))[1]['etag'] for question in QUESTIONS}
         assert len(tags) == len(QUESTIONS), tags
+
+
+def test_kept_levels():
+    """Levels that one question decoded answer the next ones, also several at a time, with and without a field."""
+    with Server(FOLDER) as server, ThreadPoolExecutor(4) as threads:
+        asked = [(question, '2.%06d%%' % n) for n in range(4) for question in QUESTIONS]
+        given = list(threads.map(lambda one: server.get(path(one[0], within=one[1])), asked))
+        assert all(status == 200 for status, _, _ in given), given
+        first = {question: answer(body) for (question, _), (_, _, body) in zip(asked, given[:len(QUESTIONS)])}
+        for (question, _), (_, _, body) in zip(asked, given):
+            assert answer(body) == first[question], (question, body)
+        # a field that has the same place in the level, and other values
+        for component in range(3):
+            question = 'mean(Velocity:%d) in box(-1,0,0, 1,1,1)' % component
+            said = subprocess.run([TETLOD, 'ask', STREAM, question, '--within', '1e-9', '--json'], stdout=subprocess.PIPE)
+            assert answer(server.get(path(question, within='1e-9'))[2]) == answer(said.stdout), question
 
 
 def test_steps():
@@ -74,4 +91,4 @@ subprocess.run([TETLOD, 'sample', 'fin', '--size', '10', '-o', os.path.join(SCRA
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'fin.vtu'), '-o', STREAM, '--summary', '--quiet'], check=True)
 subprocess.run([TETLOD, 'sample', 'wake', '--steps', '3', '--size', '5', '-o', os.path.join(SCRATCH, 'wake.pvd')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'wake.pvd'), '-o', SERIES, '--quiet'], check=True)
-run([test_answers, test_steps, test_refusals])
+run([test_answers, test_kept_levels, test_steps, test_refusals])

@@ -54,7 +54,7 @@ LAYERS = {
     'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/stream/',
                                'src/measure/region_error.h', 'format/read/reader.h', 'server/jobs/', 'server/http/',
                                'server/store/'],
-    'server/jobs': MESHES + ['src/io/io.h', 'src/report/info_json.h', 'src/stream/', 'server/http/',
+    'server/jobs': MESHES + ['src/ask/ask.h', 'src/io/io.h', 'src/report/info_json.h', 'src/stream/', 'server/http/',
                              'server/store/'],
     'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/stream/metadata.h', 'src/stream/level_mesh.h', 'format/read/parts.h'],
