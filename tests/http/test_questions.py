@@ -51,7 +51,8 @@ def test_kept_levels():
         # a field that has the same place in the level, and other values
         for component in range(3):
             question = 'mean(Velocity:%d) in box(-1,0,0, 1,1,1)' % component
-            said = subprocess.run([TETLOD, 'ask', STREAM, question, '--within', '1e-9', '--json'], stdout=subprocess.PIPE)
+            said = subprocess.run([TETLOD, 'ask', STREAM, question, '--within', '1e-9', '--json'],
+                                  stdout=subprocess.PIPE)
             assert answer(server.get(path(question, within='1e-9'))[2]) == answer(said.stdout), question
 
 
