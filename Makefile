@@ -405,7 +405,7 @@ bench-defaults: needs-check
 	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all
 	@/usr/bin/python3 tests/bench/defaults.py $(CURDIR)/$(BINARY)
 
-## bench-answers: 200 pairs of results with known differences; twenty questions of ten meshes at twenty widths; a thousand random fields of features; times of ask and diff
+## bench-answers: 200 pairs with known differences; questions of ten meshes; random fields of features; what they take
 .PHONY: bench-answers
 BENCHES += bench-answers
 bench-answers: needs-check
@@ -416,7 +416,7 @@ bench-answers: needs-check
 	    ANSWERS=1 /usr/bin/python3 $(CURDIR)/tests/cli/test_ask.py && \
 	    BOXES=100 /usr/bin/python3 $(CURDIR)/tests/cli/test_box_sums.py && \
 	    /usr/bin/python3 $(CURDIR)/tests/attack/features.py 1 1000 && \
-	    /usr/bin/python3 $(CURDIR)/tests/bench/answers.py $(CURDIR)/$(BINARY) $$PWD
+	    /usr/bin/python3 $(CURDIR)/tests/bench/answer_times.py $(CURDIR)/$(BINARY) $$PWD
 
 ## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
 HOSTILE ?= 500000

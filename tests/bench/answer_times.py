@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""usage: answers.py TETLOD FOLDER
+"""usage: answer_times.py TETLOD FOLDER
 
 What answers cost: `ask` on a server of a million tetrahedra, the first time and when its levels are kept; `diff` beside
 the two extracts that it replaces; how many features levels prove, beside those of the original's merge tree."""
