@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Pages of changed bytes whose digests are right, so that they are decoded: on one thread and on several they fail alike
- * or give the same mesh, and nothing that a sanitizer sees. $MUTATIONS says how many (400). */
+/* Pages of changed bytes whose digests are right, so that they are decoded: on one thread and on several they fail
+ * alike or give the same mesh, and nothing that a sanitizer sees. $MUTATIONS says how many (400). */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,8 +73,8 @@ static struct tetlod_page_set *set_of(int i, const uint32_t *pages)
         uint32_t group = 0;
         while (pages[p] >= table->groups[group].first_page + table->groups[group].page_count)
             group++;
-        CHECK_INT(tetlod_page_set_add(set, table->first_level + group, pages[p] - table->groups[group].first_page, NULL),
-                  TETLOD_OK);
+        uint32_t number = pages[p] - table->groups[group].first_page;
+        CHECK_INT(tetlod_page_set_add(set, table->first_level + group, number, NULL), TETLOD_OK);
     }
     return set;
 }
