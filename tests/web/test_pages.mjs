@@ -439,6 +439,18 @@ async function it_is_switched_by_the_keyboard() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
+// What the device's memory is not for can be looked at in parts.
+async function a_stream_that_is_too_large_is_offered_in_pages() {
+  const small = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+  await small.addInitScript(() => Object.defineProperty(navigator, 'deviceMemory', { get: () => 0.01 }));
+  await small.goto(`${server.url}view/pagedcube#error=0`);
+  await small.getByRole('button', { name: 'Detail where I look' }).click();
+  await small.waitForFunction(() => window.tetlod?.state.pixels === 2 && window.tetlod.settled);
+  assert.equal(await small.getByRole('button', { name: 'Load it' }).count(), 0);
+  assert.deepEqual(small.complaints, []);
+  await small.context().close();
+}
+
 await run([
   pages_are_those_whose_error_is_seen,
   budgets_hold_and_the_worst_comes_first,
@@ -452,4 +464,5 @@ await run([
   flying_loads_what_is_seen,
   the_panel_and_the_link_tell_it,
   it_is_switched_by_the_keyboard,
+  a_stream_that_is_too_large_is_offered_in_pages,
 ]);

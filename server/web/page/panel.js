@@ -25,9 +25,10 @@ function askForMore() {
   const { info } = viewer;
   const { state } = store;
   const wanted = info.levels[levelForError(info, state)];
-  if (state.maxTets || wanted.tets <= defaultTets()) return;
+  if (state.maxTets || (info.paged && state.pixels) || wanted.tets <= defaultTets()) return;
+  const look = info.paged ? [button('Detail where I look', () => store.set({ pixels: 2 }))] : [];
   notice('budget', `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${bytes(memoryOf(wanted.tets))} of memory.`,
-    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ maxTets: wanted.tets }))] });
+    { seconds: 0, place: 'asks', children: [...look, button('Load it', () => store.set({ maxTets: wanted.tets }))] });
 }
 
 // A drawn field that the stream does not control has an error of its own; what it takes to limit that, too, is asked.
@@ -136,7 +137,7 @@ const remember = (() => {
 function watch() {
   viewer.follow();
   store.watch(['field', 'errorField', 'error'], askForField);
-  store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], () => {
+  store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'pixels'], () => {
     askForMore();
     tellShown();
   });
