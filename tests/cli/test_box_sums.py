@@ -108,6 +108,23 @@ def tree(data):
     return sums
 
 
+def nodes(sums):
+    """The part of a node's volume that is in its first child is rounded: boxes of nodes have an interval, too."""
+    boxes = {1: sums['box'].copy()}
+    for node in range(2, 16):
+        axis, share = (node.bit_length() - 2) % 3, sums['splits'][node // 2 - 1] / 256
+        low, high = boxes[node // 2][:, axis]
+        boxes[node] = boxes[node // 2].copy()
+        boxes[node][0 if node % 2 else 1, axis] = (1 - share) * low + share * high
+    wrong = []
+    for node in range(8, 16):
+        where = 'volume() in box(%s)' % ','.join('%.17g' % x for x in boxes[node].ravel())
+        early, truth = ask('sums.tetlod', where, '1e9'), ask('none.tetlod', where, '0')
+        if not early['lower'] <= truth['upper'] <= early['upper'] * (1 + 1e-12) or 'level' in early:
+            wrong.append((where, early, truth))
+    report('the volume of a node\'s box is in its interval', not wrong, wrong[:2])
+
+
 def sizes(data):
     stream = reference.open(data)
     both = {tag: len(stream.section(tag)) for tag in ('SUMS', 'KSUM')}
@@ -186,6 +203,7 @@ def main():
     everything = ask('sums.tetlod', 'integral(heat) in box(-9,-9,-9, 9,9,9)', '1e9')
     report('all boxes together are narrow', everything['upper'] - everything['lower'] <= 1e-3, everything)
     sums = tree(data)
+    nodes(sums)
     sizes(data)
     forged(data, sums)
     finish()
