@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Features as JSON, the same for `features --json` and for /v1/meshes/{id}/features, and as tables of points. */
+/* Features as JSON, as `features --json` writes them, and as tables of points. */
 #ifndef TETLOD_FEATURES_JSON_H
 #define TETLOD_FEATURES_JSON_H
 
