@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Pages of changed bytes whose digests are right, so that they are decoded: on one thread and on several they fail
- * alike or give the same mesh, and nothing that a sanitizer sees. $MUTATIONS says how many (400). */
+ * alike or give the same mesh, and nothing that a sanitizer sees. $MUTATIONS says how many. */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +9,12 @@
 #include "tests/test.h"
 
 enum { FILES = 3, PAGES = 6, MAX_CHANGES = 4 };
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+enum { MUTATIONS = 100 }; // each takes ten times as long
+#else
+enum { MUTATIONS = 1000 };
+#endif
 
 static uint8_t *bytes;
 static size_t size;
@@ -146,7 +152,7 @@ static bool mutate_one(void)
 
 static void test_mutations(void)
 {
-    unsigned long count = getenv("MUTATIONS") ? strtoul(getenv("MUTATIONS"), NULL, 10) : 400, refused = 0;
+    unsigned long count = getenv("MUTATIONS") ? strtoul(getenv("MUTATIONS"), NULL, 10) : MUTATIONS, refused = 0;
     for (unsigned long n = 0; n < count; n++)
         refused += mutate_one();
     printf("# %lu of %lu changed pages were refused\n", refused, count);
