@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs all tests of the given build configurations, three at a time, and ends with `N passed, N failed`.
+"""Runs all tests of the given build configurations, four at a time, and ends with `N passed, N failed`.
 
 A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/*/test_*
 of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
@@ -31,8 +31,11 @@ def tests_of(config, every):
     return all_tests_of(config)
 
 
-# Those that wait most begin first: the processor has other tests meanwhile
-FOLDERS = ('web', 'unit', 'fuzz', 'cli', 'http', 'golden', 'attack', 'oom', 'lint', 'install', 'clients')
+# Two kinds, which take turns (in_turns): those that wait for browsers, servers and clocks, and those that compute.
+# Folders of short tests come last, so that no long one is alone in the end
+WAITING = ('http', 'clients', 'web')
+COMPUTING = ('attack', 'oom', 'install', 'golden', 'cli', 'unit', 'lint', 'fuzz')
+FOLDERS = WAITING + COMPUTING
 ONCE = ('web', 'golden', 'attack', 'oom', 'lint', 'install', 'clients')  # the sanitizers would find nothing more
 # Nor here: numbers of many meshes, of code that other tests run under them on a few
 NUMBERS = ('unit/test_certificate', 'unit/test_promise', 'unit/test_thesis_example', 'cli/test_blunt_fin.py',
@@ -50,6 +53,19 @@ def all_tests_of(config):
         yield from (path for path in found if config == 'release' or not path.endswith(NUMBERS))
 
 
+def in_turns(todo):
+    """Each kind from the first to the last: the processor always has some to compute."""
+    kinds = [[], []]
+    for config, path in sorted(todo, key=lambda one: FOLDERS.index(folder_of(one[1]))):
+        kinds[folder_of(path) in COMPUTING].append((config, path))
+    placed = [((i + 0.5) / len(kind), one) for kind in kinds for i, one in enumerate(kind)]
+    return [one for _, one in sorted(placed, key=lambda place: place[0])]
+
+
+def folder_of(path):
+    return os.path.basename(os.path.dirname(path))
+
+
 def run(config, path, timeout):
     name = '%s:%s' % (config, os.path.relpath(path, ROOT).replace('build/%s/' % config, ''))
     scratch = os.path.join(ROOT, 'build', 'scratch', name.replace('/', '_').replace(':', '_'))
@@ -57,7 +73,7 @@ def run(config, path, timeout):
     os.makedirs(scratch)
     environment = dict(os.environ, TETLOD=os.path.join(ROOT, 'build', config, 'tetlod'), CONFIG=config, ROOT=ROOT,
                        SCRATCH=scratch, LC_ALL='C.UTF-8', PYTHONPATH=PYTHONPATH,
-                       ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1',
+                       ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1:quarantine_size_mb=16',
                        UBSAN_OPTIONS='print_stacktrace=1')
     command = [path]
     if path.endswith('.py'):
@@ -98,9 +114,10 @@ def main():
     parser.add_argument('--only', help='run tests whose name has this in it')
     parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
     parser.add_argument('--timeout', type=int, default=3000, help='seconds; what takes minutes takes many on a busy machine')
-    parser.add_argument('--jobs', type=int, default=3, help='more than cores: some wait, for a browser or a clock')
+    parser.add_argument('--jobs', type=int, default=4, help='more than cores: some wait, for a browser or a clock')
     options = parser.parse_args()
     todo = [(c, p) for c in options.configs for p in tests_of(c, options.every) if not options.only or options.only in c + ':' + p]
+    todo = in_turns(todo)
     passed = failures = skipped = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         for name, found, failed, output, seconds in pool.map(lambda t: run(*t, options.timeout), todo):

@@ -10,6 +10,7 @@ from tap import finish, note, report  # noqa: F401 (for the tests)
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 CONFIG = os.environ.get('CONFIG', 'release')
+SANITIZED = CONFIG in ('asan', 'tsan')  # many times slower, and each path is wanted once: numbers are held in release
 DATA = os.path.join(ROOT, '..', 'shared', 'data')
 
 
