@@ -31,11 +31,7 @@ def tests_of(config, every):
     return all_tests_of(config)
 
 
-# Two kinds, which take turns (in_turns): those that wait for browsers, servers and clocks, and those that compute.
-# Folders of short tests come last, so that no long one is alone in the end
-WAITING = ('http', 'clients', 'web')
-COMPUTING = ('attack', 'oom', 'install', 'golden', 'cli', 'unit', 'lint', 'fuzz')
-FOLDERS = WAITING + COMPUTING
+FOLDERS = ('attack', 'oom', 'install', 'golden', 'web', 'clients', 'http', 'cli', 'unit', 'lint', 'fuzz')
 ONCE = ('web', 'golden', 'attack', 'oom', 'lint', 'install', 'clients')  # the sanitizers would find nothing more
 # Nor here: numbers of many meshes, of code that other tests run under them on a few
 NUMBERS = ('unit/test_certificate', 'unit/test_promise', 'unit/test_thesis_example', 'cli/test_blunt_fin.py',
@@ -54,16 +50,12 @@ def all_tests_of(config):
 
 
 def in_turns(todo):
-    """Each kind from the first to the last: the processor always has some to compute."""
-    kinds = [[], []]
-    for config, path in sorted(todo, key=lambda one: FOLDERS.index(folder_of(one[1]))):
-        kinds[folder_of(path) in COMPUTING].append((config, path))
-    placed = [((i + 0.5) / len(kind), one) for kind in kinds for i, one in enumerate(kind)]
-    return [one for _, one in sorted(placed, key=lambda place: place[0])]
-
-
-def folder_of(path):
-    return os.path.basename(os.path.dirname(path))
+    """Every folder is spread over the whole: what waits for browsers and clocks runs beside what computes."""
+    folders = {}
+    for config, path in todo:
+        folders.setdefault(os.path.basename(os.path.dirname(path)), []).append((config, path))
+    placed = [(i / len(tests), test) for tests in folders.values() for i, test in enumerate(tests)]
+    return [test for _, test in sorted(placed, key=lambda place: place[0])]
 
 
 def run(config, path, timeout):

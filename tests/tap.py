@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Results of a Python test in TAP (run.py)."""
+import os
 import sys
 
+# Sanitizers are many times slower, and each path is wanted once: numbers of many meshes are held in release
+SANITIZED = os.environ.get('CONFIG') in ('asan', 'tsan')
 results = []
 
 

@@ -6,11 +6,10 @@ import os
 import subprocess
 import threading
 
-from tap import finish, note, report  # noqa: F401 (for the tests)
+from tap import SANITIZED, finish, note, report  # noqa: F401 (for the tests)
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 CONFIG = os.environ.get('CONFIG', 'release')
-SANITIZED = CONFIG in ('asan', 'tsan')  # many times slower, and each path is wanted once: numbers are held in release
 DATA = os.path.join(ROOT, '..', 'shared', 'data')
 
 

@@ -9,7 +9,7 @@ import random
 import re
 import sys
 
-from common import ROOT, Host, case, fails, finish, info, must, path, write
+from common import ROOT, SANITIZED, Host, case, fails, finish, info, must, path, write
 
 sys.path[:0] = [os.path.join(ROOT, 'client-examples', 'python'), os.path.join(ROOT, 'tests', 'http')]
 import numpy  # noqa: E402
@@ -118,12 +118,12 @@ def page_sets(name):
     must('build', name + '.vtu', '-o', name + '.tetlod', *options)
     stream, chance = info(name + '.tetlod'), random.Random(name)
     field, held = next(f['name'] for f in stream['fields'] if f['controlled']), 0
-    for trial in range(3):
+    for trial in range(1 if SANITIZED else 3):
         problem = agrees(stream, name, field, chance)
         held += problem is None
         if problem not in (None, 'no box'):
             return trial, problem
-    return None if held else 'no box'
+    return None if held or SANITIZED else 'no box'
 
 
 def write_parts():
@@ -162,8 +162,9 @@ def cells_follow():
 
 def over_http():
     """Of a URL only what the box needs is fetched, and what it gives is the same."""
-    must('sample', 'fin', '--size', '28', '-o', 'big.vtu')
-    must('build', 'big.vtu', '-o', 'big.tetlod', '--paged=8000', '--quiet')
+    size, cell = ('20', '2000') if SANITIZED else ('28', '8000')
+    must('sample', 'fin', '--size', size, '-o', 'big.vtu')
+    must('build', 'big.vtu', '-o', 'big.tetlod', '--paged=' + cell, '--quiet')
     options = '--error', '2%', '--box', '1,1,1,1,1,1'
     must('extract', 'big.tetlod', *options, '-o', 'here.vtu')
     must('extract', 'big.tetlod', '--level', '3', '-o', 'level.vtu')
@@ -178,7 +179,7 @@ def over_http():
         if here.read() != there.read():
             return 'another level'
     overlap = len({first for first, _ in asked}) != len(asked)
-    return None if sent < 0.75 * size and not overlap else (size, sent, asked)
+    return None if (SANITIZED or sent < 0.75 * size) and not overlap else (size, sent, asked)
 
 
 def packages():

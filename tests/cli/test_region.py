@@ -9,6 +9,7 @@ import numpy as np
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'tests', 'http'))
 from region_judge import TRANSITION, COARSE, FINE, holders, judge, read_vtk, value_at  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
+from tap import SANITIZED  # noqa: E402
 
 
 def tetlod(*arguments, code=0):
@@ -75,13 +76,13 @@ def check_stream(stream, name, error, fraction, seeds, domain_moves, fields=()):
 
 
 def test_a_fixed_boundary():
-    tetlod('sample', 'fin', '--size', '18', '-o', 'fin.vtu')
+    tetlod('sample', 'fin', '--size', '12' if SANITIZED else '18', '-o', 'fin.vtu')
     tetlod('build', 'fin.vtu', '-o', 'fixed.tetlod', '--carry', 'Pressure', '--domain-error', '0', '--quiet')
     check_stream('fixed.tetlod', 'Pressure', '5%', 0.004, range(3), False)
 
 
 def test_a_boundary_that_moves():
-    tetlod('sample', 'torus', '--size', '10', '-o', 'torus.vtu')
+    tetlod('sample', 'torus', '--size', '7' if SANITIZED else '10', '-o', 'torus.vtu')
     tetlod('build', 'torus.vtu', '-o', 'torus.tetlod', '--quiet')
     name = next(iter(level('torus.tetlod')['point']))
     check_stream('torus.tetlod', name, '5%', 0.01, range(3), True)

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from cell_meshes import block, cells_of, points_of, save, tets_of, volumes
-from common import case, finish, must, path, read_grid, tetlod
+from common import SANITIZED, case, finish, must, path, read_grid, tetlod
 
 FACES = np.array([(1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)])
 
@@ -116,7 +116,7 @@ def check(make, size, *options):
 
 def without():
     """With --region none the interface is given up: what the tests above look at is not there by itself."""
-    points, tets, regions = ball(8)
+    points, tets, regions = ball(6 if SANITIZED else 8)
     save('in.vtu', points, tets, {'heat': points[:, 0]}, {'material': regions})
     must('build', path('in.vtu'), '-o', path('a.tetlod'), '--quiet', '--region', 'none')
     must('extract', path('a.tetlod'), '--level', '0', '-o', path('level.vtu'), '--quiet')
@@ -128,7 +128,7 @@ def without():
 def named():
     """No name says that these are regions: --region does, or that they have few values. One that is not there, or no
     integers, is refused."""
-    points, tets, regions = waves(6)
+    points, tets, regions = waves(4 if SANITIZED else 6)
     save('in.vtu', points, tets, {'heat': points[:, 0]}, {'q': regions, 'w': regions * 0.5})
     must('build', path('in.vtu'), '-o', path('a.tetlod'), '--quiet', '--no-region')
     plain = json.loads(must('info', path('a.tetlod'), '--json').stdout)

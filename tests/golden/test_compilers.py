@@ -39,7 +39,7 @@ if platform.machine() == 'x86_64' and shutil.which('gcc'):
     report('gcc -mavx512fp16', not said, said)
 else:
     report('gcc -mavx512fp16', True, skip='no gcc, or not an x86-64 machine')
-decodes('32 bits, big-endian (PowerPC)', 'powerpc-linux-gnu-gcc', ['-O2', '-static'], ['qemu-ppc'])
+decodes('32 bits, big-endian (PowerPC)', 'powerpc-linux-gnu-gcc', ['-O1', '-static'], ['qemu-ppc'])
 for flag in ('-ffast-math', '-fassociative-math -fno-signed-zeros -fno-trapping-math'):
     for compiler in ('gcc', 'clang'):
         if shutil.which(compiler) and (compiler == 'gcc' or flag == '-ffast-math'):
