@@ -86,7 +86,7 @@ static bool same(const struct tetlod_cursor *a, const struct tetlod_cursor *b)
 static void test_closed(void)
 {
     uint32_t state = 1;
-    for (int trial = 0; trial < 40; trial++) {
+    for (int trial = 0; trial < (SANITIZED ? 16 : 40); trial++) {
         struct tetlod_page_set *set = random_set(&state, 1 + chance(&state, 6));
         struct tetlod_page_set_info what;
         uint32_t pages = 0, removed = 0;
@@ -124,7 +124,7 @@ static void test_moves(void)
     uint32_t state = 7;
     struct tetlod_cursor *cursor;
     REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
-    for (int trial = 0; trial < 40; trial++) {
+    for (int trial = 0; trial < (SANITIZED ? 16 : 40); trial++) {
         struct tetlod_page_set *set = random_set(&state, chance(&state, 8));
         struct tetlod_page_set_info what;
         struct tetlod_cursor *fresh = cursor_with(file, set);
