@@ -201,7 +201,7 @@ def packages():
             if mesh.error != errors_of(stream)[mesh.tet_levels.min()] or mesh.errors['Pressure']['max'] > mesh.error:
                 return mesh.error
         size = os.path.getsize(path('big.tetlod'))
-        if host.sent > 0.75 * size or len(host.asked) > 12:
+        if (not SANITIZED and host.sent > 0.75 * size) or len(host.asked) > 12:
             return host.sent, size, host.asked
     material = client.read(path('parts.tetlod'), box=[0, 0, 0, 3, 3, 3], box_error=0.001)
     middles = material.points[material.tets].mean(axis=1)

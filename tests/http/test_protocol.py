@@ -396,7 +396,7 @@ def test_assets():
                 todo.append(name)
     assert all(any(part in name for name in seen) for part in ('.wasm', '/chunk-', '/worker-')), list(seen)
     for path, head in seen.items():
-        forever = re.search(r'/(chunk|tetlod|refine)-[0-9A-Z]{8}\.(js|wasm)$', path)
+        forever = re.search(r'/(chunk|tetlod|refine|vectors)-[0-9A-Z]{8}\.(js|wasm)$', path)
         worker = re.search(r'/worker-[0-9A-Z]{8}\.js$', path)  # obeys the policy of its own answer
         assert ('immutable' if forever else 'max-age=60' if worker else 'no-cache') in head['cache-control'], (path, head)
         if path.endswith('.wasm'):

@@ -33,7 +33,7 @@ def test_deb():
     assert done.returncode == 0, done.stdout
     packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
     plugin = ['tetlod-paraview'] if glob.glob('/usr/lib/*/cmake/paraview-*') else []
-    ranks = ['tetlod-mpi'] if shutil.which('mpicc') else []
+    ranks = ['tetlod-mpi', 'libtetlod-mpi-dev'] if shutil.which('mpicc') else []
     wanted = ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *ranks, *plugin]
     assert sorted(packages) == sorted(wanted), packages
     root = os.path.join(SCRATCH, 'root')
@@ -49,7 +49,8 @@ def test_deb():
               r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
               r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py',
               r'usr/share/doc/tetlod/format/SPEC\.md', r'usr/share/doc/tetlod/examples/c/insitu_series\.c']
-    wanted += [r'usr/bin/tetlod-mpi', r'usr/share/man/man1/tetlod-mpi\.1\.gz'] if ranks else []
+    wanted += [r'usr/bin/tetlod-mpi', r'usr/share/man/man1/tetlod-mpi\.1\.gz', r'usr/include/tetlod_mpi\.h',
+               r'usr/lib/\S+/libtetlod-mpi\.a', r'usr/lib/\S+/pkgconfig/tetlod-mpi\.pc'] if ranks else []
     wanted += [r'usr/lib/\S+/paraview-\S+/plugins/TetlodReader/(TetlodReader|libvtkIOTetlod)\.so'] if plugin else []
     assert all(any(re.fullmatch(pattern, name) for name in there) for pattern in wanted), sorted(there)
     code = 'import tetlod, importlib.metadata as m; assert tetlod.__file__.startswith(%r); ' \
