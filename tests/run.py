@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs all tests of the given build configurations, four at a time, and ends with `N passed, N failed`.
+"""Runs all tests of the given build configurations, five at a time, and ends with `N passed, N failed`.
 
 A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/*/test_*
 of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
@@ -35,7 +35,8 @@ FOLDERS = ('attack', 'oom', 'install', 'golden', 'web', 'clients', 'http', 'cli'
 ONCE = ('web', 'golden', 'attack', 'oom', 'lint', 'install', 'clients')  # the sanitizers would find nothing more
 # Nor here: numbers of many meshes, of code that other tests run under them on a few
 NUMBERS = ('unit/test_certificate', 'unit/test_promise', 'unit/test_thesis_example', 'cli/test_blunt_fin.py',
-           'cli/test_build_memory.py', 'cli/test_io_memory.py', 'cli/test_sizes.py')
+           'cli/test_build_memory.py', 'cli/test_io_memory.py', 'cli/test_sizes.py', 'cli/test_box_sums.py',
+           'cli/test_promise.py', 'http/test_deploy.py')
 
 
 def all_tests_of(config):
@@ -106,7 +107,7 @@ def main():
     parser.add_argument('--only', help='run tests whose name has this in it')
     parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
     parser.add_argument('--timeout', type=int, default=3000, help='seconds; what takes minutes takes many on a busy machine')
-    parser.add_argument('--jobs', type=int, default=4, help='more than cores: some wait, for a browser or a clock')
+    parser.add_argument('--jobs', type=int, default=5, help='more than cores: some wait, for a browser or a clock')
     options = parser.parse_args()
     todo = [(c, p) for c in options.configs for p in tests_of(c, options.every) if not options.only or options.only in c + ':' + p]
     todo = in_turns(todo)

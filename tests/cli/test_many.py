@@ -59,8 +59,8 @@ def same(inputs, *options, counts=(3,)):
 
 def killed():
     """Two tasks, in an order by chance, are killed while they are at it; others do what they have left."""
-    must('build', 'fin.vtu', '-o', 'alone.tetlod', '--paged=4000')
-    plan('fin.vtu', '--paged=4000')
+    must('build', 'fin.vtu', '-o', 'alone.tetlod', '--paged=2500')
+    plan('fin.vtu', '--paged=2500')
     for number in random.Random(3).sample(range(1, 4), 2):
         before, task = len(parts()), begin('--task', '%d/3' % number, '--threads', '1')
         while len(parts()) <= before and task.poll() is None:
@@ -80,7 +80,7 @@ def killed():
 
 def stops():
     """SIGTERM ends a task at once, and leaves no half part."""
-    plan('fin.vtu', '--paged=4000')
+    plan('fin.vtu', '--paged=2500')
     task = begin()
     while not parts() and task.poll() is None:
         time.sleep(0.01)
@@ -93,7 +93,7 @@ def stops():
 
 
 def refused():
-    plan('fin.vtu', '--paged=4000')
+    plan('fin.vtu', '--paged=2500')
     fails('a folder has one plan', 1, ['plan.json', 'is there already'], 'plan', 'work', 'fin.vtu')
     fails('a folder without one', 1, ['there is no plan', 'tetlod plan'], 'run', '.')
     fails('the output is named when it is written', 2, ['merge'], 'plan', 'other', 'fin.vtu', '-o', 'x.tetlod')
@@ -120,11 +120,11 @@ def refused():
 
 def other_work():
     """A folder whose parts are of something else."""
-    plan('fin.vtu', '--paged=4000')
+    plan('fin.vtu', '--paged=2500')
     must('run', 'work')
     with open(path('work/plan.json')) as file:
         content = json.load(file)
-    content['arguments'].append('--paged=9000')
+    content['arguments'].append('--paged=3500')
     with open(path('work/plan.json'), 'w') as file:
         json.dump(content, file)
     done = tetlod('run', 'work')
@@ -136,17 +136,17 @@ def full():
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
-    plan('fin.vtu', '--paged=4000')
+    plan('fin.vtu', '--paged=2500')
     done = tetlod('run', 'work', preexec_fn=limit)
     message = done.stderr.decode()
     good = done.returncode == 1 and message.count('\n') == 1 and 'work/stage-1' in message
     return None if good and not parts() and not end([begin()]) else done
 
 
-must('sample', 'fin', '--size', '20', '-o', 'fin.vtu')
-case('a flow', lambda: same(['fin.vtu'], '--paged=4000', counts=(3, 0)))
+must('sample', 'fin', '--size', '18', '-o', 'fin.vtu')
+case('a flow', lambda: same(['fin.vtu'], '--paged=2500', counts=(3, 0)))
 if CONFIG == 'release':
-    must('sample', 'torus', '--size', '8', '-o', 'torus.vtu')
+    must('sample', 'torus', '--size', '6', '-o', 'torus.vtu')
     case('a boundary that moves, local bounds', same, ['torus.vtu'], '--paged=2000', '--domain-error', '0.001',
          '--local-bound')
     case('rounded, in the order of the input', same, ['fin.vtu'], '--paged=2000', '--field-bits', '14', '--keep-order')

@@ -89,7 +89,7 @@ def stages():
 
 
 def in_situ():
-    """A solver on several ranks: a step is seen while it runs; one, two and three ranks write the same streams."""
+    """A solver on several ranks: a step is seen while it runs; one rank and three write the same streams."""
     built = os.path.dirname(PROGRAM)
     done = subprocess.run(['mpicc', '-Wall', '-Werror', '-I', ROOT, '-I', os.path.join(ROOT, 'src/mpi'),
                            os.path.join(ROOT, 'client-examples/c/insitu_mpi.c'), os.path.join(built, 'libtetlod-mpi.a'),
@@ -98,7 +98,7 @@ def in_situ():
     if done.returncode:
         return done.stdout
     streams, seen = [], set()
-    for ranks in (1, 2, 3):
+    for ranks in (1, 3):
         solver = start(ranks, path('insitu_mpi'), 'series.tetlod', 'last.tetlod')
         while solver.poll() is None:
             if os.path.exists(path('series.tetlod')):
@@ -111,7 +111,7 @@ def in_situ():
             must('verify', name)
             os.rename(path(name), path('of-%d-%s' % (ranks, name)))
     steps = len(info('of-1-series.tetlod')['series']['times'])
-    if streams[0] != streams[1] or streams[0] != streams[2]:
+    if streams[0] != streams[1]:
         return 'other bytes on other ranks'
     return None if steps == 4 and min(seen) < 4 else (steps, seen)
 
