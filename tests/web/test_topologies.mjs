@@ -159,7 +159,8 @@ async function noBlankPicture() {
   const shown = [];
   for (let step = 1; step < STEPS; step++) {
     await page.locator('#player-on').click();
-    await page.waitForFunction((wanted) => window.tetlod.settled && window.tetlod.at?.step === wanted, step);
+    await page.waitForFunction((wanted) => window.tetlod.settled && window.tetlod.at?.step === wanted &&
+      window.drawn.length >= wanted, step); // a step is drawn in a frame of its own
     shown.push(await page.evaluate(() => [window.tetlod.stream.topology, window.tetlod.stream.info.tets, document.getElementById('player-now').textContent]));
   }
   assert.deepEqual(shown.map(([topology]) => topology), [0, 1, 1, 2, 2]);
