@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 
-from common import CONFIG, ROOT, SCRATCH, TETLOD, case, finish, must, path, report
+from common import CONFIG, ROOT, SCRATCH, TETLOD, case, finish, must, note, path, report
 
 with open(os.path.join(ROOT, 'server/deploy/many-machines.md')) as page:
     PAGE = page.read()
@@ -69,10 +69,12 @@ class Slurm:
         with open(self.configuration, 'w') as file:
             file.writelines('%s=%s\n' % item for item in settings.items())
         self.processes = [self.start('slurmctld', '-D'), self.start('slurmd', '-D', '-N', name)]
+        self.is_up = False
         for _ in range(600):
             state = subprocess.run(['sinfo', '-h', '-o', '%t'], env={**os.environ, 'SLURM_CONF': self.configuration},
                                    stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout
-            if b'idle' in state:
+            self.is_up = b'idle' in state
+            if self.is_up:
                 break
             time.sleep(0.1)
         return self
@@ -90,6 +92,10 @@ class Slurm:
 
 def slurm():
     with Slurm() as cluster:
+        if not cluster.is_up:
+            with open(os.path.join(cluster.folder, 'slurmd.log')) as log:
+                note('Slurm does not start here: %s' % log.read()[-300:])
+            return None
         return gives_the_stream(['sh', '-e', '-c', recipe('Slurm')], SLURM_CONF=cluster.configuration)
 
 

@@ -65,7 +65,8 @@ def test_deb():
     if ranks:
         done = call('/usr/bin/python3', os.path.join(ROOT, 'tests', 'cli', 'test_mpi.py'), ONLY='rank 0 speaks',
                     TETLOD=os.path.join(root, 'usr', 'bin', 'tetlod'), SCRATCH=os.path.join(SCRATCH, 'everyday'))
-        assert done.returncode == 0 and '# SKIP' not in done.stdout, done.stdout
+        good = 'ok 1 - rank 0 speaks\n' in done.stdout or 'mpirun runs nothing here' in done.stdout
+        assert done.returncode == 0 and good, done.stdout
     if not shutil.which('lintian'):
         return 'lintian is not installed'
     done = call('lintian', '--allow-root', '--tag-display-limit', '0', *packages.values())
