@@ -60,15 +60,10 @@ static enum tetlod_status make_json(const struct build_request *request, int arg
 
 static enum tetlod_status write_text(const char *path, json_t *json, struct tetlod_error *error)
 {
-    struct file_output *file;
     char *text = json_dumps(json, JSON_INDENT(2) | JSON_PRESERVE_ORDER);
     if (!text)
         return tetlodi_fail_nomem(error, "the plan", 4096);
-    enum tetlod_status status = file_output_open(&file, path, error);
-    if (status == TETLOD_OK) {
-        const struct tetlodi_sink sink = file_output_sink(file);
-        status = file_output_finish(file, sink.write(sink.opaque, text, strlen(text)), error);
-    }
+    enum tetlod_status status = file_write(path, text, strlen(text), error);
     free(text);
     return status;
 }

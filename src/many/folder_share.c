@@ -159,12 +159,8 @@ static enum tetlod_status agree(const struct folder_share *share, struct tetlod_
     size_t size;
     path_of(share, path, "parts");
     snprintf(text, sizeof text, "%u\n", share->parts);
-    if (access(path, F_OK) != 0) {
-        struct file_output *file;
-        TETLOD_TRY(file_output_open(&file, path, error));
-        const struct tetlodi_sink sink = file_output_sink(file);
-        TETLOD_TRY(file_output_finish(file, sink.write(sink.opaque, text, strlen(text)), error));
-    }
+    if (access(path, F_OK) != 0)
+        TETLOD_TRY(file_write(path, text, strlen(text), error));
     TETLOD_TRY(file_read(path, &bytes, &size, error));
     bool same = size == strlen(text) && memcmp(bytes, text, size) == 0;
     free(bytes);
@@ -225,11 +221,8 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
 {
     struct folder_share *share = opaque;
     char path[4096];
-    struct file_output *file;
     part_path(share, path, part, "");
-    TETLOD_TRY(file_output_open(&file, path, error));
-    const struct tetlodi_sink sink = file_output_sink(file);
-    TETLOD_TRY(file_output_finish(file, sink.write(sink.opaque, bytes, size), error));
+    TETLOD_TRY(file_write(path, bytes, size, error));
     pthread_mutex_lock(&share->lock);
     share->states[part] = PART_DONE;
     pthread_mutex_unlock(&share->lock);

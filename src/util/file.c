@@ -364,3 +364,11 @@ void file_output_abort(struct file_output *output)
         unlink(output->temporary);
     output_free(output);
 }
+
+enum tetlod_status file_write(const char *path, const void *bytes, size_t size, struct tetlod_error *error)
+{
+    struct file_output *output;
+    TETLOD_TRY(file_output_open(&output, path, error));
+    const struct tetlodi_sink sink = file_output_sink(output);
+    return file_output_finish(output, sink.write(sink.opaque, bytes, size), error);
+}

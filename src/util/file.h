@@ -75,4 +75,8 @@ void file_output_abort(struct file_output *output);
 TETLOD_CHECKED enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status,
                                                      struct tetlod_error *error);
 
+/* All of it at once. */
+TETLOD_CHECKED enum tetlod_status file_write(const char *path, const void *bytes, size_t size,
+                                             struct tetlod_error *error);
+
 #endif

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A colour of its own for each whole number: of regions, materials, parts.
 
-// Colours that are told apart also where red and green are not; further numbers have them again.
+// Colours that differ also for people who do not see red and green apart. After the last one the first follows.
 const palette = '4477aa-ee6677-228833-ccbb44-66ccee-aa3377-bbbbbb-dd8833-222255-99ddff-775533'.split('-');
 const stops = 513;
 

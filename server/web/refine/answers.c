@@ -19,14 +19,10 @@ struct answers {
     struct tetlod_error error;
 };
 
-/* wasm32 addresses 4 GiB. */
-static const uint64_t MAX_BYTES = (uint64_t)3 << 30;
-
 struct answers *answers_new(void)
 {
-    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MAX_BYTES};
     struct answers *answers = array_zero(1, sizeof *answers);
-    if (answers && tetlod_feed_new(&answers->feed, &options, &answers->error) == TETLOD_OK)
+    if (answers && refine_feed_new(&answers->feed, &answers->error) == TETLOD_OK)
         return answers;
     free(answers);
     return NULL;

@@ -17,9 +17,6 @@ struct refine {
     struct tetlod_error error;
 };
 
-/* wasm32 addresses 4 GiB. */
-static const uint64_t MAX_BYTES = (uint64_t)3 << 30;
-
 void *refine_allocate(uint32_t size)
 {
     return malloc(size ? size : 1);
@@ -30,11 +27,16 @@ void refine_release(void *block)
     free(block);
 }
 
+enum tetlod_status refine_feed_new(struct tetlod_feed **out, struct tetlod_error *error)
+{
+    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = (uint64_t)3 << 30};
+    return tetlod_feed_new(out, &options, error);
+}
+
 struct refine *refine_new(void)
 {
-    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MAX_BYTES};
     struct refine *refine = array_zero(1, sizeof *refine);
-    if (refine && tetlod_feed_new(&refine->feed, &options, &refine->error) == TETLOD_OK)
+    if (refine && refine_feed_new(&refine->feed, &refine->error) == TETLOD_OK)
         return refine;
     free(refine);
     return NULL;

@@ -53,6 +53,9 @@ REFINE_EXPORT(refine_components) uint32_t refine_components(const struct refine 
 
 /* ---- within the module */
 
+/* A feed with room for as much as wasm32 addresses, less what else there is. */
+enum tetlod_status refine_feed_new(struct tetlod_feed **out, struct tetlod_error *error);
+
 /* tetlod_feed_select with `count` names that each end with NUL. */
 enum tetlod_status refine_select_names(struct tetlod_feed *feed, const char *names, uint32_t count,
                                        struct tetlod_error *error);

@@ -22,14 +22,10 @@ struct paging {
     struct tetlod_error error;
 };
 
-/* wasm32 addresses 4 GiB. */
-static const uint64_t MAX_BYTES = (uint64_t)3 << 30;
-
 struct paging *paging_new(void)
 {
-    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MAX_BYTES};
     struct paging *paging = array_zero(1, sizeof *paging);
-    if (paging && tetlod_feed_new(&paging->feed, &options, &paging->error) == TETLOD_OK)
+    if (paging && refine_feed_new(&paging->feed, &paging->error) == TETLOD_OK)
         return paging;
     free(paging);
     return NULL;
