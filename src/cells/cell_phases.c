@@ -186,26 +186,24 @@ static enum tetlod_status bring_back(const struct run *run, struct cell *cell, u
     return status == TETLOD_OK ? check_back(run, cell) : status;
 }
 
-/* Contracts a cell, and puts it away where it is to wait elsewhere. False: the user has cancelled. */
-static bool do_cell(struct run *run, unsigned worker, struct cell *cell, uint32_t number, uint32_t part)
+/* Contracts a cell, and puts it away where it is to wait elsewhere. Parts are cells, or places among those tried. */
+static void do_cell(struct run *run, unsigned worker, uint32_t part)
 {
-    cell->status = contract_cell(run, cell, number, run->numbers[worker]);
+    struct cell *cell = &run->cells[part];
+    cell->status = contract_cell(run, cell, run->tries ? run->order[part] : part, run->numbers[worker]);
     if (run->store.put && cell->status == TETLOD_OK)
         cell->status = put_away(run, cell, part);
     double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
     done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
     if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
         atomic_store(&run->cancelled, true);
-    return !atomic_load(&run->cancelled);
 }
 
 static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct run *run = context;
-    for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++) {
-        uint32_t part = run->tries ? (uint32_t)i : run->order[i];
-        do_cell(run, worker, &run->cells[part], run->order[i], part);
-    }
+    for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++)
+        do_cell(run, worker, run->tries ? (uint32_t)i : run->order[i]);
 }
 
 /* The same of the cells that other programs have not taken. */
@@ -216,8 +214,7 @@ static void contract_taken(void *context, unsigned worker, size_t begin, size_t 
     (void)begin;
     (void)end;
     while (!atomic_load(&run->cancelled) && run->share->take(run->share->opaque, &part))
-        if (!do_cell(run, worker, &run->cells[part], run->tries ? run->order[part] : part, part))
-            break;
+        do_cell(run, worker, part);
 }
 
 /* What the cells of this program have come to. */
@@ -250,8 +247,8 @@ static enum tetlod_status share_cells(struct run *run)
 {
     const struct work_share *share = run->share;
     bool again = true;
+    run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
     TETLOD_TRY(share->begin(share->opaque, run->cell_count, run->tries ? NULL : run->order, run->error));
-    run->store = (struct cell_store){share->put, share->get, share->opaque};
     while (again) {
         pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
         TETLOD_TRY(share->settle(share->opaque, first_failure(run), &again, run->error));
@@ -646,8 +643,8 @@ static enum tetlod_status share_root(struct run *run, struct cell *root, const s
     bool again = true;
     uint32_t part;
     enum tetlod_status status;
-    TETLOD_TRY(share->begin(share->opaque, 1, NULL, run->error));
     run->store = (struct cell_store){share->put, share->get, share->opaque};
+    TETLOD_TRY_DONE(share->begin(share->opaque, 1, NULL, run->error));
     while (again) {
         status = TETLOD_OK;
         if (share->take(share->opaque, &part)) {

@@ -532,10 +532,13 @@ static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t 
 {
     const struct renumbering *r = context;
     (void)worker;
-    for (size_t sample = begin; sample < end; sample++)
-        if (r->measure->hosts[sample] < HOST_SPECIAL &&
-            is_mine(r->measure, sample / TALLY_CHUNK, r->measure->chunks))
+    bool mine = false;
+    for (size_t sample = begin; sample < end; sample++) {
+        if (sample == begin || sample % TALLY_CHUNK == 0)
+            mine = is_mine(r->measure, sample / TALLY_CHUNK, r->measure->chunks);
+        if (mine && r->measure->hosts[sample] < HOST_SPECIAL)
             r->measure->hosts[sample] = coarse_number(&r->numbers, r->measure->hosts[sample]);
+    }
 }
 
 static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error *error)
