@@ -243,16 +243,18 @@ static enum tetlod_status fetch_marks(struct run *run)
     return TETLOD_OK;
 }
 
+static enum tetlod_status take_cells(void *opaque)
+{
+    struct run *run = opaque;
+    pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
+    return first_failure(run);
+}
+
 static enum tetlod_status share_cells(struct run *run)
 {
     const struct work_share *share = run->share;
-    bool again = true;
     run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
-    TETLOD_TRY(share->begin(share->opaque, run->cell_count, run->tries ? NULL : run->order, run->error));
-    while (again) {
-        pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
-        TETLOD_TRY(share->settle(share->opaque, first_failure(run), &again, run->error));
-    }
+    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, take_cells, run, run->error));
     return fetch_marks(run);
 }
 
@@ -636,27 +638,33 @@ static enum tetlod_status give_root(const struct run *run, const struct cell *ro
     return status;
 }
 
+/* What one of the programs does for all. */
+struct root_work {
+    struct run *run;
+    struct cell *root;
+    const struct simplify_options *options;
+};
+
+static enum tetlod_status take_root(void *opaque)
+{
+    const struct root_work *work = opaque;
+    const struct work_share *share = work->run->share;
+    uint32_t part;
+    if (!share->take(share->opaque, &part))
+        return TETLOD_OK;
+    TETLOD_TRY(contract_rest(work->run, work->root, work->options));
+    return give_root(work->run, work->root);
+}
+
 /* One of the programs contracts the root, and the others get what it has done. */
 static enum tetlod_status share_root(struct run *run, struct cell *root, const struct simplify_options *options)
 {
     const struct work_share *share = run->share;
-    bool again = true;
-    uint32_t part;
-    enum tetlod_status status;
+    struct root_work work = {run, root, options};
     run->store = (struct cell_store){share->put, share->get, share->opaque};
-    TETLOD_TRY_DONE(share->begin(share->opaque, 1, NULL, run->error));
-    while (again) {
-        status = TETLOD_OK;
-        if (share->take(share->opaque, &part)) {
-            status = contract_rest(run, root, options);
-            if (status == TETLOD_OK)
-                status = give_root(run, root);
-        }
-        TETLOD_TRY_DONE(share->settle(share->opaque, status, &again, run->error));
-    }
-    if (!root->logs[CELL_GO_ON].mark_count)
-        TETLOD_TRY_DONE(bring_back(run, root, 0));
-done:
+    enum tetlod_status status = work_share_run(share, 1, NULL, take_root, &work, run->error);
+    if (status == TETLOD_OK && !root->logs[CELL_GO_ON].mark_count)
+        status = bring_back(run, root, 0);
     leave_store(run);
     return status;
 }

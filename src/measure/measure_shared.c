@@ -22,6 +22,7 @@ struct sweep {
     struct buffer *parts; /* [MEASURE_PARTS] what is put */
     bool mine[MEASURE_PARTS];
     double alone; /* processor seconds of what every program does */
+    struct measured *scratch; /* [field] */
     struct tetlod_error *error;
 };
 
@@ -75,7 +76,7 @@ static void advance(struct sweep *sweep, uint32_t mark)
     sweep->alone += thread_seconds() - begun;
 }
 
-static enum tetlod_status measure_parts(struct sweep *sweep, struct measured *scratch)
+static enum tetlod_status measure_parts(struct sweep *sweep)
 {
     const struct shared_levels *levels = sweep->levels;
     const struct contraction_log *log = levels->log;
@@ -83,7 +84,7 @@ static enum tetlod_status measure_parts(struct sweep *sweep, struct measured *sc
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
         double domain = levels->domains[mark];
         advance(sweep, mark);
-        TETLOD_TRY(measure_levels_next(sweep->measure, scratch, &domain, sweep->error));
+        TETLOD_TRY(measure_levels_next(sweep->measure, sweep->scratch, &domain, sweep->error));
         TETLOD_TRY(keep_level(sweep, domain));
         if (levels->progress && !levels->progress(levels->progress_opaque, (mark + 1.0) / log->mark_count))
             return tetlodi_fail(sweep->error, TETLOD_ERR_CANCELLED, "cancelled");
@@ -105,8 +106,9 @@ static enum tetlod_status put_parts(struct sweep *sweep)
 }
 
 /* Sweeps until no part is open. */
-static enum tetlod_status do_parts(struct sweep *sweep, struct measured *scratch)
+static enum tetlod_status do_parts(void *opaque)
 {
+    struct sweep *sweep = opaque;
     const struct work_share *share = sweep->levels->share;
     enum tetlod_status status = TETLOD_OK;
     while (status == TETLOD_OK && take_parts(sweep)) {
@@ -114,7 +116,7 @@ static enum tetlod_status do_parts(struct sweep *sweep, struct measured *scratch
         status = begin_sweep(sweep);
         sweep->alone += thread_seconds() - begun;
         if (status == TETLOD_OK)
-            status = measure_parts(sweep, scratch);
+            status = measure_parts(sweep);
         end_sweep(sweep);
         if (status == TETLOD_OK)
             status = put_parts(sweep);
@@ -163,14 +165,14 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
                                   struct tetlod_error *error)
 {
     const struct work_share *share = levels->share;
-    struct sweep sweep = {.levels = levels, .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts), .error = error};
+    struct sweep sweep = {.levels = levels,
+                          .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts),
+                          .scratch = measured,
+                          .error = error};
     enum tetlod_status status = TETLOD_OK;
-    bool again = true;
     if (!sweep.parts)
         return tetlodi_fail_nomem(error, "the levels", MEASURE_PARTS * sizeof *sweep.parts);
-    TETLOD_TRY_DONE(share->begin(share->opaque, MEASURE_PARTS, NULL, error));
-    while (again)
-        TETLOD_TRY_DONE(share->settle(share->opaque, do_parts(&sweep, measured), &again, error));
+    TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, do_parts, &sweep, error));
     if (share->leads) {
         TETLOD_TRY_DONE(begin_sweep(&sweep));
         TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));

@@ -35,4 +35,10 @@ struct work_share {
     void *opaque;
 };
 
+/* A stage from its begin until it is settled: `work` does what parts it can take, and is called again for those that a
+ * member which died has left. The caller ends the stage in any case. */
+TETLOD_CHECKED enum tetlod_status work_share_run(const struct work_share *share, uint32_t parts, const uint32_t *order,
+                                                 enum tetlod_status (*work)(void *opaque), void *opaque,
+                                                 struct tetlod_error *error);
+
 #endif
