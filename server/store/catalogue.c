@@ -404,7 +404,8 @@ static enum tetlod_status take_folder(struct scan *scan, const char *path, int f
         // which of two same ids is served must not depend on the folder's order
         qsort(names, count, sizeof *names, by_name);
     for (size_t i = 0; i < count; i++) {
-        if (!why && !is_other_mesh(fd, names[i])) {
+        scan->complete &= !atomic_load(&scan->catalogue->stopping);
+        if (!why && scan->complete && !is_other_mesh(fd, names[i])) {
             enum tetlod_status ignored = take_file(scan, fd, names[i], NULL); // logged; the others are served
             (void)ignored;
         }
@@ -525,7 +526,7 @@ void catalogue_scan(struct catalogue *catalogue, double now)
         enum tetlod_status gone = take_path(&scan, catalogue->paths[i], NULL); // a path may come back
         (void)gone;
     }
-    if (!scan.complete) { // rather the old table than a part of the new one
+    if (!scan.complete) { // out of memory or stopped: rather the old table than a part of the new one
         table_fini(&scan.next);
         return;
     }

@@ -33,7 +33,7 @@ void catalogue_close(struct catalogue *catalogue);
  * `now` is a monotonic time in seconds. */
 void catalogue_scan(struct catalogue *catalogue, double now);
 
-/* Makes a scan end soon that holds large files against their digests. */
+/* Makes a scan end soon, in a large file that it holds against its digests or before the next. */
 void catalogue_stop(struct catalogue *catalogue);
 
 /* The current stream of an id, or NULL; the caller releases it. */
