@@ -110,6 +110,18 @@ export interface Mesh {
   parents: Uint32Array | null;
 }
 
+/** Of what is drawn: tetrahedra that are cut are divided. */
+export interface DrawnMesh {
+  level: number;
+  positions: Float64Array;
+  tets: Uint32Array;
+  /** Of which tetrahedron of the original each is, or is a part. */
+  numbers: Uint32Array;
+  fields: Record<string, Float64Array>;
+  /** Their values, of fields of cells that are loaded. */
+  cells: Record<string, Float64Array>;
+}
+
 export interface Spec {
   /** Colours every part. */
   field?: string;
@@ -379,6 +391,8 @@ export class TetlodStream extends EventTarget {
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
+  /** What is drawn: without hidden regions and what is beyond a threshold, cut by the clip plane and box. */
+  drawn(): Promise<DrawnMesh>;
   /** Of what is drawn of the mesh; null elsewhere. */
   probe(point: Point): Promise<{
     tet: number;

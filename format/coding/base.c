@@ -318,7 +318,7 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
         }
         int64_t base = predict(column, axis, c, corners, vertex, &context);
         // a decoder's code is not there yet
-        int64_t difference = coder->encoder ? code_difference(*code, base, width) : 0;
+        int64_t difference = encoder_of(coder) ? code_difference(*code, base, width) : 0;
         difference = code_number(coder, &models[axis], context, difference);
         *code = code_offset(base, difference, &column->scale);
         double value = scale_value(&column->scale, axis, *code);

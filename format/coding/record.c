@@ -181,7 +181,7 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
     int negative = code_bit(coder, &models->side[trail->kind][trail->side][side], value < 0);
     trail->side = negative ? 2 : 1;
     unsigned room = bit_length(negative ? link.low : link.high), length;
-    unsigned rank = coder->encoder ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
+    unsigned rank = encoder_of(coder) ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
     trail->level = (unsigned)code_bit(coder, &models->level[trail->far][trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;
@@ -248,7 +248,7 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct t
 
 static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
 {
-    if (recorder->coders->encoder)
+    if (encoder_of(recorder->coders))
         positions_inline(recorder, record, 1);
     else
         positions_inline(recorder, record, 0);
@@ -334,7 +334,7 @@ static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsig
     struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_bit *models = recorder->models->label + at_first * (LABEL_CONTEXTS / 2);
     geometry_contexts(star, recorder->replay->columns[0].values, child);
-    if (recorder->coders->encoder)
+    if (encoder_of(recorder->coders))
         code_labels_inline(recorder->coders, models, star, 1);
     else
         code_labels_inline(recorder->coders, models, star, 0);
@@ -587,7 +587,7 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
             return tetlodi_no_room(replay->memory, error);
         TETLOD_TRY(code_split(recorder, i, at_first, error));
     }
-    if (recorder->plan && recorder->log)
+    if (encoder_of(recorder->coders) && recorder->plan && recorder->log)
         encode_fields(recorder);
     return TETLOD_OK;
 }

@@ -177,7 +177,7 @@ TETLODI_INLINE int64_t code_round(struct tetlodi_coder *coder, const struct cont
 {
     struct tetlodi_field_models *models = context->models;
     unsigned most = most_zeros(context->scale), zeros = 0;
-    if (coder->encoder)
+    if (encoder_of(coder))
         zeros = code && __builtin_ctzll((uint64_t)code) < (int)most ? (unsigned)__builtin_ctzll((uint64_t)code) : most;
     zeros = code_tree(coder, models->zeros[*context->zeros], 4, zeros);
     coder->bad |= zeros > most;

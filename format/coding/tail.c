@@ -272,7 +272,7 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
     tail->turn++;
     numbers = code_head(coder, &tail->models, numbers, component, &source);
     for (size_t v = 0; v < vertices && !coder->bad; v++) {
-        double known = coder->encoder ? exact[v * n + component] : 0;
+        double known = encoder_of(coder) ? exact[v * n + component] : 0;
         exact[v * n + component] = numbers.kind == KIND_COPY ? exact[v * n + source]
                                  : code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component],
                                               known);
@@ -347,7 +347,7 @@ enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct t
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
     start_tail_models(&tail->models);
     for (unsigned c = 0; c < column->components; c++)
-        if (own.encoder)
+        if (encoder_of(coder))
             encode_component(&own, tail, column, vertices, c, exact);
         else
             code_component(&own, tail, column, vertices, c, (struct numbers){.type = column->scale.type}, c, exact);

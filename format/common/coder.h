@@ -51,6 +51,18 @@ struct tetlodi_coder {
     int bad;            /* the frame holds what no encoder writes */
 };
 
+/* What a coder encodes with, or NULL. Programs that only decode are made with TETLODI_DECODES_ONLY: what encodes is left
+ * out of them. */
+TETLODI_INLINE struct tetlodi_encoder *encoder_of(const struct tetlodi_coder *coder)
+{
+#ifdef TETLODI_DECODES_ONLY
+    (void)coder;
+    return NULL;
+#else
+    return coder->encoder;
+#endif
+}
+
 /* Sets `count` models to even odds. */
 void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count);
 
@@ -68,7 +80,7 @@ TETLODI_INLINE void coder_refill(struct tetlodi_coder *coder)
 {
     while (__builtin_expect(coder->range < 1u << 24, 0)) {
         coder->range <<= 8;
-        if (coder->encoder)
+        if (encoder_of(coder))
             tetlodi_encode_shift(coder->encoder);
         else
             coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
@@ -79,12 +91,12 @@ TETLODI_INLINE int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *mod
 {
     unsigned p = model->p, seen = model->seen, shift = tetlodi_bit_shift[seen];
     uint32_t bound = (coder->range >> 12) * (uint32_t)(p >> 4);
-    if (!coder->encoder)
+    if (!encoder_of(coder))
         bit = coder->code >= bound;
     TETLODI_COUNT(model, bit ? 65536u - p : p, 0);
     model->seen = (uint16_t)(seen + (seen < coder->seen_most));
     if (bit) { // one branch for all that a bit decides: a right guess lets the next bit begin early
-        if (coder->encoder)
+        if (encoder_of(coder))
             coder->encoder->low += bound;
         else
             coder->code -= bound;
@@ -103,7 +115,7 @@ TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, 
 {
     TETLODI_COUNT(NULL, 0, count);
     coder->range >>= count;
-    if (coder->encoder) {
+    if (encoder_of(coder)) {
         coder->encoder->low += (uint64_t)coder->range * value;
     } else {
         value = coder->code / coder->range;

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "src/cut/cut.h"
+#include "src/cut/cut_solid.h"
 #include "src/cut/line.h"
 #include "src/mesh/tet_geom.h"
 #include "tests/test.h"
@@ -411,6 +412,142 @@ static void test_values_along_a_line(void)
     tetmesh_fini(&mesh);
 }
 
+/* Room for new vertices behind an array of the mesh. */
+static double *extended(const struct cut_solid *solid, const double *values, uint32_t components)
+{
+    double *out = calloc((size_t)solid->old_count + solid->new_count, components * sizeof *out);
+    memcpy(out, values, (size_t)solid->old_count * components * sizeof *out);
+    cut_solid_extend(solid, out, components);
+    return out;
+}
+
+/* What is left of the cube in a box: its places; `tets`: the numbers of the cube's. */
+static double *cut_box(const struct tetmesh *cube, const double box[6], struct cut_solid *solid)
+{
+    uint32_t *tets = calloc(cube->tet_count, sizeof *tets);
+    for (uint32_t t = 0; t < cube->tet_count; t++)
+        tets[t] = t;
+    CHECK(cut_solid_begin(cube->vertex_count, cube->corners, tets, cube->tet_count, solid, NULL) == TETLOD_OK);
+    free(tets);
+    double *places = extended(solid, cube->positions, 3);
+    for (int side = 0; side < 6; side++) {
+        double *values = calloc((size_t)solid->old_count + solid->new_count, sizeof *values);
+        for (size_t v = 0; v < (size_t)solid->old_count + solid->new_count; v++)
+            values[v] = (side < 3 ? -1 : 1) * (places[3 * v + (size_t)(side % 3)] - box[side]);
+        CHECK(cut_solid_below(solid, values, NULL) == TETLOD_OK);
+        free(values);
+        free(places);
+        places = extended(solid, cube->positions, 3);
+    }
+    return places;
+}
+
+/* Edges of the surface, as lengths: those of the cut ones of the cube's faces, without what only divides them. */
+static double length_of_lines(const struct tetmesh *mesh, struct cut *surface, const struct cut_solid *solid)
+{
+    double sum = 0;
+    CHECK(cut_lines(surface, NULL, NULL) == TETLOD_OK);
+    for (size_t l = 0; l < surface->line_count; l++) {
+        double p[2][3], squares = 0;
+        uint32_t ends[4];
+        for (size_t i = 0; i < 2; i++) {
+            memcpy(ends + 2 * i, surface->ends + 2 * (size_t)surface->lines[2 * l + i], 2 * sizeof *ends);
+            surface_point(mesh, surface, surface->lines[2 * l + i], p[i]);
+        }
+        for (int axis = 0; axis < 3; axis++)
+            squares += (p[1][axis] - p[0][axis]) * (p[1][axis] - p[0][axis]);
+        sum += cut_solid_is_edge(solid, ends, 4, false) ? sqrt(squares) : 0;
+    }
+    return sum;
+}
+
+static double volume6_of(const struct tetmesh *mesh, const uint32_t *c)
+{
+    const double *p = mesh->positions;
+    return tet_volume6(p + 3 * (size_t)c[0], p + 3 * (size_t)c[1], p + 3 * (size_t)c[2], p + 3 * (size_t)c[3]);
+}
+
+/* The lines of the section along one side of a box, as far as they are in it. */
+static double length_of_section(const struct tetmesh *cube, const double box[6], int side)
+{
+    struct cut cuts[6] = {{0}};
+    double *values = calloc(cube->vertex_count, sizeof *values), sum = 0, *places = cube->positions;
+    for (uint32_t v = 0; v < cube->vertex_count; v++)
+        values[v] = places[3 * v + (uint32_t)(side % 3)] - box[side];
+    CHECK(cut_zero(cube, values, &cuts[0], NULL) == TETLOD_OK && cut_lines(&cuts[0], values, NULL) == TETLOD_OK);
+    for (int k = 0, last = 0; k < 6; k++) {
+        if (k % 3 == side % 3)
+            continue;
+        double *moved = calloc(cuts[last].vertex_count + 1, 3 * sizeof *moved);
+        for (uint32_t v = 0; v < cuts[last].vertex_count; v++)
+            for (uint32_t axis = 0; axis < 3; axis++)
+                moved[3 * v + axis] = cut_value(&cuts[last], v, places, 3, axis);
+        if (places != cube->positions)
+            free(places);
+        places = moved;
+        values = realloc(values, (cuts[last].vertex_count + 1) * sizeof *values);
+        for (uint32_t v = 0; v < cuts[last].vertex_count; v++)
+            values[v] = (k < 3 ? -1 : 1) * (places[3 * v + (uint32_t)(k % 3)] - box[k]);
+        CHECK(cut_trim(&cuts[last], values, &cuts[last + 1], NULL) == TETLOD_OK);
+        last++;
+        sum = 0;
+        for (size_t l = 0; l < cuts[last].line_count; l++) {
+            double squares = 0;
+            for (uint32_t axis = 0; axis < 3; axis++) {
+                double d = cut_value(&cuts[last], cuts[last].lines[2 * l], places, 3, axis) -
+                           cut_value(&cuts[last], cuts[last].lines[2 * l + 1], places, 3, axis);
+                squares += d * d;
+            }
+            sum += sqrt(squares);
+        }
+    }
+    free(places);
+    free(values);
+    for (int i = 0; i < 6; i++)
+        cut_fini(&cuts[i]);
+    return sum;
+}
+
+/* Tetrahedra in a box fill it, keep their orientation and fit each other: the surface is the box's alone. */
+static void test_box(void)
+{
+    struct tetmesh cube, part = {0};
+    struct cut_solid solid = {0};
+    struct cut surface = {0};
+    make_cube(&cube);
+    static const double boxes[][6] = {{0.1, 0.2, 0.3, 0.9, 0.7, 0.85}, {0.25, 0.25, 0.25, 0.75, 0.75, 0.75},
+                                      {0.25, 0.3, 0, 0.5, 0.8, 1},     {0.26, 0.26, 0.26, 0.27, 0.28, 0.29},
+                                      {0, 0, 0, 1, 1, 1},              {0.1, 0.25, 0.5, 0.3, 0.5, 0.51}};
+    for (size_t b = 0; b < sizeof boxes / sizeof *boxes; b++) {
+        double *places = cut_box(&cube, boxes[b], &solid), volume = 0, total[3], area, sides[3];
+        part = (struct tetmesh){.vertex_count = solid.old_count + solid.new_count, .tet_count = solid.tet_count,
+                                .positions = places, .corners = solid.corners};
+        for (size_t t = 0; t < part.tet_count; t++) {
+            const uint32_t *c = part.corners + 4 * t, *own = cube.corners + 4 * (size_t)solid.tets[t];
+            double six = volume6_of(&part, c);
+            CHECK((six > 0) == (volume6_of(&cube, own) > 0));
+            volume += fabs(six) / 6;
+        }
+        for (int axis = 0; axis < 3; axis++)
+            sides[axis] = boxes[b][3 + axis] - boxes[b][axis];
+        CHECK_NEAR(volume, sides[0] * sides[1] * sides[2], 1e-12);
+        CHECK(cut_boundary(&part, &surface, NULL) == TETLOD_OK);
+        area_vector(&part, &surface, total, &area);
+        CHECK_NEAR(area, 2 * (sides[0] * sides[1] + sides[1] * sides[2] + sides[2] * sides[0]), 1e-12);
+        if (b == 0) { // what the box's sides cut of faces, and its own edges
+            double lines = 4 * (sides[0] + sides[1] + sides[2]);
+            for (int side = 0; side < 6; side++)
+                lines += length_of_section(&cube, boxes[b], side);
+            CHECK_NEAR(length_of_lines(&part, &surface, &solid), lines, 1e-12);
+        }
+        free(places);
+    }
+    free(cube.positions);
+    free(cube.corners);
+    cut_fini(&surface);
+    cut_solid_fini(&solid);
+}
+
 int main(void)
 {
     RUN(test_boundary);
@@ -422,5 +559,6 @@ int main(void)
     RUN(test_isosurface_normals);
     RUN(test_boundary_of_overfull_faces);
     RUN(test_values_along_a_line);
+    RUN(test_box);
     return test_end();
 }

@@ -28,45 +28,85 @@ const open = async (name, hash, id = 'box') => {
   await page.waitForFunction((wanted) => document.getElementById(wanted), id);
 };
 
-// Cells are drawn whole if their middle is in the box, and only those, at every level and by every layer.
-async function a_box_clips_cells() {
+const volumeOf = ({ positions, tets }) => {
+  let sum = 0;
+  for (let t = 0; t < tets.length; t += 4) {
+    const [a, b, c, d] = [0, 1, 2, 3].map((i) => positions.subarray(3 * tets[t + i], 3 * tets[t + i] + 3));
+    const [u, v, w] = [b, c, d].map((p) => p.map((x, i) => x - a[i]));
+    sum += Math.abs(
+      u[0] * (v[1] * w[2] - v[2] * w[1]) - u[1] * (v[0] * w[2] - v[2] * w[0]) + u[2] * (v[0] * w[1] - v[1] * w[0]),
+    );
+  }
+  return sum / 6;
+};
+
+// What a surface encloses, if it is closed and seen from outside.
+const enclosedBy = ({ points, triangles }) => {
+  let sum = 0;
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [0, 1, 2].map((i) => points.subarray(3 * triangles[t + i], 3 * triangles[t + i] + 3));
+    sum += a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+  }
+  return sum / 6;
+};
+
+const isNear = (a, b, part) => assert.ok(Math.abs(a - b) <= part * Math.abs(b), `${a}, not ${b}`);
+
+// What is in a box is drawn, closed and coloured, by every layer: two boxes side by side are all of the mesh. The same is
+// there as a mesh, also behind the clip plane, without hidden regions and what is beyond a threshold.
+async function a_box_clips_exactly() {
   const stream = await TetlodStream.open(new Blob([bytes]), { target: { error: 0.05 } });
   await stream.refineTo({ error: 0.05 });
-  const box = [-3, 1, 0, 2, 4, 2];
-  const pictures = () =>
-    new Promise((resolve) => {
-      stream.addEventListener('pictures', ({ detail }) => detail.tag === 'boxed' && resolve(detail));
-    });
-  const drawn = pictures();
-  const slices = [{ origin: [0, 2, 1], normal: [0, 0, 1] }];
-  await stream.show({ field: 'Pressure', surface: true, box, slices, tag: 'boxed' });
   const {
-    surface,
-    slices: [slice],
-  } = await drawn;
-  const { positions, tets } = await stream.mesh();
-  const middle = (t) =>
-    [0, 1, 2].map((k) => [0, 1, 2, 3].reduce((sum, i) => sum + positions[3 * tets[t + i] + k] / 4, 0));
-  const isIn = (p) => p.every((c, i) => c >= box[i] && c <= box[3 + i]);
-  // faces that only one of the kept tetrahedra has
-  const faces = new Set();
-  for (let t = 0; t < tets.length; t += 4) {
-    const place = middle(t);
-    const found = await (t % 40 ? null : stream.probe(place));
-    if (t % 40 === 0) assert.equal(Boolean(found), isIn(place), `${place}`);
-    if (!isIn(place)) continue;
-    for (let i = 0; i < 4; i++) {
-      const face = [0, 1, 2, 3]
-        .filter((c) => c !== i)
-        .map((c) => tets[t + c])
-        .sort((a, b) => a - b)
-        .join();
-      if (!faces.delete(face)) faces.add(face);
-    }
+    bounds: [low, high],
+  } = stream.info;
+  const shown = async (spec) => {
+    const tag = Math.random();
+    const came = new Promise((resolve) => {
+      stream.addEventListener('pictures', ({ detail }) => detail.tag === tag && detail.t === 1 && resolve(detail));
+    });
+    await stream.show({ field: 'Pressure', surface: true, edges: true, tag, ...spec }, { whole: true });
+    return { ...(await came), mesh: await stream.drawn() };
+  };
+  const x = low[0] + 0.3137 * (high[0] - low[0]);
+  const y = low[1] + 0.4271 * (high[1] - low[1]);
+  const box = [low[0], low[1], low[2], x, y, high[2]];
+  const slices = [{ origin: [0, 0, (low[2] + high[2]) / 2], normal: [0, 0, 1] }];
+  const isIn = (p, k = 0) => p[k] <= x + 1e-5 && p[k + 1] <= y + 1e-5;
+  const whole = await shown({});
+  assert.deepEqual(whole.mesh.tets, (await stream.mesh()).tets);
+  const first = await shown({ box, slices });
+  for (const part of [first.surface, ...first.slices])
+    for (let v = 0; v < part.points.length; v += 3) assert.ok(isIn(part.points, v));
+  // the faces of the cut are there, with the colours of their places
+  const { surface } = first;
+  const onSide = [...surface.values.keys()].filter((v) => Math.abs(surface.points[3 * v] - x) < 1e-5);
+  assert.ok(onSide.length > 20, `${onSide.length} points on the side`);
+  for (const v of onSide.filter((_, i) => i % 10 === 0)) {
+    const { values } = await stream.probe([...surface.points.subarray(3 * v, 3 * v + 3)]);
+    isNear(surface.values[v], values.Pressure[0], 1e-4);
   }
-  assert.ok(faces.size > 50);
-  assert.equal(surface.triangles.length / 3, faces.size);
-  assert.ok(slice.triangles.length > 30);
+  isNear(enclosedBy(surface), volumeOf(first.mesh), 1e-5);
+  assert.equal(await stream.probe([x + 0.1 * (high[0] - x), low[1] + 0.01, low[2] + 0.01]), null);
+  const others = [
+    await shown({ box: [x, low[1], low[2], ...high] }),
+    await shown({ box: [low[0], y, low[2], x, high[1], high[2]] }),
+  ];
+  isNear(
+    [first, ...others].reduce((sum, { mesh }) => sum + volumeOf(mesh), 0),
+    volumeOf(whole.mesh),
+    1e-12,
+  );
+  const clip = { origin: slices[0].origin, normal: [0.3, 0.2, 1] };
+  const clipped = await shown({ box, clip });
+  isNear(enclosedBy(clipped.surface), volumeOf(clipped.mesh), 1e-5);
+  assert.ok(volumeOf(clipped.mesh) < 0.9 * volumeOf(first.mesh));
+  // a threshold keeps whole tetrahedra
+  const [least, most] = stream.info.fields[0].range;
+  const some = await shown({ threshold: { field: 'Pressure', low: (least + most) / 2 } });
+  const { tets, numbers, fields } = some.mesh;
+  assert.ok(numbers.length > 100 && numbers.length < whole.mesh.numbers.length && tets.length === 4 * numbers.length);
+  assert.ok(fields.Pressure.every((value) => value >= (least + most) / 2));
   await assert.rejects(stream.show({ box: [1, 0, 0, 0, 1, 1] }), /a box is six numbers/);
   stream.close();
 }
@@ -166,7 +206,7 @@ async function streamlines_begin_on_the_slice() {
 }
 
 await run([
-  a_box_clips_cells,
+  a_box_clips_exactly,
   a_box_is_moved_by_the_keyboard,
   notes_stay_with_their_probes,
   values_over_time_at_a_probe,

@@ -169,6 +169,13 @@ export class Engine {
     return this.#view.mesh(this.#info.fields);
   }
 
+  /** What is drawn, as tetrahedra. */
+  drawn() {
+    this.#view.clip(this.#spec?.clip ?? null);
+    this.#filter();
+    return this.#view.collect(this.#info.fields, this.#info.cellFields);
+  }
+
   /** Values at a point of what is drawn. */
   probe(point) {
     this.#filter(); // the mesh may have gone on
@@ -816,7 +823,7 @@ export class Engine {
     const { surface, clip, threshold, regions, box, cellShade, edges: lines } = this.#spec;
     if (!surface) return null;
     // a clipped one has other triangles each time
-    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold, regions, box, cellShade < 0]);
+    const key = clip || (box && this.#moved >= 0) ? '' : JSON.stringify([this.#shown, (threshold || box) && this.#at, lines, threshold, regions, box, cellShade < 0]);
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
@@ -831,8 +838,8 @@ export class Engine {
   #drawRays() {
     const { rays, threshold, regions, box } = this.#spec;
     if (!rays) return null;
-    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold, regions, box]);
-    const keep = key === this.#raysOf;
+    const key = box && this.#moved >= 0 ? '' : JSON.stringify([this.#shown, (threshold || box) && this.#at, threshold, regions, box]);
+    const keep = key && key === this.#raysOf;
     this.#raysOf = key;
     return this.#view.rays({ keep, lengthOf: this.#lengthOf });
   }
@@ -971,6 +978,7 @@ export class Engine {
     if (!this.#view.warp(this.#spec.warp?.by ?? null)) return;
     this.#moved = -1;
     this.#volumeOf = this.#vectorsOf = '';
+    if (this.#spec.box) this.#surfaceOf = this.#raysOf = ''; // it cuts elsewhere
   }
 
   // The boundary as it is without being moved: at rest, and where it is not the same.

@@ -414,6 +414,11 @@ export class TetlodStream extends EventTarget {
     return this.#call('mesh');
   }
 
+  /** The same of what is drawn, cut by the clip plane and box, with `numbers` and `cells` of the original's tetrahedra. */
+  drawn() {
+    return this.#call('drawn');
+  }
+
   /**
    * Fetches the values of a field of cells, which are there from the event `cells` on. show() does so, too, for those
    * that it needs.

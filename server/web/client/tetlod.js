@@ -164,6 +164,47 @@ export class View {
     };
   }
 
+  /**
+   * What is drawn, as filter() and clip() have it, cut by the plane, too: {level, positions, tets, numbers, fields,
+   * cells}; `numbers` are the original's of which tetrahedra are, `cells` their values of fields of cells that are
+   * loaded. Then filter() anew.
+   */
+  collect(fields, cellFields) {
+    const address = this.#code.view_collect(this.#view) >>> 0;
+    if (!address) this.#check(10);
+    const [vertices, tets, positions, corners, originals] = this.#words(address, 5);
+    const numbers = this.#words(originals, tets).slice();
+    const all = this.#words(corners, 4 * tets);
+    const places = new Uint32Array(vertices); // of those that have a corner, from 1 on
+    let count = 0;
+    for (const v of all) places[v] = 1;
+    places.forEach((used, v) => { places[v] = used && ++count; });
+    const gather = (address, components) => {
+      const [from, to] = [this.#doubles(address, components * vertices), new Float64Array(components * count)];
+      places.forEach((k, v) => k && to.set(from.subarray(components * v, components * (v + 1)), components * (k - 1)));
+      return to;
+    };
+    const valuesOf = ({ components }, f) => {
+      const address = this.#code.view_values(this.#view, f) >>> 0;
+      return address ? gather(address, components) : null;
+    };
+    const named = (list, of) => Object.fromEntries(list.map((field, f) => [field.name, of(field, f)]).filter(([, values]) => values));
+    return {
+      level: this.level, positions: gather(positions, 3), tets: all.map((v) => places[v] - 1), numbers,
+      fields: named(fields, valuesOf), cells: named(cellFields, ({ components }, f) => this.#cellsOf(f, components, numbers)),
+    };
+  }
+
+  // Values of those with these numbers; null: the field is not loaded.
+  #cellsOf(field, components, numbers) {
+    const address = this.#code.view_cells(this.#view, field) >>> 0;
+    if (!address) return null;
+    const row = (tet) => this.#doubles(address + 8 * components * tet, components);
+    const values = new Float64Array(components * numbers.length);
+    numbers.forEach((tet, t) => values.set(row(tet), components * t));
+    return values;
+  }
+
   // ---- a mesh that is finer in boxes
 
   /** What was added, until the next call. */
@@ -329,7 +370,7 @@ export class View {
   /**
    * From now on pictures are of tetrahedra whose corners, or which themselves (`cells`), have values from `low` to `high` of `range` at the end of a move, or of all (null),
    * but not of those of `regions`: {field, hidden}, numbers of a field of cells that is loaded; null: none are left out.
-   * And of those whose middle is in `box`, if there is one.
+   * And of what is in `box`, if there is one, whose faces close it.
    */
   filter(range, regions, box) {
     if (range) this.#code.view_threshold(this.#view, range.cells, range.field, range.component, range.low, range.high);

@@ -52,6 +52,7 @@ const actions = {
   seekStep: (wanted, id) => engine.seekStep(wanted, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
+  drawn: () => engine.drawn(),
   cells: (name) => engine.cells(name),
   loadCells: (name) => engine.loadCells(name),
   probe: (point) => engine.probe(point),

@@ -47,13 +47,13 @@ export function bindExports(viewer, save) {
   viewer.store.watch(['surface'], list);
 
   const whole = element('button', { type: 'button', id: 'export-vtu', className: 'small' }, 'VTU');
-  whole.title = 'The tetrahedra that are shown, with all fields that are loaded';
+  whole.title = 'The tetrahedra that are drawn, cut as they are, with all fields that are loaded';
   whole.addEventListener('click', async () => {
     const { vtuOf } = await import('./surface_files.js');
-    const mesh = await viewer.stream.mesh();
+    const mesh = await viewer.stream.drawn();
     save('mesh.vtu', vtuOf(mesh, viewer.info, [['level', mesh.level]]));
   });
-  const row = element('div', { className: 'row' }, element('span', {}, 'Mesh that is shown'), whole);
+  const row = element('div', { className: 'row' }, element('span', {}, 'Mesh that is drawn'), whole);
   choice.closest('.row').after(row);
 
   const write = async (kind) => {

@@ -70,18 +70,22 @@ export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [
   return file.blob(`<PolyData>\n${parts.join('\n')}\n</PolyData>`);
 }
 
-/** VTK's XML UnstructuredGrid of a mesh as the stream gives it. `info`: the stream's; `notes`: [name, number]. */
-export function vtuOf({ positions, tets, fields }, info, notes) {
+/** VTK's XML UnstructuredGrid of what is drawn, as the stream gives it. `info`: its own; `notes`: [name, number]. */
+export function vtuOf({ positions, tets, numbers, fields, cells: values }, info, notes) {
   const file = new Appended();
   const arrays = info.fields.filter(({ name }) => fields[name]);
   const note = ([name, value]) =>
     file.array(name, Float64Array.of(value)).replace('NumberOfComponents', 'NumberOfTuples="1" NumberOfComponents');
   const valuesOf = ({ name, components }) => file.array(name, fields[name], components);
+  const cellValues = info.cellFields
+    .filter(({ name }) => values[name])
+    .map(({ name, components }) => file.array(name, values[name], components));
   const types = new Uint8Array(tets.length / 4).fill(10);
   const parts = [
     `<FieldData>${notes.map(note).join('')}</FieldData>`,
     `<Piece NumberOfPoints="${positions.length / 3}" NumberOfCells="${types.length}">`,
     `<PointData>${arrays.map(valuesOf).join('')}</PointData>`,
+    `<CellData>${file.array('original tetrahedron', Int32Array.from(numbers))}${cellValues.join('')}</CellData>`,
     `<Points>${file.array('Points', positions, 3)}</Points>`,
     `<Cells>${cells(file, tets, 4)}${file.array('types', types)}</Cells>`,
     '</Piece>',

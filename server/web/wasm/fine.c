@@ -117,7 +117,7 @@ static bool take_vertex(struct view *view, const struct point_field *field, uint
         return true;
     double *row = fine->rows + (size_t)*number * fine->width, *colour = row + field->components;
     for (size_t i = 0; i < 3; i++)
-        fine->mesh.positions[3 * (size_t)*number + i] = view->shown.positions[3 * (size_t)vertex + i];
+        fine->mesh.positions[3 * (size_t)*number + i] = view_drawn(view)->positions[3 * (size_t)vertex + i];
     for (size_t c = 0; c < field->components; c++)
         row[c] = field->values[(size_t)vertex * field->components + c];
     for (size_t c = 0; shade && c < shade->components; c++)

@@ -97,7 +97,7 @@ static bool divide_pieces(struct cut_line *line, const double *values, uint32_t 
 
 static void take_component(struct view *view, const struct point_field *field, uint32_t component)
 {
-    for (size_t v = 0; v < view->shown.vertex_count; v++)
+    for (size_t v = 0; v < view_drawn(view)->vertex_count; v++)
         view->function[v] = field->values[v * field->components + component];
 }
 

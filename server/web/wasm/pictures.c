@@ -53,7 +53,8 @@ void view_take_values(const struct view *view, const struct tetmesh *mesh, uint3
 const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
     double low = INFINITY, high = -INFINITY;
-    view_take_values(view, &view->shown, view->shown.vertex_count, field, component, view->shade);
+    const struct tetmesh *drawn = view_drawn(view);
+    view_take_values(view, drawn, drawn->vertex_count, field, component, view->shade);
     if (view->by_cells || field != view->shade_field || component != view->shade_component)
         view->grid_size = 0;
     view->by_cells = false;
@@ -74,18 +75,18 @@ const struct point_field *view_length_field(const struct view *view)
     if (view->has_rows && !view->by_cells)
         return &view->defined.field;
     bool length = !view->by_cells && view->shade_component < 0 && view->shade_field < view->shown.field_count;
-    const struct point_field *field = length ? &view->shown.fields[view->shade_field] : NULL;
+    const struct point_field *field = length ? &view_drawn(view)->fields[view->shade_field] : NULL;
     return field && field->values ? field : NULL;
 }
 
-/* The mesh that is shown. */
-static struct view_points shown_points(const struct view *view)
+/* The mesh that is drawn. */
+static struct view_points drawn_points(const struct view *view)
 {
     const struct point_field *field = view_length_field(view);
     struct view_array shade = {view->shade, 1, 1};
     if (field)
         shade = (struct view_array){field->values, field->components, field->components};
-    return (struct view_points){{view->shown.positions, 3, 3}, shade, field};
+    return (struct view_points){{view_drawn(view)->positions, 3, 3}, shade, field};
 }
 
 static double volume_of(const struct view *view, const uint32_t *corners)
@@ -122,8 +123,9 @@ const struct view_sample *view_sample(struct view *view)
 
 static void take_distances(const struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
 {
-    for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
-        const double *p = view->shown.positions + 3 * (size_t)v;
+    const struct tetmesh *drawn = view_drawn(view);
+    for (uint32_t v = 0; v < drawn->vertex_count; v++) {
+        const double *p = drawn->positions + 3 * (size_t)v;
         view->function[v] = nx * (p[0] - ox) + ny * (p[1] - oy) + nz * (p[2] - oz);
     }
 }
@@ -257,11 +259,18 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
 
 /* ---- the boundary ---- */
 
+static enum tetlod_status draw_lines(struct view *view, struct cut *cut, const double *values)
+{
+    TETLOD_TRY(cut_lines(cut, values, &view->error));
+    view_drop_lines(view, cut, values);
+    return TETLOD_OK;
+}
+
 /* What is drawn, at the end of a move: its triangles and lines are the same all the way. */
 static struct tetmesh arrived(struct view *view)
 {
     struct tetmesh mesh = *view_drawn(view);
-    if (view->moving)
+    if (view->moving && !view->has_box)
         mesh.positions = view->to.positions;
     return mesh;
 }
@@ -284,8 +293,8 @@ static enum tetlod_status clip_surface(struct view *view, uint32_t with)
     take_distances(view, o[0], o[1], o[2], n[0], n[1], n[2]);
     TETLOD_TRY(cut_clip(view_drawn(view), &view->boundary, view->function, &view->cut, &view->error));
     if (with & WITH_LINES)
-        TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
-    const struct view_points points = shown_points(view);
+        TETLOD_TRY(draw_lines(view, &view->cut, view->function));
+    const struct view_points points = drawn_points(view);
     return draw_part(view, &view->cut, with, &points);
 }
 
@@ -295,10 +304,10 @@ uint32_t view_surface(struct view *view, uint32_t with)
     if (view->clips)
         return clip_surface(view, with);
     if (with & WITH_LINES && !view->has_lines) {
-        TETLOD_TRY(cut_lines(&view->boundary, NULL, &view->error));
+        TETLOD_TRY(draw_lines(view, &view->boundary, NULL));
         view->has_lines = true;
     }
-    const struct view_points points = shown_points(view);
+    const struct view_points points = drawn_points(view);
     return draw_part(view, &view->boundary, with, &points);
 }
 
@@ -327,7 +336,7 @@ uint32_t view_mark(struct view *view, uint32_t part)
 static enum tetlod_status finish_cut(struct view *view, uint32_t with, const struct view_points *of)
 {
     if (with & WITH_LINES)
-        TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
+        TETLOD_TRY(draw_lines(view, &view->cut, view->function));
     else
         view->cut.line_count = 0;
     if (!view->clips)
@@ -341,7 +350,7 @@ uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, doub
 {
     take_distances(view, ox, oy, oz, nx, ny, nz);
     TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
-    const struct view_points points = shown_points(view);
+    const struct view_points points = drawn_points(view);
     return finish_cut(view, with, &points);
 }
 
@@ -349,7 +358,7 @@ uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, doub
 static enum tetlod_status cut_length(struct view *view, uint32_t with, const struct point_field *field, double value)
 {
     struct view_fine *fine = &view->fine;
-    struct view_points points = shown_points(view);
+    struct view_points points = drawn_points(view);
     TETLOD_TRY(view_divide(view, field, value, with & WITH_MARGIN));
     points.places.values = fine->mesh.positions;
     points.shade = (struct view_array){fine->rows + field->components, fine->width, points.shade.count};
@@ -363,17 +372,18 @@ static enum tetlod_status cut_length(struct view *view, uint32_t with, const str
 
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value)
 {
-    const struct point_field *of = field < view->shown.field_count ? &view->shown.fields[field] : NULL;
+    const struct tetmesh *drawn = view_drawn(view);
+    const struct point_field *of = field < drawn->field_count ? &drawn->fields[field] : NULL;
     view->fine.deviation = view->fine.accuracy = 0;
     if (field == view->shown.field_count && view->has_rows)
         of = &view->defined.field;
     if (of && of->values && (component < 0 || of == &view->defined.field))
         return cut_length(view, with, of, value);
-    view_take_values(view, &view->shown, view->shown.vertex_count, field, component, view->function);
-    for (uint32_t v = 0; v < view->shown.vertex_count; v++)
+    view_take_values(view, drawn, drawn->vertex_count, field, component, view->function);
+    for (uint32_t v = 0; v < drawn->vertex_count; v++)
         view->function[v] -= value;
-    TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
-    const struct view_points points = shown_points(view);
+    TETLOD_TRY(cut_zero(drawn, view->function, &view->cut, &view->error));
+    const struct view_points points = drawn_points(view);
     return finish_cut(view, with, &points);
 }
 
@@ -425,7 +435,7 @@ uint32_t view_rays(struct view *view)
         TETLOD_TRY(cut_rays_connect(&mesh, &view->rays, &view->error));
         view->has_rays = true;
     }
-    return cut_rays_place(&view->shown, view->shade, view_of_drawn(view), view->centre, &view->rays, &view->error);
+    return cut_rays_place(view_drawn(view), view->shade, view_of_drawn(view), view->centre, &view->rays, &view->error);
 }
 
 const struct cut_rays *view_ray_data(const struct view *view)
@@ -435,7 +445,7 @@ const struct cut_rays *view_ray_data(const struct view *view)
 
 const double *view_values(const struct view *view, uint32_t field)
 {
-    return view->shown.fields[field].values;
+    return view_drawn(view)->fields[field].values;
 }
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)

@@ -271,6 +271,7 @@ void view_place(struct view *view, double t)
     const struct tetmesh *to = &view->to, *at = arrived ? to : &view->between;
     size_t vertices = view->shown.vertex_count;
     show(view, at->positions, to->corners);
+    view_follow_shown(view);
     if (!arrived)
         blend(at->positions, view->from.positions, to->positions, 3 * vertices, t);
     for (uint32_t f = 0; f < to->field_count; f++) {

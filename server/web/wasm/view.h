@@ -11,6 +11,7 @@
 
 #include "format/common/bytes.h"
 #include "src/cut/cut.h"
+#include "src/cut/cut_solid.h"
 #include "src/cut/line.h"
 #include "src/cut/rays.h"
 #include "src/cut/resample.h"
@@ -122,6 +123,24 @@ struct view_function {
     size_t row_cap;
 };
 
+/* What is left of the mesh within planes, with places and values of its own. Begins zeroed. */
+struct view_solid {
+    struct cut_solid cut;
+    double *positions;
+    struct point_field *fields; /* [field_count] */
+    size_t position_cap, *field_caps;
+    bool is_used;
+};
+
+/* What is drawn, for other programs. tetlod.js knows this layout. */
+struct view_collected {
+    uint32_t vertices, tets;
+    const double *positions;
+    const uint32_t *corners, *numbers; /* numbers: of the original's tetrahedra */
+    uint32_t *room;
+    size_t room_cap;
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -159,11 +178,13 @@ struct view {
     bool has_range;                  /* pictures are of tetrahedra in a range only */
     struct view_range range;
     struct view_hidden hidden;       /* and not of these */
-    bool has_box;                    /* and of those in a box only */
+    bool has_box, cuts_plane;        /* and only within a box; and behind the clip plane */
     double box[6];
+    struct view_solid solid;
+    struct view_collected collected;
     bool has_kept;                   /* which are drawn is known, if not all are */
-    struct tetmesh kept;             /* those; borrows all but its corners */
-    uint32_t *kept_tets;             /* [kept.tet_count] their numbers */
+    struct tetmesh kept;             /* those; borrows all but its corners; in a box it has vertices behind the mesh's */
+    uint32_t *kept_tets;             /* [kept.tet_count] the mesh's that they are, or are of */
     bool clips;
     struct cut_plane clip;
     struct cut cut, trimmed;         /* a section or isosurface; what is behind the clip plane of it, if `clips` */
@@ -267,11 +288,17 @@ void view_threshold(struct view *view, bool of_cells, uint32_t field, int32_t co
 VIEW_EXPORT(view_unthreshold) void view_unthreshold(struct view *view);
 /* And not of those with these numbers, ascending, in a field of cells that is loaded, of one component. */
 VIEW_EXPORT(view_hide) uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count);
-/* And of those whose middle is in a box; or wherever they are. */
+/* And only of what is in a box, which is closed; or wherever it is. */
 VIEW_EXPORT(view_box)
 void view_box(struct view *view, bool has, double x0, double y0, double z0, double x1, double y1, double z1);
 /* Finds those of the mesh that is shown: before pictures of it are made. */
 VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
+
+/* ---- what is in a box, and what is drawn as a mesh (view_solid.c) ---- */
+
+/* What is drawn, also behind the clip plane, as tetrahedra: places and fields of its vertices (view_values) until the
+ * next call; then view_filter anew. NULL: view_message says why. */
+VIEW_EXPORT(view_collect) const struct view_collected *view_collect(struct view *view);
 
 /* ---- a mesh from elsewhere (view_adopt.c) ---- */
 
@@ -361,7 +388,20 @@ static inline uint32_t view_number(const struct view *view, uint32_t tet)
 }
 
 /* What pictures are of. */
-const struct tetmesh *view_drawn(struct view *view);
+const struct tetmesh *view_drawn(const struct view *view);
+
+/* Places and values of the mesh that is shown have moved on. */
+void view_follow_shown(struct view *view);
+
+/* view_filter; `cuts_plane`: the tetrahedra are cut by the clip plane, too. */
+enum tetlod_status view_filter_for(struct view *view, bool cuts_plane);
+
+/* Cuts what is kept by the sides of the box, and the clip plane. */
+enum tetlod_status view_cut_solid(struct view *view);
+
+/* Lines of a cut of what is drawn: of those that only divide what the box cuts through none is left. `values`: as of
+ * cut_lines. */
+void view_drop_lines(const struct view *view, struct cut *cut, const double *values);
 
 /* The values of its tetrahedra, if those colour, or NULL. */
 const double *view_of_drawn(const struct view *view);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which tetrahedra pictures are of: all, those with values in a range, those of some regions, those in a box. */
+/* Which tetrahedra pictures are of: all, those with values in a range, those of some regions, what is in a box. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -63,19 +63,6 @@ void view_box(struct view *view, bool has, double x0, double y0, double z0, doub
     forget_kept(view);
 }
 
-/* Is its middle in the box? Tetrahedra stay whole. */
-static bool is_in_box(const struct view *view, const uint32_t corners[4])
-{
-    bool in = true;
-    for (int axis = 0; axis < 3; axis++) {
-        double sum = 0;
-        for (int i = 0; i < 4; i++)
-            sum += view->shown.positions[3 * (size_t)corners[i] + axis];
-        in = in && sum / 4 >= view->box[axis] && sum / 4 <= view->box[3 + axis];
-    }
-    return in;
-}
-
 static bool is_in_range(const struct view *view, uint32_t tet)
 {
     const struct view_range *range = &view->range;
@@ -125,7 +112,7 @@ static bool keep(struct view *view)
     for (uint32_t t = 0; t < shown->tet_count; t++) {
         const uint32_t *tet = shown->corners + 4 * (size_t)t;
         if ((view->has_range && !is_in_range(view, t)) || (view->hidden.count && is_hidden(view, t)) ||
-            (picks(view) && view->adopted.parts[t] != view->picked) || (view->has_box && !is_in_box(view, tet)))
+            (picks(view) && view->adopted.parts[t] != view->picked))
             continue;
         tets[count] = t;
         memcpy(corners + 4 * (size_t)count++, tet, 4 * sizeof *tet);
@@ -134,26 +121,56 @@ static bool keep(struct view *view)
     return true;
 }
 
-uint32_t view_filter(struct view *view)
+/* All but the corners of what is kept. */
+static void take_shown(struct view *view)
 {
-    const struct view_range *range = &view->range;
-    if (view->has_kept || (!view->has_range && !view->hidden.count && !view->has_box && !picks(view)))
-        return TETLOD_OK;
-    if (view->has_range && !range->of_cells)
-        view_take_values(view, view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
-                         range->component, view->function);
-    view->has_kept = keep(view);
-    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra",
-                                                           20 * (uint64_t)view->shown.tet_count);
-}
-
-const struct tetmesh *view_drawn(struct view *view)
-{
-    if (!view->has_kept)
-        return &view->shown;
     uint32_t *corners = view->kept.corners, count = view->kept.tet_count;
     view->kept = view->shown;
     view->kept.corners = corners;
     view->kept.tet_count = count;
-    return &view->kept;
+    if (!view->solid.is_used)
+        return;
+    view->kept.vertex_count += view->solid.cut.new_count;
+    view->kept.positions = view->solid.positions;
+    view->kept.fields = view->solid.fields;
+}
+
+enum tetlod_status view_filter_for(struct view *view, bool cuts_plane)
+{
+    if (cuts_plane || view->cuts_plane) // the plane may be another one
+        forget_kept(view);
+    view->cuts_plane = cuts_plane;
+    const struct view_range *range = &view->range;
+    const bool cuts = view->has_box || view->cuts_plane;
+    if (view->has_kept || (!view->has_range && !view->hidden.count && !cuts && !picks(view)))
+        return TETLOD_OK;
+    if (view->has_range && !range->of_cells)
+        view_take_values(view, view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field,
+                         range->component, view->function);
+    if (!keep(view))
+        return tetlodi_fail_nomem(&view->error, "some of the tetrahedra", 20 * (uint64_t)view->shown.tet_count);
+    view->solid.is_used = cuts;
+    if (cuts)
+        TETLOD_TRY(view_cut_solid(view));
+    view->has_kept = true;
+    take_shown(view);
+    return TETLOD_OK;
+}
+
+uint32_t view_filter(struct view *view)
+{
+    return view_filter_for(view, false);
+}
+
+void view_follow_shown(struct view *view)
+{
+    if (view->has_kept && view->solid.is_used)
+        forget_kept(view); // it is cut elsewhere
+    else if (view->has_kept)
+        take_shown(view);
+}
+
+const struct tetmesh *view_drawn(const struct view *view)
+{
+    return view->has_kept ? &view->kept : &view->shown;
 }

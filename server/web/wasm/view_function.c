@@ -194,11 +194,12 @@ static void take_row(const struct view_function *function, const struct tetmesh 
 bool view_take_rows(struct view *view)
 {
     struct view_function *function = &view->defined;
-    size_t count = view->shown.vertex_count, width = function->field.components;
+    const struct tetmesh *drawn = view_drawn(view);
+    size_t count = drawn->vertex_count, width = function->field.components;
     if (!ARRAY_RESERVE(function->field.values, function->row_cap, count * width + 1))
         return false;
     for (size_t v = 0; v < count; v++)
-        take_row(function, &view->shown, v, function->field.values + v * width);
+        take_row(function, drawn, v, function->field.values + v * width);
     return true;
 }
 
