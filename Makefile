@@ -127,12 +127,13 @@ WEB ?= 1
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 # as fast as -O3 within a twentieth, measured, and a fifth smaller
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -mllvm -inline-threshold=40 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
-    -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L -DTETLODI_DECODES_ONLY $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
+    -DTETLODI_DECODES_ONLY -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt view_filter view_function view_solid view_steps) src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c src/mesh/tetmesh.c \
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt view_filter view_function view_solid view_steps) \
+    src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c src/mesh/tetmesh.c \
     $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm

@@ -115,7 +115,7 @@ export interface DrawnMesh {
   level: number;
   positions: Float64Array;
   tets: Uint32Array;
-  /** Of which tetrahedron of the original each is, or is a part. */
+  /** The original's tetrahedra that each is, or is a part of. */
   numbers: Uint32Array;
   fields: Record<string, Float64Array>;
   /** Their values, of fields of cells that are loaded. */

@@ -181,7 +181,9 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
     int negative = code_bit(coder, &models->side[trail->kind][trail->side][side], value < 0);
     trail->side = negative ? 2 : 1;
     unsigned room = bit_length(negative ? link.low : link.high), length;
-    unsigned rank = encoder_of(coder) ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
+    unsigned rank = 0;
+    if (encoder_of(coder))
+        rank = rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative);
     trail->level = (unsigned)code_bit(coder, &models->level[trail->far][trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;

@@ -51,8 +51,8 @@ struct tetlodi_coder {
     int bad;            /* the frame holds what no encoder writes */
 };
 
-/* What a coder encodes with, or NULL. Programs that only decode are made with TETLODI_DECODES_ONLY: what encodes is left
- * out of them. */
+/* What a coder encodes with, or NULL. Programs that only decode are made with TETLODI_DECODES_ONLY: they do without
+ * what encodes. */
 TETLODI_INLINE struct tetlodi_encoder *encoder_of(const struct tetlodi_coder *coder)
 {
 #ifdef TETLODI_DECODES_ONLY

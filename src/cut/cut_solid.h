@@ -15,7 +15,7 @@ struct cut_solid {
     uint32_t old_count, new_count, tet_count;
     uint32_t *ends;               /* [2 * new_count] */
     double *along;                /* [new_count] 0 .. 1 from the first to the second */
-    uint32_t (*of)[SOLID_SUPPORT]; /* [new_count] the corners of the edge, face or tetrahedron of the mesh that it is in */
+    uint32_t (*of)[SOLID_SUPPORT]; /* [new_count] corners of the mesh's edge, face or tetrahedron that it is in */
     uint32_t *corners, *tets;     /* [4 * tet_count]; [tet_count] as begin() had them */
     uint8_t *on;                  /* [vertices] bit k: it is in the zero set of cut k */
     uint32_t cuts;

@@ -52,7 +52,7 @@ const enclosedBy = ({ points, triangles }) => {
 
 const isNear = (a, b, part) => assert.ok(Math.abs(a - b) <= part * Math.abs(b), `${a}, not ${b}`);
 
-// What is in a box is drawn, closed and coloured, by every layer: two boxes side by side are all of the mesh. The same is
+// What is in a box is drawn, closed and coloured, by every layer: boxes side by side are all of the mesh. The same is
 // there as a mesh, also behind the clip plane, without hidden regions and what is beyond a threshold.
 async function a_box_clips_exactly() {
   const stream = await TetlodStream.open(new Blob([bytes]), { target: { error: 0.05 } });

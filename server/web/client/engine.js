@@ -823,7 +823,8 @@ export class Engine {
     const { surface, clip, threshold, regions, box, cellShade, edges: lines } = this.#spec;
     if (!surface) return null;
     // a clipped one has other triangles each time
-    const key = clip || (box && this.#moved >= 0) ? '' : JSON.stringify([this.#shown, (threshold || box) && this.#at, lines, threshold, regions, box, cellShade < 0]);
+    const what = [this.#shown, (threshold || box) && this.#at, lines, threshold, regions, box, cellShade < 0];
+    const key = clip || (box && this.#moved >= 0) ? '' : JSON.stringify(what);
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
@@ -838,7 +839,8 @@ export class Engine {
   #drawRays() {
     const { rays, threshold, regions, box } = this.#spec;
     if (!rays) return null;
-    const key = box && this.#moved >= 0 ? '' : JSON.stringify([this.#shown, (threshold || box) && this.#at, threshold, regions, box]);
+    const what = [this.#shown, (threshold || box) && this.#at, threshold, regions, box];
+    const key = box && this.#moved >= 0 ? '' : JSON.stringify(what);
     const keep = key && key === this.#raysOf;
     this.#raysOf = key;
     return this.#view.rays({ keep, lengthOf: this.#lengthOf });

@@ -414,7 +414,7 @@ export class TetlodStream extends EventTarget {
     return this.#call('mesh');
   }
 
-  /** The same of what is drawn, cut by the clip plane and box, with `numbers` and `cells` of the original's tetrahedra. */
+  /** The same of what is drawn, cut by plane and box, with `numbers` and `cells` of the original's tetrahedra. */
   drawn() {
     return this.#call('drawn');
   }

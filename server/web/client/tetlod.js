@@ -166,7 +166,7 @@ export class View {
 
   /**
    * What is drawn, as filter() and clip() have it, cut by the plane, too: {level, positions, tets, numbers, fields,
-   * cells}; `numbers` are the original's of which tetrahedra are, `cells` their values of fields of cells that are
+   * cells}; `numbers` are the original's that they are or are of, `cells` their values of fields of cells that are
    * loaded. Then filter() anew.
    */
   collect(fields, cellFields) {
@@ -188,10 +188,12 @@ export class View {
       const address = this.#code.view_values(this.#view, f) >>> 0;
       return address ? gather(address, components) : null;
     };
-    const named = (list, of) => Object.fromEntries(list.map((field, f) => [field.name, of(field, f)]).filter(([, values]) => values));
+    const named = (list, of) =>
+      Object.fromEntries(list.map((field, f) => [field.name, of(field, f)]).filter(([, values]) => values));
     return {
       level: this.level, positions: gather(positions, 3), tets: all.map((v) => places[v] - 1), numbers,
-      fields: named(fields, valuesOf), cells: named(cellFields, ({ components }, f) => this.#cellsOf(f, components, numbers)),
+      fields: named(fields, valuesOf),
+      cells: named(cellFields, ({ components }, f) => this.#cellsOf(f, components, numbers)),
     };
   }
 

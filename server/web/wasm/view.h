@@ -183,7 +183,7 @@ struct view {
     struct view_solid solid;
     struct view_collected collected;
     bool has_kept;                   /* which are drawn is known, if not all are */
-    struct tetmesh kept;             /* those; borrows all but its corners; in a box it has vertices behind the mesh's */
+    struct tetmesh kept; /* those; borrows all but its corners; in a box it has vertices behind the mesh's */
     uint32_t *kept_tets;             /* [kept.tet_count] the mesh's that they are, or are of */
     bool clips;
     struct cut_plane clip;
