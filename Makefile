@@ -298,10 +298,14 @@ $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter %.o,$^) $(INTERNAL_ARCHIVE) $(LIBTETLOD) $(PACKAGE_LIBS)
 
 # What the builder asks the exact limit is taken down
-$(B)/tests/unit/test_asked_once: TETLOD_LDFLAGS += -Wl,--wrap=exact_examine
+$(B)/tests/unit/test_asked_once: private TETLOD_LDFLAGS += -Wl,--wrap=exact_examine
+
+# What others do between two locks is done there
+$(B)/tests/unit/test_site: private TETLOD_LDFLAGS += -Wl,--wrap=pthread_mutex_unlock
 
 # The heap is counted (tests/heap.h)
-$(addprefix $(B)/tests/unit/,test_region_room test_bounds): TETLOD_LDFLAGS += $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc strdup free)
+$(addprefix $(B)/tests/unit/,test_region_room test_bounds): private TETLOD_LDFLAGS += \
+    $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc strdup free)
 
 # The browser's module, natively
 VIEW_OBJECTS := $(call objects,$(wildcard $(WEB_DIR)/wasm/*.c))

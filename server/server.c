@@ -42,7 +42,7 @@ enum { MAX_LISTENERS = 16, MAX_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTO
 static const double KEEPER_SECONDS = 0.25, MAX_SECONDS = 1e9;
 
 /* Threads that have not ended so long after the drain are left alone. */
-static const double LAST_SECONDS = 1.5;
+static const double LAST_SECONDS = 0.5;
 
 struct server {
     struct server_options options;
@@ -540,7 +540,7 @@ static bool stop_workers(struct server *server, double until)
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
         ended &= workers_stop(pools[i], until);
     wake_room_waiters(server); // some began to seek meanwhile: they hear that there are no threads any more
-    bool hanging = !ended && server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
+    bool hanging = !ended && server->site.catalogue && catalogue_hanging(server->site.catalogue, LAST_SECONDS) > 0;
     if (!ended)
         say(server, "warning", hanging ? "stopping while a file does not answer"
             : "stopping while an answer is being made");

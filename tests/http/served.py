@@ -21,7 +21,8 @@ TETLOD = os.environ['TETLOD']
 SCRATCH = os.environ['SCRATCH']
 ROOT = os.environ['ROOT']
 SLOW = {'asan': 3, 'tsan': 8}.get(os.environ.get('CONFIG', ''), 1)  # sanitizers stretch time
-PATIENCE = 300  # seconds: what has not come by then, on however slow a machine, will not come
+# Seconds: what has not come by then, on however slow a machine, will not come
+PATIENCE = float(os.environ.get('PATIENCE', '300'))
 
 
 class Headers:
@@ -157,6 +158,15 @@ class Server:
                 return received
 
 
+def preloaded(name, source):
+    """A library that stands before the system's, for LD_PRELOAD. (Sanitizers want to be loaded first.)"""
+    library = os.path.join(SCRATCH, name + '.so')
+    with open(library + '.c', 'w') as file:
+        file.write('#define _GNU_SOURCE\n#include <dlfcn.h>\n' + source)
+    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
+    return library
+
+
 def free_port():
     """One below those that the kernel gives to connections: nobody takes it before a server listens there."""
     while True:
@@ -209,6 +219,7 @@ def run(tests):
     failed = 0
     forgotten = {name for name in vars(sys.modules['__main__']) if name.startswith('test_')} - {test.__name__ for test in tests}
     assert not forgotten, forgotten
+    tests = [test for test in tests if os.environ.get('ONLY', '') in test.__name__]
     for number, test in enumerate(tests, 1):
         try:
             skipped = test()

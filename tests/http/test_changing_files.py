@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A day of a folder in seconds: streams are replaced, cut, copied in pieces and written over while clients read them. Every complete
-answer under a content id has the bytes of the stream with that content id.
+"""A day of a folder in seconds: streams are replaced, cut, copied in pieces and written over while clients read them.
+Every complete answer under a content id has the bytes of the stream with that content id.
 
 CHANGES=2000 makes so many changes (make bench-day)."""
 import hashlib
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 
-from served import ROOT, SCRATCH, TETLOD, Server, eventually, run
+from served import SCRATCH, TETLOD, Server, eventually, preloaded, run
 
 CHANGES = int(os.environ.get('CHANGES', '80'))
 CLIENTS = 3
@@ -24,23 +24,32 @@ GOOD = {}  # of each content id: the stream's bytes, its levels, and digests of 
 MADE = ('levels/0/mesh.vtu', 'levels/2/mesh.vtk', 'levels/3/surface.stl', 'levels/1/region.vtu?box=0,0,0,1,1,1&level=3')
 
 
+def write(path, data):
+    with open(path, 'wb') as file:
+        file.write(data)
+    return path
+
+
+def make_stream(name, sample, size, field=None):
+    mesh, stream = (os.path.join(SCRATCH, name + ending) for ending in ('.vtu', '.tetlod'))
+    subprocess.run([TETLOD, 'sample', sample, '--size', str(size), '-o', mesh], check=True)
+    subprocess.run([TETLOD, 'build', mesh, *(['--field', field] if field else []), '-o', stream, '--quiet'], check=True)
+    with open(stream, 'rb') as file:
+        return file.read()
+
+
 def make_streams():
     """Two streams of the same length that differ, another one, and a series whose mesh changes."""
-    for name, sample in (('fin', ['fin', '--size', '10' if CHANGES < 500 else '24']),
-                         ('cube', ['cube', '--size', '8'])):
-        subprocess.run([TETLOD, 'sample', *sample, '-o', name + '.vtu'], cwd=SCRATCH, check=True)
-        field = 'Pressure' if name == 'fin' else 'xyz'
-        subprocess.run([TETLOD, 'build', name + '.vtu', '--field', field, '-o', name + '.tetlod', '--quiet'],
-                       cwd=SCRATCH, check=True)
+    streams = {'fin': make_stream('fin', 'fin', 10 if CHANGES < 500 else 24, 'Pressure'),
+               'cube': make_stream('cube', 'cube', 8, 'xyz')}
     subprocess.run([TETLOD, 'sample', 'wake', '--size', '6', '--steps', '6', '--remesh', '2', '-o', 'run.pvd'],
                    cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'build', 'run.pvd', '--field', 'Pressure', '-o', 'run.tetlod', '--quiet'], cwd=SCRATCH,
                    check=True)
-    streams = {name: open(os.path.join(SCRATCH, name + '.tetlod'), 'rb').read() for name in ('fin', 'cube', 'run')}
+    with open(os.path.join(SCRATCH, 'run.tetlod'), 'rb') as file:
+        streams['run'] = file.read()
     streams['nif'] = resealed(streams['fin'])
-    for name, data in streams.items():
-        with open(os.path.join(SCRATCH, name + '.tetlod'), 'wb') as file:
-            file.write(data)
+    write(os.path.join(SCRATCH, 'nif.tetlod'), streams['nif'])
     return streams
 
 
@@ -160,6 +169,72 @@ def change(seed, streams):
         os.replace(new, path)
 
 
+# The time of day, and that of files, which tell it to 16 ms: all of it goes by SLOWER times as slowly
+SLOWER, GRAIN = 50, 16000000
+SLOW_TIME = r'''
+#include <sys/stat.h>
+#include <time.h>
+static void slow(struct timespec *time, long long grain)
+{
+    long long ns = ((long long)time->tv_sec * 1000000000 + time->tv_nsec) / %d;
+    ns -= ns %% grain;
+    *time = (struct timespec){ns / 1000000000, ns %% 1000000000};
+}
+static int cut(int result, struct stat *about)
+{
+    slow(&about->st_mtim, %d);
+    slow(&about->st_ctim, %d);
+    return result;
+}
+int fstat(int fd, struct stat *out)
+{
+    int (*next)(int, struct stat *) = dlsym(RTLD_NEXT, "fstat");
+    return cut(next(fd, out), out);
+}
+int fstatat(int folder, const char *path, struct stat *out, int flags)
+{
+    int (*next)(int, const char *, struct stat *, int) = dlsym(RTLD_NEXT, "fstatat");
+    return cut(next(folder, path, out, flags), out);
+}
+int clock_gettime(clockid_t clock, struct timespec *out)
+{
+    int (*next)(clockid_t, struct timespec *) = dlsym(RTLD_NEXT, "clock_gettime");
+    int result = next(clock, out);
+    if (clock == CLOCK_REALTIME)
+        slow(out, 1);
+    return result;
+}
+''' % (SLOWER, GRAIN, GRAIN)
+
+
+def test_written_over_in_the_tick_of_a_rename():
+    """A file's times need not tell a rename from what is written soon after it: no file is looked at so soon."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    folder, good, other = os.path.join(SCRATCH, 'tick'), make_stream('cube', 'cube', 4), make_stream('fin', 'fin', 6)
+    path, new = os.path.join(folder, 'm.tetlod'), os.path.join(SCRATCH, 'new')
+
+    def grains():
+        return time.time_ns() / SLOWER / GRAIN
+
+    os.makedirs(folder)
+    write(path, other)
+    with Server(folder, '--scan', '0.01', environment={'LD_PRELOAD': preloaded('slow_time', SLOW_TIME)}) as server:
+        eventually(lambda: server.get('/v1/meshes/m')[0] == 200)
+        with Server(write(new, good)) as still:
+            cid = still.json('/v1/meshes/new')['cid']
+        eventually(lambda: grains() % 1 < 0.2)
+        tick = int(grains())
+        os.replace(new, path)
+        while grains() < tick + 0.7 and server.json('/v1/meshes/m')['cid'] != cid:
+            pass
+        with open(path, 'r+b') as file:
+            file.write(good[:-100] + bytes(100))
+        while 'not served' not in server.messages():
+            status, _, body = server.get('/v1/meshes/m/%s/stream' % cid)
+            assert status in (404, 503) or body == good, status
+
+
 def test_a_day():
     streams = make_streams()
     learn(streams)
@@ -198,4 +273,4 @@ def test_a_day():
             eventually(lambda: server.get('/v1/meshes/%s/%s/stream' % (name, cid))[2] == streams['cube'])
 
 
-run([test_a_day])
+run([test_a_day, test_written_over_in_the_tick_of_a_rename])

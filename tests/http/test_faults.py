@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 
-from served import ROOT, SCRATCH, TETLOD, Server, eventually, run
+from served import ROOT, SCRATCH, TETLOD, Server, eventually, preloaded, run
 
 MADE = os.path.join(SCRATCH, 'fin.tetlod')
 
@@ -168,10 +168,57 @@ def test_written_over_with_the_same_size_and_time():
         written_over(os.path.join(ROOT, 'tests', 'golden', stream + '.tetlod') if stream else MADE, place)
 
 
+WRITING_READ = r'''
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+static void write_over(int fd, off64_t offset)
+{
+    char link[64], byte;
+    ssize_t (*read_at)(int, void *, size_t, off64_t) = dlsym(RTLD_NEXT, "pread64");
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    int again = open(link, O_WRONLY);
+    if (again >= 0 && read_at(fd, &byte, 1, offset) == 1) {
+        byte ^= 1;
+        if (pwrite(again, &byte, 1, offset) != 1)
+            abort();
+    }
+    close(again);
+}
+ssize_t pread64(int fd, void *out, size_t size, off64_t offset)
+{
+    ssize_t (*next)(int, void *, size_t, off64_t) = dlsym(RTLD_NEXT, "pread64");
+    if (unlink(getenv("WRITE")) == 0)
+        write_over(fd, offset);
+    return next(fd, out, size, offset);
+}
+ssize_t pread(int fd, void *out, size_t size, off_t offset)
+{
+    return pread64(fd, out, size, offset);
+}
+'''
+
+
+def test_written_over_between_look_and_read():
+    """Somebody writes into a checked file after the server has looked at it, and before it reads."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    flag, folder = os.path.join(SCRATCH, 'write'), folder_of('between', 'fin')
+    with Server(folder, '--scan', '1000',
+                environment={'LD_PRELOAD': preloaded('writing_read', WRITING_READ), 'WRITE': flag}) as server:
+        at = '/v1/meshes/fin/' + server.json('/v1/meshes/fin')['cid']
+        good = server.get(at + '/records/1-4')[2]
+        with open(flag, 'w'):
+            pass
+        status, _, body = server.get(at + '/records/2-5')
+        assert not os.path.exists(flag)
+        assert status == 503 and b'damaged or is being written' in body, (status, body[:300])
+        assert server.get(at + '/records/1-4')[2] == good
+
+
 HANG = r'''
-#define _GNU_SOURCE
 #include <dirent.h>
-#include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
@@ -194,7 +241,7 @@ def test_a_folder_that_hangs():
     """As on a network file system whose server is away: all else goes on, and stopping is not held up."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
-    library, flag, hangs = (os.path.join(SCRATCH, name) for name in ('hang.so', 'hang', 'hangs'))
+    flag, hangs = (os.path.join(SCRATCH, name) for name in ('hang', 'hangs'))
     folder = folder_of('hanging', 'fin')
 
     def hang():
@@ -202,11 +249,8 @@ def test_a_folder_that_hangs():
             pass
         eventually(lambda: os.path.exists(hangs))
 
-    with open(library + '.c', 'w') as file:
-        file.write(HANG)
-    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
     with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1',
-                environment={'LD_PRELOAD': library, 'HANG': flag, 'HANGING': hangs}) as server:
+                environment={'LD_PRELOAD': preloaded('hang', HANG), 'HANG': flag, 'HANGING': hangs}) as server:
         hang()
         shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
         assert server.get('/v1/meshes/fin')[0] == 200 and server.get('/v1/meshes/fin/prefix?level=0')[0] == 200
@@ -221,8 +265,6 @@ def test_a_folder_that_hangs():
 
 
 HANGING_READ = r'''
-#define _GNU_SOURCE
-#include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -237,7 +279,7 @@ static int hangs(int fd)
 }
 ssize_t pread64(int fd, void *out, size_t size, off64_t offset)
 {
-    ssize_t (*next)(int, void *, size_t, off64_t) = (ssize_t (*)(int, void *, size_t, off64_t))dlsym(RTLD_NEXT, "pread64");
+    ssize_t (*next)(int, void *, size_t, off64_t) = dlsym(RTLD_NEXT, "pread64");
     while (hangs(fd))
         usleep(10000);
     return next(fd, out, size, offset);
@@ -254,18 +296,14 @@ def test_a_file_that_hangs():
     that take the place of those that hang. Stopping is not held up. When the file answers again, so does the server."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
-    library, flag, folder = os.path.join(SCRATCH, 'hang_read.so'), os.path.join(SCRATCH,
-                                                                                'hang_read'), folder_of('reads', 'hangs')
+    flag, folder = os.path.join(SCRATCH, 'hang_read'), folder_of('reads', 'hangs')
     other = os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod')
     shutil.copy(other, os.path.join(folder, 'good.tetlod'))
     shutil.copy(MADE, os.path.join(folder, 'twin.tetlod'))
-    with open(library + '.c', 'w') as file:
-        file.write(HANGING_READ)
-    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
     with open(other, 'rb') as file:
         good = file.read()
-    with Server(folder, '--threads', '2', '--scan', '1000', '--drain', '0.2',
-                environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
+    with Server(folder, '--threads', '1', '--scan', '1000', '--drain', '0.2',
+                environment={'LD_PRELOAD': preloaded('hanging_read', HANGING_READ), 'HANG': flag}) as server:
         fine, cid = (server.json('/v1/meshes/' + name)['cid'] for name in ('good', 'hangs'))
         with open(flag, 'w'):
             pass
@@ -302,8 +340,6 @@ def test_a_file_that_hangs():
 
 
 AHEAD = r'''
-#define _GNU_SOURCE
-#include <dlfcn.h>
 #include <time.h>
 int clock_gettime(clockid_t clock, struct timespec *out)
 {
@@ -320,11 +356,9 @@ def test_a_clock_that_was_set():
     """Where the time of day is an hour behind of what it was, scans and time-outs come as they did: they wait by another clock."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
-    library, folder = os.path.join(SCRATCH, 'ahead.so'), folder_of('ahead', 'fin')
-    with open(library + '.c', 'w') as file:
-        file.write(AHEAD)
-    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
-    with Server(folder, '--scan', '0.05', '--timeout', '1', environment={'LD_PRELOAD': library}) as server:
+    folder = folder_of('ahead', 'fin')
+    with Server(folder, '--scan', '0.05', '--timeout', '1',
+                environment={'LD_PRELOAD': preloaded('ahead', AHEAD)}) as server:
         shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
         eventually(lambda: server.get('/v1/meshes/new')[0] == 200)
         assert server.raw(b'') == b''  # who asks nothing is shut out
@@ -343,5 +377,6 @@ def test_stop_while_scanning():
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while,
-     test_descriptors_run_out, test_more_files_than_descriptors,
-     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_a_clock_that_was_set, test_stop_while_scanning])
+     test_descriptors_run_out, test_more_files_than_descriptors, test_written_over_with_the_same_size_and_time,
+     test_written_over_between_look_and_read, test_a_folder_that_hangs, test_a_file_that_hangs,
+     test_a_clock_that_was_set, test_stop_while_scanning])

@@ -13,7 +13,7 @@ import time
 from served import PATIENCE, SCRATCH, SLOW, TETLOD, Server, eventually, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
-JOBS = 40
+JOBS = 60
 HOST = b'Host: localhost\r\n'
 cid = last = None
 

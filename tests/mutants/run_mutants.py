@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: run_mutants.py [NAME...]
 
-Takes one line of the proof out at a time, in a copy of the tree under build/mutants, and expects a test to go red. A mutant that
-no test sees is a hole in the tests; a line that is no longer there is a fault of the table (table.py).
+Takes one line of the proof, or of what guards the server, out at a time, in a copy of the tree under build/mutants, and
+expects a test to go red. A mutant that no test sees is a hole in the tests; a line that is no longer there is a fault of
+the tables (table.py, door_table.py).
 
-A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT` or `proof FIRST COUNT`: seeds of these programs
-of tests/attack, of which one must find what it does not find without the mutant.
+A killer is a test (`unit/test_exact`, `cli/test_promise.py`), maybe with one of its tests (`http/test_jobs.py test_grace`,
+for tests of the server and of the page), or `attack FIRST COUNT`, `proof FIRST COUNT` or `doors FIRST COUNT`: seeds of
+these programs of tests/attack, of which one must find what it does not find without the mutant.
 """
 import os
 import re
@@ -18,6 +20,7 @@ import sys
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 TREE = os.path.join(ROOT, 'build', 'mutants', 'tree')
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import door_table  # noqa: E402, F401, which adds to the table
 from table import MUTANTS  # noqa: E402
 
 KEPT = ('format', 'src', 'server', 'tests', 'samples', 'client-examples', 'Makefile', 'build/release', 'build/web', 'build/web.stamp',
@@ -32,7 +35,8 @@ def copy_tree():
         source, target = os.path.join(ROOT, name), os.path.join(TREE, name)
         os.makedirs(os.path.dirname(target), exist_ok=True)
         if os.path.isdir(source):
-            shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns('node_modules', 'attack-*', '*.tetlod'))
+            made = ('attack-*', '*.tetlod') if name.startswith('build') else ()
+            shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns('node_modules', *made))
         else:
             shutil.copy2(source, target)
     os.symlink(os.path.join(ROOT, MODULES), os.path.join(TREE, MODULES))
@@ -44,27 +48,38 @@ def make(targets):
 
 
 def is_seeds(killer):
-    return killer.split()[0] in ('attack', 'proof')
+    return killer.split()[0] in ('attack', 'proof', 'doors')
+
+
+def is_built(killer):
+    return killer.startswith(('attack ', 'proof ', 'unit/'))
 
 
 def targets_of(killers):
     targets = {'build/release/tetlod'}
     for killer in killers:
-        if not killer.startswith('cli/'):
+        if killer.startswith(('web/', 'clients/')):
+            targets.add('all')
+        elif is_built(killer):
             targets.add('build/release/tests/attack/' + killer.split()[0] if is_seeds(killer) else 'build/release/tests/' + killer)
     return sorted(targets)
 
 
-def environment():
-    return dict(os.environ, ROOT=TREE, TETLOD=os.path.join(TREE, 'build/release/tetlod'))
+def environment(**more):
+    return dict(os.environ, **more, ROOT=TREE, TETLOD=os.path.join(TREE, 'build/release/tetlod'))
 
 
 def red_tests(killer):
     """Names of the tests of a program that fail."""
+    name, _, only = killer.partition(' ')
     command = [os.path.join(TREE, 'build/release/tests', killer)]
-    if killer.startswith('cli/'):
-        command = ['python3', 'tests/run.py', '--only', killer, 'release']
-    done = subprocess.run(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
+    if not killer.startswith('unit/'):
+        command = ['python3', 'tests/run.py', '--only', name, 'release']
+    try:
+        done = subprocess.run(command, cwd=TREE, env=environment(ONLY=only, PATIENCE='90'), stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, timeout=600)
+    except subprocess.TimeoutExpired:
+        return {'it does not end'}
     return set(re.findall(r'^\W*not ok \d+ - (.*)', done.stdout.decode(errors='replace'), re.M)) or \
         ({'exit status %d' % done.returncode} if done.returncode else set())
 
@@ -75,11 +90,13 @@ def attack(killer, known):
     command = ['build/release/tests/attack/proof', first, count]
     if kind == 'attack':
         command = ['python3', 'tests/attack/run_attack.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+    if kind == 'doors':
+        command = ['/usr/bin/python3', 'tests/attack/doors.py', 'build/release/tetlod', 'build/attack', count, first]
     found = set()
     with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors='replace', start_new_session=True) as process:
         for line in process.stdout:
-            match = re.match(r'(seed \d+) .*?\): ([a-z ]*):', line)
+            match = re.match(r'(seed \d+) .*?\): ([a-z ]*)', line)
             if match and match[1] + ': ' + match[2] not in (known or ()):
                 found.add(match[1] + ': ' + match[2])
                 if known is not None:

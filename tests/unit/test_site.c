@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Handlers without sockets: a request as a struct in, a response as a struct out, over a folder of one stream. */
 #define _GNU_SOURCE
+#include <pthread.h>
 #include <stdlib.h>
 #include <strings.h>
 #include <unistd.h>
@@ -218,8 +219,49 @@ static void test_no_free_pin(void)
     close_fixture(&f);
 }
 
+/* What happens at the next moment at which nobody holds a lock: the scanner's thread may come in between there. */
+static struct fixture *between;
+
+int __real_pthread_mutex_unlock(pthread_mutex_t *lock);
+int __wrap_pthread_mutex_unlock(pthread_mutex_t *lock);
+
+int __wrap_pthread_mutex_unlock(pthread_mutex_t *lock)
+{
+    int result = __real_pthread_mutex_unlock(lock);
+    struct fixture *f = between;
+    between = NULL;
+    if (f) {
+        char other[112];
+        snprintf(other, sizeof other, "%s.new", f->path);
+        CHECK(write_stream(other, 2) && rename(other, f->path) == 0);
+        catalogue_scan(f->site.catalogue, monotonic_seconds());
+    }
+    return result;
+}
+
+/* Streams and the name of their list are of one moment: else an old list lies under the name of the new one. */
+static void test_list_and_its_name(void)
+{
+    for (int moment = 0; moment < 2; moment++) {
+        struct fixture f;
+        REQUIRE(open_fixture(&f, 1 << 24, 0));
+        size_t count;
+        uint64_t digest, now;
+        between = moment ? NULL : &f;
+        struct dataset **list = catalogue_list(f.site.catalogue, SIZE_MAX, &count, &digest);
+        REQUIRE(list && count == 1);
+        CHECK_TEXT(dataset_info(list[0])->cid, f.cid);
+        now = catalogue_digest(f.site.catalogue);
+        CHECK(moment ? now == digest : now != digest);
+        dataset_release(list[0]);
+        free(list);
+        close_fixture(&f);
+    }
+}
+
 int main(void)
 {
+    RUN(test_list_and_its_name);
     RUN(test_no_free_pin);
     RUN(test_answers);
     RUN(test_damage_that_is_found_later);
