@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lines that keep wrong bytes in and hostile ones out: server, decoders, `verify`, the page and the clients (run_mutants.py)."""
+"""Lines that keep wrong bytes in and hostile ones out: server, decoders, `verify`, the page, clients (run_mutants.py)."""
 from table import mutant
 
 
@@ -10,8 +10,8 @@ def one_of(folder, file):
     return add
 
 
-ACCESS, FAULTS, JOBS, PROTOCOL, MESHES, LARGE, DEPLOY, STEPS = (
-    one_of('http', 'test_%s.py' % name) for name in ('access', 'faults', 'jobs', 'protocol', 'meshes', 'large', 'deploy', 'steps'))
+ACCESS, FAULTS, JOBS, PROTOCOL, MESHES, DEPLOY = (
+    one_of('http', 'test_%s.py' % name) for name in ('access', 'faults', 'jobs', 'protocol', 'meshes', 'deploy'))
 CHANGING = one_of('http', 'test_changing_files.py')
 
 # ---- bytes under an immutable address
@@ -214,21 +214,37 @@ mutant('any number of labels', 'format/coding/record.c',
     'unit/test_codec')
 mutant('any memory', 'format/read/reader.c', 'return most < file->options.max_bytes ? most : file->options.max_bytes;',
     'return most > 0 ? UINT64_MAX : 0;', 'the same', 'unit/test_bounds', 'golden/test_vectors.py', 'unit/test_cursor')
-FORGED = 'cli/test_forged.py'
-for what, old, new, why in (
-        ('bounds', 'TETLOD_TRY(check_bounds(file, finest, error));', '', 'bounds'), ('ranges', 'TETLOD_TRY(check_ranges(file, finest, error));', '', 'ranges'),
-        ('degenerate', 'if (!is_near(info->degenerate_tets, found.degenerate, found.doubtful))', 'if (0)', 'counts'),
-        ('inverted', 'if (found.oriented && !is_near(info->inverted_tets, found.inverted, 5 * found.doubtful))', 'if (0)', 'counts'),
-        ('ranges of cells', 'if (range[0] == declared[0] && range[1] == declared[1])', 'if (range[0] <= range[1])', 'ranges')):
-    mutant('verify believes: ' + what, 'src/cli/verify_index.c', old, new, why + ' of the index are those of what it holds', FORGED)
-mutant('verify believes: unused points', 'src/cli/against.c', 'if (a->input->unused_points != info->unused_points)', 'if (0)', 'counts of the index', FORGED)
-mutant('verify believes: times that do not rise', 'src/cli/against_steps.c', '"steps %u and %u have the same time, %.9g", s - 1, s,', '"%u %u %.9g", s - 1, s,', 'times', FORGED)
-mutant('verify believes: ranges of steps', 'src/cli/against_steps.c', 'if (range->of_group == of_groups &&', 'if (range->of_group != of_groups && range->room < 0 &&', 'ranges', FORGED)
-mutant('integers of cells beyond 2^53', 'format/read/cell_values.c', 'else if (!whole_of(bits, width, &out[i]))', 'else if (!whole_of(bits, width, &out[i]) && bits == 7)', 'none is rounded in silence', FORGED)
-mutant('bytes behind a packed part', 'format/common/pack.c', 'if (coder.at < coder.end)\n', 'if (coder.at > coder.end)\n', 'they are zero', FORGED)
-mutant('quality is damage', 'src/cli/cmd_verify.c', 'return v->poor_levels ? EXIT_QUALITY : EXIT_DONE;', 'return v->poor_levels ? EXIT_INVALID : EXIT_DONE;', 'a status of its own', FORGED)
-mutant('units reach the terminal', 'src/stream/metadata.c', 'return unit && tetlodi_plain_text(unit, strlen(unit)) ? unit : "";', 'return unit ? unit : "";', 'control characters', FORGED)
-mutant('a forgery is wrong usage', 'src/cli/cmd_verify.c', 'return status < TETLOD_ERR_ARGUMENT ? status : tetlodi_fail', 'return status < TETLOD_ERR_ARGUMENT + 99 ? status : tetlodi_fail', 'exit status 3', FORGED)
+mutant('verify believes: bounds', 'src/cli/verify_index.c', 'TETLOD_TRY(check_bounds(file, finest, error));', '',
+    'bounds of the index are those of what it holds', 'cli/test_forged.py')
+mutant('verify believes: ranges', 'src/cli/verify_index.c', 'TETLOD_TRY(check_ranges(file, finest, error));', '',
+    'ranges of the index are those of what it holds', 'cli/test_forged.py')
+mutant('verify believes: degenerate', 'src/cli/verify_index.c',
+    'if (!is_near(info->degenerate_tets, found.degenerate, found.doubtful))', 'if (0)',
+    'counts of the index are those of what it holds', 'cli/test_forged.py')
+mutant('verify believes: inverted', 'src/cli/verify_index.c',
+    'if (found.oriented && !is_near(info->inverted_tets, found.inverted, 5 * found.doubtful))', 'if (0)',
+    'counts of the index are those of what it holds', 'cli/test_forged.py')
+mutant('verify believes: ranges of cells', 'src/cli/verify_index.c',
+    'if (range[0] == declared[0] && range[1] == declared[1])', 'if (range[0] <= range[1])',
+    'ranges of the index are those of what it holds', 'cli/test_forged.py')
+mutant('verify believes: unused points', 'src/cli/against.c', 'if (a->input->unused_points != info->unused_points)',
+    'if (0)', 'counts of the index', 'cli/test_forged.py')
+mutant('verify believes: times that do not rise', 'src/cli/against_steps.c',
+    '"steps %u and %u have the same time, %.9g", s - 1, s,', '"%u %u %.9g", s - 1, s,', 'times', 'cli/test_forged.py')
+mutant('verify believes: ranges of steps', 'src/cli/against_steps.c', 'if (range->of_group == of_groups &&',
+    'if (range->of_group != of_groups && range->room < 0 &&', 'ranges', 'cli/test_forged.py')
+mutant('integers of cells beyond 2^53', 'format/read/cell_values.c', 'else if (!whole_of(bits, width, &out[i]))',
+    'else if (!whole_of(bits, width, &out[i]) && bits == 7)', 'none is rounded in silence', 'cli/test_forged.py')
+mutant('bytes behind a packed part', 'format/common/pack.c', 'if (coder.at < coder.end)\n',
+    'if (coder.at > coder.end)\n', 'they are zero', 'cli/test_forged.py')
+mutant('quality is damage', 'src/cli/cmd_verify.c', 'return v->poor_levels ? EXIT_QUALITY : EXIT_DONE;',
+    'return v->poor_levels ? EXIT_INVALID : EXIT_DONE;', 'a status of its own', 'cli/test_forged.py')
+mutant('units reach the terminal', 'src/stream/metadata.c',
+    'return unit && tetlodi_plain_text(unit, strlen(unit)) ? unit : "";', 'return unit ? unit : "";',
+    'control characters', 'cli/test_forged.py')
+mutant('a forgery is wrong usage', 'src/cli/cmd_verify.c',
+    'return status < TETLOD_ERR_ARGUMENT ? status : tetlodi_fail',
+    'return status < TETLOD_ERR_ARGUMENT + 99 ? status : tetlodi_fail', 'exit status 3', 'cli/test_forged.py')
 
 # ---- the page and the clients
 
@@ -264,9 +280,10 @@ mutant('types: no tag', 'client-examples/web/stream.d.ts', '  started: null;\n',
 
 # ---- reading and building
 
-VTKXML = 'cli/test_io_vtkxml.py'
-mutant('weld: values are not hashed', 'src/io/services/weld.c', '    uint64_t values = hash_values(w->mesh, v);\n', '    uint64_t values = 0;\n', 'many values at one place take no quadratic time', VTKXML)
-mutant('weld: points without a place', 'src/io/services/weld.c', 'if (isnan(box[0]) || isnan(box[1]) || isnan(box[2]))', 'if (0)', 'the same for NaN', VTKXML)
+mutant('weld: values are not hashed', 'src/io/services/weld.c', '    uint64_t values = hash_values(w->mesh, v);\n',
+    '    uint64_t values = 0;\n', 'many values at one place take no quadratic time', 'cli/test_io_vtkxml.py')
+mutant('weld: points without a place', 'src/io/services/weld.c',
+    'if (isnan(box[0]) || isnan(box[1]) || isnan(box[2]))', 'if (0)', 'the same for NaN', 'cli/test_io_vtkxml.py')
 mutant('encoding does not heed cancel', 'format/write/writer.c',
     'return !in->progress || in->progress(in->progress_opaque, done)\n',
     'return !in->progress || in->progress(in->progress_opaque, done) || done < 2\n', 'cancel ends it',
