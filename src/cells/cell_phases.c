@@ -13,19 +13,14 @@
 #include "src/cells/cell_phases.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/cells/cell.h"
-#include "src/cells/cell_store.h"
-#include "src/cells/partition.h"
+#include "src/cells/cell_run.h"
 #include "src/simplify/ladder.h"
 #include "src/simplify/rounds/rounds.h"
 #include "src/util/array.h"
-#include "src/util/parallel.h"
-#include "src/util/work_share.h"
 
 /* The root has at most so many cells' tetrahedra. */
 enum { ROOT_CELLS = 5 };
@@ -34,39 +29,8 @@ enum { ROOT_CELLS = 5 };
 static const double LEFT = 0.93;
 enum { TRIED = 3 };
 
-/* What a cell leaves at least, whatever the limit: more at once would leave scars at the seams that no later cell
- * removes. */
-static const double LEFT_AT_LEAST = 0.25;
-
 /* A limit that leaves more than this of the tetrahedra makes the next one rise by two names. */
 static const double NO_PROGRESS = 0.9;
-
-struct run {
-    const struct tetmesh *mesh;
-    const struct simplify_options *options;
-    uint32_t cell_tets;
-    struct pool *pool;
-    uint32_t **numbers; /* [worker] scratch of piece_part */
-    struct piece_whole whole;
-    struct piece state; /* what is left */
-    uint32_t *nodes;    /* [vertex of it] in the whole log */
-    uint8_t *was_seam;  /* [vertex of it] NULL: there was no partition */
-    struct partition partition;
-    struct cell *cells;
-    uint32_t cell_count;
-    const uint32_t *order; /* cells as they are given out: the largest first */
-    struct cell_store store; /* zeros: cells wait in memory */
-    bool spools;           /* they wait in a temporary file */
-    const struct work_share *share; /* of the cells, or NULL */
-    bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
-    double from, to;       /* the last limit, 0 before the first; the next one */
-    double left;           /* of the tetrahedra, by the last limit */
-    struct contraction_log *log;
-    struct cell_groups *groups;
-    atomic_uint done; /* cells */
-    atomic_bool cancelled;
-    struct tetlod_error *error;
-};
 
 const char *cells_wrong(const struct simplify_options *options)
 {
@@ -85,204 +49,6 @@ void cell_groups_fini(struct cell_groups *groups)
     *groups = (struct cell_groups){0};
 }
 
-static enum tetlod_status no_memory(const struct run *run)
-{
-    return tetlodi_fail_nomem(run->error, "the cells", 100 * (uint64_t)run->state.mesh.tet_count);
-}
-
-/* ---- one cell */
-
-static void free_cells(struct run *run)
-{
-    for (uint32_t i = 0; i < run->cell_count && run->cells; i++)
-        cell_fini(&run->cells[i]);
-    free(run->cells);
-    run->cells = NULL;
-    run->cell_count = 0;
-}
-
-/* The options of a cell's contraction: levels within it are of no use. */
-static struct simplify_options options_of(const struct run *run, const struct cell *cell, const struct tetlodi_box *box)
-{
-    struct simplify_options options = *run->options;
-    options.threads = 1;
-    options.progress = NULL;
-    options.growth = INFINITY;
-    options.box = box;
-    options.min_tets = (uint32_t)(LEFT_AT_LEAST * cell->tets) + 1;
-    return options;
-}
-
-/* What the catch-up's vertices are, for those of the next stage. */
-static enum tetlod_status keep_nodes(struct cell *cell)
-{
-    cell->nodes = array_new(cell->piece.mesh.vertex_count, sizeof *cell->nodes);
-    if (!cell->nodes)
-        return tetlodi_fail_nomem(&cell->error, "a cell", 4 * (uint64_t)cell->piece.mesh.vertex_count);
-    memcpy(cell->nodes, cell->piece.nodes, cell->piece.mesh.vertex_count * sizeof *cell->nodes);
-    return TETLOD_OK;
-}
-
-static enum tetlod_status contract_cell(const struct run *run, struct cell *cell, uint32_t number, uint32_t *numbers)
-{
-    const struct partition *partition = &run->partition;
-    uint32_t begin = partition->begins[number], count = partition->begins[number + 1] - begin;
-    bool named;
-    TETLOD_TRY(piece_part(&cell->piece, &run->state, partition->tets + begin, count, partition->seams, numbers,
-                          &cell->vertices, &cell->error));
-    cell->tets = count;
-    struct simplify_options options = options_of(run, cell, &partition->boxes[number]);
-    double from = run->from > 0 ? run->from : FIRST_LIMIT;
-    if (run->tries)
-        return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
-    if (run->from > 0) {
-        options.max_error = run->from;
-        TETLOD_TRY(rounds_contract(&cell->logs[CELL_CATCH_UP], &cell->piece, from, &options, &cell->error));
-        TETLOD_TRY(keep_nodes(cell));
-        from = next_limit(run->from, run->to, STEPS_FROM, &named);
-    }
-    options.max_error = run->to;
-    return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
-}
-
-/* ---- many */
-
-/* A cell that is contracted becomes bytes elsewhere, but for what its logs have come to. */
-static enum tetlod_status put_away(const struct run *run, struct cell *cell, uint32_t number)
-{
-    struct buffer bytes = {0};
-    enum tetlod_status status = cell_pack(cell, &bytes, &cell->error);
-    cell_drop(cell);
-    if (status == TETLOD_OK)
-        status = run->store.put(run->store.opaque, number, bytes.bytes, bytes.size, &cell->error);
-    buffer_fini(&bytes);
-    return status;
-}
-
-/* A cell that another program has contracted has what this one's options ask for. */
-static enum tetlod_status check_back(const struct run *run, const struct cell *cell)
-{
-    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
-    bool same = log->mark_count && log->component_count == run->whole.component_count &&
-                (!log->count || run->options->local_bound == (log->components[0].bounds != NULL));
-    return same ? TETLOD_OK
-                : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell is of other options, or of another version");
-}
-
-/* A cell that waited elsewhere is here again. */
-static enum tetlod_status bring_back(const struct run *run, struct cell *cell, uint32_t number)
-{
-    unsigned char *bytes;
-    size_t size;
-    if (!run->store.get)
-        return TETLOD_OK;
-    TETLOD_TRY(run->store.get(run->store.opaque, number, &bytes, &size, run->error));
-    struct cell back;
-    enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
-    memcpy(back.firsts, cell->firsts, sizeof back.firsts);
-    cell_fini(cell);
-    *cell = back;
-    free(bytes);
-    return status == TETLOD_OK ? check_back(run, cell) : status;
-}
-
-/* Contracts a cell, and puts it away where it is to wait elsewhere. Parts are cells, or places among those tried. */
-static void do_cell(struct run *run, unsigned worker, uint32_t part)
-{
-    struct cell *cell = &run->cells[part];
-    cell->status = contract_cell(run, cell, run->tries ? run->order[part] : part, run->numbers[worker]);
-    if (run->store.put && cell->status == TETLOD_OK)
-        cell->status = put_away(run, cell, part);
-    double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
-    done = (run->log->count + (1 - LEFT) * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
-    if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
-        atomic_store(&run->cancelled, true);
-}
-
-static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct run *run = context;
-    for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++)
-        do_cell(run, worker, run->tries ? (uint32_t)i : run->order[i]);
-}
-
-/* The same of the cells that other programs have not taken. */
-static void contract_taken(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct run *run = context;
-    uint32_t part;
-    (void)begin;
-    (void)end;
-    while (!atomic_load(&run->cancelled) && run->share->take(run->share->opaque, &part))
-        do_cell(run, worker, part);
-}
-
-/* What the cells of this program have come to. */
-static enum tetlod_status first_failure(const struct run *run)
-{
-    if (atomic_load(&run->cancelled))
-        return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
-    for (uint32_t i = 0; i < run->cell_count; i++)
-        if (run->cells[i].status != TETLOD_OK) {
-            if (run->error)
-                *run->error = run->cells[i].error;
-            return run->cells[i].status;
-        }
-    return TETLOD_OK;
-}
-
-/* What the logs of all cells have come to, also of those that other programs have contracted. */
-static enum tetlod_status fetch_marks(struct run *run)
-{
-    for (uint32_t i = 0; i < run->cell_count; i++) {
-        if (run->cells[i].logs[CELL_GO_ON].mark_count)
-            continue;
-        TETLOD_TRY(bring_back(run, &run->cells[i], i));
-        cell_drop(&run->cells[i]);
-    }
-    return TETLOD_OK;
-}
-
-static enum tetlod_status take_cells(void *opaque)
-{
-    struct run *run = opaque;
-    pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
-    return first_failure(run);
-}
-
-static enum tetlod_status share_cells(struct run *run)
-{
-    const struct work_share *share = run->share;
-    run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
-    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, take_cells, run, run->error));
-    return fetch_marks(run);
-}
-
-/* The cells' bytes are of no more use. */
-static void leave_store(struct run *run)
-{
-    if (run->share && run->store.put)
-        run->share->end(run->share->opaque);
-    else
-        cell_spool_free(&run->store);
-    run->store = (struct cell_store){0};
-}
-
-/* Contracts `count` cells, those that `order` lists. */
-static enum tetlod_status contract_cells(struct run *run, const uint32_t *order, uint32_t count)
-{
-    run->cells = array_zero(count, sizeof *run->cells);
-    if (!run->cells)
-        return no_memory(run);
-    run->cell_count = count;
-    run->order = order;
-    atomic_store(&run->done, 0);
-    if (run->share)
-        return share_cells(run);
-    pool_run(run->pool, count, 1, contract_range, run);
-    return first_failure(run);
-}
-
 /* The largest first: what is begun last ends soon. */
 static uint32_t *order_cells(const struct partition *partition)
 {
@@ -299,7 +65,7 @@ static uint32_t *order_cells(const struct partition *partition)
 /* ---- the next limit */
 
 /* The limit that a mark has come to. */
-static double limit_of_mark(const struct run *run, const struct contraction_log *log, uint32_t mark)
+static double limit_of_mark(const struct cell_run *run, const struct contraction_log *log, uint32_t mark)
 {
     double limit = 0;
     for (uint32_t c = 0; c < log->component_count; c++) {
@@ -312,7 +78,7 @@ static double limit_of_mark(const struct run *run, const struct contraction_log 
 }
 
 /* What the cells that were tried leave at a limit, of all that they had. */
-static double left_at(const struct run *run, double limit)
+static double left_at(const struct cell_run *run, double limit)
 {
     double before = 0, left = 0;
     for (uint32_t i = 0; i < run->cell_count; i++) {
@@ -327,25 +93,25 @@ static double left_at(const struct run *run, double limit)
 }
 
 /* The first limit, by a trial: what is below it leaves nearly all. */
-static enum tetlod_status try_limits(struct run *run)
+static enum tetlod_status try_limits(struct cell_run *run)
 {
     uint32_t cells = run->partition.cells, count = cells < TRIED ? cells : TRIED, tried[TRIED];
     for (uint32_t i = 0; i < count; i++)
         tried[i] = (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)count));
     run->tries = true;
-    enum tetlod_status status = contract_cells(run, tried, count);
+    enum tetlod_status status = cells_contract(run, tried, count);
     run->tries = false;
-    leave_store(run);
+    cells_leave_store(run);
     bool named;
     run->to = FIRST_LIMIT;
     while (status == TETLOD_OK && run->to < run->options->max_error && left_at(run, run->to) > LEFT)
         run->to = next_limit(run->to, run->options->max_error, INFINITY, &named);
-    free_cells(run);
+    cells_free(run);
     return status;
 }
 
 /* Every named error becomes a level. Where few tetrahedra go from one to the next, one is left out. */
-static enum tetlod_status choose_limit(struct run *run)
+static enum tetlod_status choose_limit(struct cell_run *run)
 {
     bool named;
     if (!(run->from > 0))
@@ -361,7 +127,7 @@ static enum tetlod_status choose_limit(struct run *run)
 /* ---- the log */
 
 /* A cell's node of a stage as a node of the whole log. */
-static uint32_t node_of(const struct run *run, const struct cell *cell, enum cell_stage stage, uint32_t node)
+static uint32_t node_of(const struct cell_run *run, const struct cell *cell, enum cell_stage stage, uint32_t node)
 {
     uint32_t vertices = cell->logs[stage].vertex_count;
     if (node >= vertices)
@@ -372,7 +138,7 @@ static uint32_t node_of(const struct run *run, const struct cell *cell, enum cel
 }
 
 /* Copies records of a cell's stage into the whole log, from its record `first` on. */
-static void copy_records(const struct run *run, const struct cell *cell, enum cell_stage stage, uint32_t begin,
+static void copy_records(const struct cell_run *run, const struct cell *cell, enum cell_stage stage, uint32_t begin,
                          uint32_t end, size_t first)
 {
     const struct contraction_log *from = &cell->logs[stage];
@@ -393,7 +159,7 @@ static void copy_records(const struct run *run, const struct cell *cell, enum ce
         memcpy(log->components[c].bounds + first, from->components[c].bounds + begin, count * sizeof(double));
 }
 
-static void add_refusals(const struct run *run, const struct contraction_log *from)
+static void add_refusals(const struct cell_run *run, const struct contraction_log *from)
 {
     for (int r = 0; r < LOG_REFUSALS; r++)
         run->log->refused[r] += from->refused[r];
@@ -410,7 +176,7 @@ static void raise_state(struct piece_state *state, const struct contraction_log 
     state->moved = fmax(state->moved, log->marks[last].moved);
 }
 
-static bool add_group(const struct run *run, uint32_t *ends)
+static bool add_group(const struct cell_run *run, uint32_t *ends)
 {
     struct cell_groups *groups = run->groups;
     struct tetlodi_write_group *grown = array_resize(groups->groups, groups->count + (size_t)1, sizeof *grown);
@@ -428,13 +194,13 @@ static bool add_group(const struct run *run, uint32_t *ends)
 }
 
 /* Room in the log for what all cells did in a stage: a group of pages. */
-static enum tetlod_status append_stage(struct run *run, enum cell_stage stage)
+static enum tetlod_status append_stage(struct cell_run *run, enum cell_stage stage)
 {
     struct contraction_log *log = run->log;
     uint32_t before = log->count, tets = 0;
     uint32_t *ends = array_new(run->cell_count, sizeof *ends);
     if (!ends)
-        return no_memory(run);
+        return cells_no_memory(run);
     for (uint32_t i = 0; i < run->cell_count; i++) {
         struct cell *cell = &run->cells[i];
         const struct contraction_log *from = &cell->logs[stage];
@@ -450,7 +216,7 @@ static enum tetlod_status append_stage(struct run *run, enum cell_stage stage)
     }
     const struct piece_state *state = &run->state.state;
     if (!add_group(run, ends))
-        return no_memory(run);
+        return cells_no_memory(run);
     return log_mark(log, run->mesh->vertex_count - log->count, tets, state->moved, state->certified, state->predicted,
                     run->error);
 }
@@ -465,7 +231,7 @@ static uint32_t vertex_of(const struct cell *cell, uint32_t node)
 
 /* Joins the vertices of a cell: those at seams once. numbers[vertex of the piece] are set, joined[vertex of the state]
  * known. */
-static void join_vertices(struct run *run, const struct cell *cell, struct piece *out, uint32_t *joined,
+static void join_vertices(struct cell_run *run, const struct cell *cell, struct piece *out, uint32_t *joined,
                           uint32_t *numbers, uint32_t *io_count, uint32_t *nodes, uint8_t *was_seam)
 {
     for (uint32_t v = 0; v < cell->piece.mesh.vertex_count; v++) {
@@ -502,11 +268,11 @@ struct joining {
 };
 
 /* One cell after the other: its records go into the log, what is left of it to the rest. */
-static enum tetlod_status join_cells(struct run *run, struct joining *to)
+static enum tetlod_status join_cells(struct cell_run *run, struct joining *to)
 {
     for (uint32_t i = 0; i < run->cell_count; i++) {
         struct cell *cell = &run->cells[i];
-        TETLOD_TRY(bring_back(run, cell, i));
+        TETLOD_TRY(cells_bring_back(run, cell, i));
         for (int stage = 0; stage < CELL_STAGES; stage++)
             copy_records(run, cell, stage, 0, cell->logs[stage].count, cell->firsts[stage]);
         join_vertices(run, cell, &to->piece, to->joined, to->numbers, &to->vertices, to->nodes, to->was_seam);
@@ -517,14 +283,14 @@ static enum tetlod_status join_cells(struct run *run, struct joining *to)
 }
 
 /* The state becomes what is left of all cells. */
-static enum tetlod_status join(struct run *run)
+static enum tetlod_status join(struct cell_run *run)
 {
     uint32_t vertices = run->mesh->vertex_count - run->log->count, before = run->state.mesh.vertex_count, tets = 0;
     struct joining to = {.joined = array_new(before, sizeof *to.joined),
                          .numbers = array_new(before, sizeof *to.numbers),
                          .nodes = array_new(vertices, sizeof *to.nodes),
                          .was_seam = array_new(vertices, 1)};
-    enum tetlod_status status = to.joined && to.numbers && to.nodes && to.was_seam ? TETLOD_OK : no_memory(run);
+    enum tetlod_status status = to.joined && to.numbers && to.nodes && to.was_seam ? TETLOD_OK : cells_no_memory(run);
     for (uint32_t i = 0; i < run->cell_count; i++) {
         const struct contraction_log *log = &run->cells[i].logs[CELL_GO_ON];
         tets += log->marks[log->mark_count - 1].tets;
@@ -554,20 +320,8 @@ static enum tetlod_status join(struct run *run)
 
 /* ---- phases */
 
-static enum tetlod_status make_scratch(struct run *run)
-{
-    for (unsigned w = 0; w < pool_size(run->pool); w++) {
-        free(run->numbers[w]);
-        run->numbers[w] = array_new(run->state.mesh.vertex_count, sizeof **run->numbers);
-        if (!run->numbers[w])
-            return no_memory(run);
-        memset(run->numbers[w], 0xff, run->state.mesh.vertex_count * sizeof **run->numbers);
-    }
-    return TETLOD_OK;
-}
-
 /* The whole log's components are those of any cell's, and its first mark is the mesh as it was. */
-static enum tetlod_status take_components(const struct run *run, const struct contraction_log *from)
+static enum tetlod_status take_components(const struct cell_run *run, const struct contraction_log *from)
 {
     if (run->log->component_count)
         return TETLOD_OK;
@@ -580,19 +334,19 @@ static enum tetlod_status take_components(const struct run *run, const struct co
                     run->error);
 }
 
-static enum tetlod_status run_phase(struct run *run)
+static enum tetlod_status run_phase(struct cell_run *run)
 {
     uint32_t *order = NULL;
     enum tetlod_status status;
-    TETLOD_TRY_DONE(make_scratch(run));
+    TETLOD_TRY_DONE(cells_make_scratch(run));
     TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->error));
     TETLOD_TRY_DONE(choose_limit(run));
     order = order_cells(&run->partition);
     if (!order)
-        TETLOD_TRY_DONE(no_memory(run));
+        TETLOD_TRY_DONE(cells_no_memory(run));
     if (run->spools && !run->share)
         TETLOD_TRY_DONE(cell_spool_new(&run->store, run->partition.cells, run->error));
-    TETLOD_TRY_DONE(contract_cells(run, order, run->partition.cells));
+    TETLOD_TRY_DONE(cells_contract(run, order, run->partition.cells));
     TETLOD_TRY_DONE(take_components(run, &run->cells[0].logs[CELL_GO_ON]));
     if (run->from > 0)
         TETLOD_TRY_DONE(append_stage(run, CELL_CATCH_UP));
@@ -601,14 +355,14 @@ static enum tetlod_status run_phase(struct run *run)
     run->from = run->to;
 done:
     free(order);
-    free_cells(run);
-    leave_store(run);
+    cells_free(run);
+    cells_leave_store(run);
     partition_fini(&run->partition);
     return status;
 }
 
 struct root_progress {
-    const struct run *run;
+    const struct cell_run *run;
     double begun;
 };
 
@@ -619,14 +373,14 @@ static bool report_root(void *opaque, double done)
     return options->progress(options->progress_opaque, progress->begun + (1 - progress->begun) * done);
 }
 
-static enum tetlod_status contract_rest(struct run *run, struct cell *root, const struct simplify_options *options)
+static enum tetlod_status contract_rest(struct cell_run *run, struct cell *root, const struct simplify_options *options)
 {
     double from = run->from > 0 ? run->from : FIRST_LIMIT;
     return rounds_contract(&root->logs[CELL_GO_ON], &run->state, from, options, run->error);
 }
 
 /* The root's log for the others, with what is left, which is not much. */
-static enum tetlod_status give_root(const struct run *run, const struct cell *root)
+static enum tetlod_status give_root(const struct cell_run *run, const struct cell *root)
 {
     struct cell whole = *root;
     struct buffer bytes = {0};
@@ -640,7 +394,7 @@ static enum tetlod_status give_root(const struct run *run, const struct cell *ro
 
 /* What one of the programs does for all. */
 struct root_work {
-    struct run *run;
+    struct cell_run *run;
     struct cell *root;
     const struct simplify_options *options;
 };
@@ -657,20 +411,20 @@ static enum tetlod_status take_root(void *opaque)
 }
 
 /* One of the programs contracts the root, and the others get what it has done. */
-static enum tetlod_status share_root(struct run *run, struct cell *root, const struct simplify_options *options)
+static enum tetlod_status share_root(struct cell_run *run, struct cell *root, const struct simplify_options *options)
 {
     const struct work_share *share = run->share;
     struct root_work work = {run, root, options};
     run->store = (struct cell_store){share->put, share->get, share->opaque};
     enum tetlod_status status = work_share_run(share, 1, NULL, take_root, &work, run->error);
     if (status == TETLOD_OK && !root->logs[CELL_GO_ON].mark_count)
-        status = bring_back(run, root, 0);
-    leave_store(run);
+        status = cells_bring_back(run, root, 0);
+    cells_leave_store(run);
     return status;
 }
 
 /* What is left, as one piece: its levels are those of a stream without pages. */
-static enum tetlod_status contract_root(struct run *run)
+static enum tetlod_status contract_root(struct cell_run *run)
 {
     struct simplify_options options = *run->options;
     struct root_progress progress = {run, (double)run->log->count / run->mesh->vertex_count};
@@ -680,8 +434,8 @@ static enum tetlod_status contract_root(struct run *run)
         options.progress = report_root;
         options.progress_opaque = &progress;
     }
-    enum tetlod_status status = run->share ? share_root(run, &root, &options)
-                                           : contract_rest(run, &root, &options);
+    bool shares = run->share && !work_has_helpers(run->share);
+    enum tetlod_status status = shares ? share_root(run, &root, &options) : contract_rest(run, &root, &options);
     if (status == TETLOD_OK)
         status = take_components(run, log);
     for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {
@@ -698,7 +452,7 @@ static enum tetlod_status contract_root(struct run *run)
 }
 
 /* Until few tetrahedra are left, or the greatest error leaves them. */
-static enum tetlod_status run_phases(struct run *run)
+static enum tetlod_status run_phases(struct cell_run *run)
 {
     uint32_t root = run->cell_tets * ROOT_CELLS, min = run->options->min_tets;
     root = min > root / 4 ? (min < UINT32_MAX / 4 ? 4 * min : UINT32_MAX) : root;
@@ -711,7 +465,7 @@ static enum tetlod_status run_phases(struct run *run)
     return contract_root(run);
 }
 
-static enum tetlod_status begin(struct run *run, const uint32_t *controlled, uint32_t controlled_count,
+static enum tetlod_status begin(struct cell_run *run, const uint32_t *controlled, uint32_t controlled_count,
                                 const double *limits)
 {
     const struct simplify_options *options = run->options;
@@ -719,7 +473,7 @@ static enum tetlod_status begin(struct run *run, const uint32_t *controlled, uin
     run->numbers = run->pool ? array_zero(pool_size(run->pool), sizeof *run->numbers) : NULL;
     run->nodes = array_new(run->mesh->vertex_count, sizeof *run->nodes);
     if (!run->pool || !run->numbers || !run->nodes)
-        return no_memory(run);
+        return cells_no_memory(run);
     for (uint32_t v = 0; v < run->mesh->vertex_count; v++)
         run->nodes[v] = v;
     TETLOD_TRY(log_init(run->log, run->mesh, run->error));
@@ -737,7 +491,7 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
                                   struct tetlod_error *error)
 {
     uint32_t cell_tets = choice->tets;
-    struct run run = {.mesh = mesh,
+    struct cell_run run = {.mesh = mesh,
                       .options = options,
                       .cell_tets = cell_tets,
                       .spools = choice->spools,

@@ -13,6 +13,7 @@
 #include "src/cli/scratch_memory.h"
 #include "src/cli/show.h"
 #include "src/mesh/ids.h"
+#include "src/pipeline/build_helper.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/field_choice.h"
 #include "src/pipeline/local_bound.h"
@@ -441,6 +442,18 @@ static enum tetlod_status fit_share(struct build_request *request, struct tetlod
     return TETLOD_OK;
 }
 
+/* Of one that has no mesh. */
+static int help_others(const struct build_request *request)
+{
+    struct tetlod_error error = {0}, inner = {0};
+    enum tetlod_status status = begin_scratch(request, &error);
+    if (status == TETLOD_OK)
+        status = build_helper(request->build.share, request->build.threads, &error);
+    if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
+        error = inner;
+    return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
+
 /* One of them writes. */
 static enum tetlod_status build_output(struct build_request *request, const struct input *in,
                                        struct build_report *report, double *write_seconds, struct tetlod_error *error)
@@ -499,6 +512,8 @@ int build_together(int argc, char **argv, const struct work_share *share)
     if (result != EXIT_DONE)
         return result;
     request.build.share = share;
+    if (work_helps(share))
+        return help_others(&request);
     request.quiet |= !build_leads(&request.build);
     request.json &= build_leads(&request.build);
     progress_init(&request.progress, request.draws_progress && !request.quiet, request.quiet);

@@ -5,6 +5,7 @@
 
 #include "format/fail.h"
 #include "src/library/library.h"
+#include "src/pipeline/build_helper.h"
 #include "src/pipeline/build_warnings.h"
 #include "src/pipeline/field_choice.h"
 #include "src/util/array.h"
@@ -237,17 +238,6 @@ enum tetlod_status library_build(const struct tetmesh *mesh, const struct tetlod
     return status;
 }
 
-/* Programs that build together do so by cells; one of them speaks. */
-static void join_share(const struct work_share *share, struct tetlod_build_options *given, struct build_options *build)
-{
-    build->share = share;
-    build->paged = BUILD_CELL_TETS;
-    if (!share->leads) {
-        given->progress = NULL;
-        given->warn = NULL;
-    }
-}
-
 enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
                                         const struct tetlod_build_options *options, const struct work_share *share,
                                         const struct tetlodi_sink *sink, struct tetlod_error *error)
@@ -257,8 +247,10 @@ enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
     struct tetmesh copy = {0};
     struct build_control *controls = NULL;
     enum tetlod_status status = library_options(options, &given, &build, error);
-    if (share)
-        join_share(share, &given, &build);
+    if (status == TETLOD_OK && work_helps(share))
+        return build_helper(share, build.threads, error);
+    build.share = share;
+    build.paged = share ? BUILD_CELL_TETS : build.paged; // programs that build together do so by cells
     if (status == TETLOD_OK)
         status = library_copy_mesh(&copy, mesh, error);
     if (status == TETLOD_OK)

@@ -6,7 +6,7 @@
 #include "src/library/tetlod_build.h"
 #include "src/pipeline/build.h"
 
-/* tetlod_build, with other programs that have the same mesh (src/util/work_share.h); NULL: alone. */
+/* tetlod_build, with other programs (src/util/work_share.h); NULL: alone. A helper has no mesh, and writes nothing. */
 TETLOD_CHECKED enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
                                                        const struct tetlod_build_options *options,
                                                        const struct work_share *share, const struct tetlodi_sink *sink,

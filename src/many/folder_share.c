@@ -300,7 +300,7 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     pthread_mutex_init(&share->lock, NULL);
     monotonic_cond_init(&share->stopped);
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
-    *out = (struct work_share){members, false, begin, take, put, settle, get, end, NULL, share};
+    *out = (struct work_share){members, false, begin, take, put, settle, get, end, NULL, NULL, NULL, share};
     return TETLOD_OK;
 }
 

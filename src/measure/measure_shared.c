@@ -11,8 +11,10 @@
 
 #include "format/fail.h"
 #include "src/measure/measure_levels.h"
+#include "src/mesh/mesh_channel.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/channel.h"
 #include "src/util/clock.h"
 
 struct sweep {
@@ -161,6 +163,96 @@ static enum tetlod_status join_levels(struct sweep *sweep, struct measured *meas
     return TETLOD_OK;
 }
 
+/* ---- helpers */
+
+/* What replaying takes of a log. */
+static void pass_log(struct channel *channel, struct contraction_log *log)
+{
+    uint32_t fields = log->field_count;
+    CHANNEL_VALUE(channel, log->vertex_count);
+    CHANNEL_VALUE(channel, log->count);
+    CHANNEL_VALUE(channel, log->mark_count);
+    CHANNEL_ARRAY(channel, log->children, 4 * (size_t)log->count);
+    CHANNEL_ARRAY(channel, log->positions, 3 * (size_t)log->count);
+    CHANNEL_ARRAY(channel, log->marks, log->mark_count);
+    CHANNEL_VALUE(channel, fields);
+    if (!channel->share->leads) {
+        log->fields = array_zero(fields, sizeof *log->fields);
+        log->field_count = log->fields ? fields : 0;
+        channel->status = log->fields ? channel->status : TETLOD_ERR_NOMEM;
+    }
+    for (uint32_t f = 0; f < fields; f++) {
+        struct log_field none = {0}, *field = log->fields ? &log->fields[f] : &none;
+        CHANNEL_VALUE(channel, field->components);
+        CHANNEL_ARRAY(channel, field->values, (size_t)field->components * log->count);
+    }
+}
+
+/* All that measuring some of the samples takes. */
+static void pass_levels(struct channel *channel, struct tetmesh *original, struct tetmesh *mesh,
+                        struct contraction_log *log, double **domains)
+{
+    mesh_pass(channel, original, NULL);
+    mesh_pass(channel, mesh, original);
+    pass_log(channel, log);
+    CHANNEL_ARRAY(channel, *domains, log->mark_count);
+}
+
+static enum tetlod_status call_helpers(const struct shared_levels *levels, struct tetlod_error *error)
+{
+    struct channel channel = {levels->share, TETLOD_OK};
+    enum work_call call = CALL_SAMPLES;
+    struct tetmesh original = *levels->original, mesh = *levels->mesh; // what is sent is only read
+    struct contraction_log log = *levels->log;
+    double *domains = (double *)(uintptr_t)levels->domains;
+    TETLOD_TRY(levels->share->call(levels->share->opaque, &call, error));
+    pass_levels(&channel, &original, &mesh, &log, &domains);
+    return TETLOD_OK;
+}
+
+/* Also a helper that has no room takes part in the stage: it says so at the end. */
+static enum tetlod_status fail_parts(void *opaque)
+{
+    struct sweep *sweep = opaque;
+    return tetlodi_fail_nomem(sweep->error, "the levels", measure_levels_bytes(sweep->levels->original));
+}
+
+static void free_parts(struct sweep *sweep)
+{
+    for (uint32_t part = 0; part < MEASURE_PARTS && sweep->parts; part++)
+        buffer_fini(&sweep->parts[part]);
+    free(sweep->parts);
+}
+
+enum tetlod_status measure_help(const struct work_share *share, unsigned threads, struct tetlod_error *error)
+{
+    struct tetmesh original = {0}, mesh = {0};
+    struct contraction_log log = {0};
+    double *domains = NULL;
+    struct channel channel = {share, TETLOD_OK};
+    pass_levels(&channel, &original, &mesh, &log, &domains);
+    const struct shared_levels levels = {&original, &mesh, &log, domains, threads, share, NULL, NULL};
+    struct sweep sweep = {.levels = &levels,
+                          .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts),
+                          .scratch = array_zero(original.field_count, sizeof *sweep.scratch),
+                          .error = error};
+    bool ready = channel.status == TETLOD_OK && sweep.parts && sweep.scratch;
+    enum tetlod_status status =
+        work_share_run(share, MEASURE_PARTS, NULL, ready ? do_parts : fail_parts, &sweep, error);
+    share->end(share->opaque);
+    end_sweep(&sweep);
+    free_parts(&sweep);
+    free(sweep.scratch);
+    free(domains);
+    log_fini(&log);
+    mesh_return_borrowed(&mesh, &original);
+    tetmesh_fini(&mesh);
+    tetmesh_fini(&original);
+    return status;
+}
+
+/* ---- the whole */
+
 enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured, double *domains,
                                   struct tetlod_error *error)
 {
@@ -172,6 +264,8 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
     enum tetlod_status status = TETLOD_OK;
     if (!sweep.parts)
         return tetlodi_fail_nomem(error, "the levels", MEASURE_PARTS * sizeof *sweep.parts);
+    if (work_has_helpers(share))
+        TETLOD_TRY_DONE(call_helpers(levels, error));
     TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, do_parts, &sweep, error));
     if (share->leads) {
         TETLOD_TRY_DONE(begin_sweep(&sweep));
@@ -179,9 +273,7 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
     }
 done:
     end_sweep(&sweep);
-    for (uint32_t part = 0; part < MEASURE_PARTS; part++)
-        buffer_fini(&sweep.parts[part]);
-    free(sweep.parts);
+    free_parts(&sweep);
     share->end(share->opaque);
     return status;
 }

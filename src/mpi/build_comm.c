@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* libtetlod-mpi: pieces of all ranks are gathered, and the ranks share out the work of the build. */
+/* libtetlod-mpi: pieces of all ranks are gathered on rank 0, and the ranks share out the work of the build. */
 #include <stdlib.h>
 
 #include "format/fail.h"
@@ -34,7 +34,7 @@ enum tetlod_status tetlod_build_comm(MPI_Comm comm, const struct tetlod_build_pi
 {
     struct tetlod_build_mesh mesh;
     struct work_share share;
-    enum tetlod_status status = gather_pieces(&mesh, comm, piece, true, error);
+    enum tetlod_status status = gather_pieces(&mesh, comm, piece, error);
     if (status == TETLOD_OK)
         status = comm_agree(comm, mpi_share_new(&share, comm, error), error);
     if (status == TETLOD_OK) {
@@ -70,7 +70,7 @@ enum tetlod_status tetlod_build_comm_series_add(struct tetlod_build_comm_series 
                                                 struct tetlod_error *error)
 {
     struct tetlod_build_mesh mesh;
-    enum tetlod_status status = gather_pieces(&mesh, series->comm, piece, false, error);
+    enum tetlod_status status = gather_pieces(&mesh, series->comm, piece, error);
     if (status == TETLOD_OK)
         status = comm_agree(series->comm,
                             series->steps ? tetlod_build_series_add(series->steps, &mesh, time, error) : TETLOD_OK,

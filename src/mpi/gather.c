@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * In: a piece on each rank. All rows of all ranks are put one behind the other, rank by rank. Then points are sorted by
- * their numbers, and those that several ranks have become one; tetrahedra but ghosts are sorted by their points, so
- * that their order does not tell ranks either. Out: arrays in that order.
+ * In: a piece on each rank. All rows of all ranks come to rank 0, one behind the other, rank by rank. There points are
+ * sorted by their numbers, and those that several ranks have become one; tetrahedra but ghosts are sorted by their
+ * points, so that their order does not tell ranks either. Out: arrays in that order.
  */
 #include "src/mpi/gather.h"
 
@@ -22,7 +22,7 @@ struct rows {
     const void *own;
     size_t size;     /* bytes of a row */
     bool of_tets;
-    unsigned char *all; /* owned; where the mesh is made */
+    unsigned char *all; /* owned; on rank 0 */
 };
 
 enum { IDS, POSITIONS, CORNERS, GHOSTS, FIELDS };
@@ -30,7 +30,6 @@ enum { IDS, POSITIONS, CORNERS, GHOSTS, FIELDS };
 struct gathering {
     MPI_Comm comm;
     int rank, ranks;
-    bool everywhere, here; /* the mesh is made on every rank, on this one */
     const struct tetlod_build_piece *piece;
     const struct tetlod_build_mesh *mesh; /* the piece's */
     uint64_t *counts;  /* [ranks][points, tetrahedra] */
@@ -172,7 +171,7 @@ static enum tetlod_status allocate(struct gathering *g)
     if (!g->rows || !g->no_ghosts)
         return no_memory(g);
     list_rows(g);
-    for (uint32_t i = 0; i < g->row_count && g->here; i++)
+    for (uint32_t i = 0; i < g->row_count && g->rank == 0; i++)
         if (!(g->rows[i].all = array_zero(g->totals[g->rows[i].of_tets], g->rows[i].size)))
             return no_memory(g);
     return TETLOD_OK;
@@ -190,10 +189,10 @@ static void pass(const struct gathering *g, unsigned char *bytes, uint64_t size,
     }
 }
 
-/* An array goes to rank 0, and from there to all that make the mesh. */
+/* An array goes to rank 0. */
 static void gather(const struct gathering *g, struct rows *rows)
 {
-    uint64_t at = 0, size = g->totals[rows->of_tets] * rows->size;
+    uint64_t at = 0;
     for (int r = 0; r < g->ranks; r++) {
         uint64_t part = g->counts[2 * r + rows->of_tets] * rows->size;
         if (r == 0 && g->rank == 0 && part)
@@ -204,8 +203,6 @@ static void gather(const struct gathering *g, struct rows *rows)
             pass(g, (unsigned char *)(uintptr_t)rows->own, part, r); // is only sent
         at += part;
     }
-    for (at = 0; at < size && g->everywhere; at += PIECE)
-        MPI_Bcast(rows->all + at, (int)(size - at < PIECE ? size - at : PIECE), MPI_BYTE, 0, g->comm);
 }
 
 /* ---- one mesh */
@@ -388,17 +385,16 @@ static enum tetlod_status gather_all(struct gathering *g, struct tetlod_build_me
     TETLOD_TRY(comm_agree(g->comm, allocate(g), g->error));
     for (uint32_t i = 0; i < g->row_count; i++)
         gather(g, &g->rows[i]);
-    return comm_agree(g->comm, g->here ? join(g, out) : TETLOD_OK, g->error);
+    return comm_agree(g->comm, g->rank == 0 ? join(g, out) : TETLOD_OK, g->error);
 }
 
 enum tetlod_status gather_pieces(struct tetlod_build_mesh *out, MPI_Comm comm, const struct tetlod_build_piece *piece,
-                                 bool everywhere, struct tetlod_error *error)
+                                 struct tetlod_error *error)
 {
-    struct gathering g = {.comm = comm, .everywhere = everywhere, .piece = piece, .mesh = piece->mesh, .error = error};
+    struct gathering g = {.comm = comm, .piece = piece, .mesh = piece->mesh, .error = error};
     *out = (struct tetlod_build_mesh){.struct_size = sizeof *out, .position_type = piece->mesh->position_type};
     MPI_Comm_rank(comm, &g.rank);
     MPI_Comm_size(comm, &g.ranks);
-    g.here = everywhere || g.rank == 0;
     enum tetlod_status status = gather_all(&g, out);
     for (uint32_t i = 0; i < g.row_count && g.rows; i++)
         free(g.rows[i].all);

@@ -7,11 +7,11 @@
 
 #include "src/mpi/tetlod_mpi.h"
 
-/* Collective. `everywhere`: on all ranks; else on rank 0, and *out is empty elsewhere. Its arrays are owned, names are
+/* Collective. On rank 0; *out is empty elsewhere. Its arrays are owned, names are
  * the piece's; to be freed in any case. All ranks return what the first that fails does: ERR_ARGUMENT, ERR_MESH,
  * ERR_LIMIT, ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status gather_pieces(struct tetlod_build_mesh *out, MPI_Comm comm,
-                                                const struct tetlod_build_piece *piece, bool everywhere,
+                                                const struct tetlod_build_piece *piece,
                                                 struct tetlod_error *error);
 void gathered_fini(struct tetlod_build_mesh *mesh);
 

@@ -20,8 +20,8 @@ static const char help[] =
     "usage: mpirun -n RANKS tetlod-mpi build INPUT... [-o OUT.tetlod] [OPTIONS of tetlod build]\n"
     "\n"
     "Builds the stream that tetlod build --paged INPUT would, byte for byte, with the ranks of an MPI job:\n"
-    "they share out the cells that are contracted, and the samples that errors are measured at. Each rank\n"
-    "reads INPUT and has the whole mesh in memory; rank 0 writes the stream.\n"
+    "they share out the cells that are contracted, and the samples that errors are measured at. Rank 0 alone\n"
+    "reads INPUT, has the whole mesh in memory all the time, and writes the stream.\n"
     "\n"
     "      --threads N   threads of each rank (default: the cores of its machine, by its ranks)\n"
     "      --model N     say at the end what the job has cost, and what it would on N ranks\n"
@@ -119,8 +119,8 @@ static void print_cost(const struct job_cost *cost, uint32_t ranks, uint32_t ask
     for (uint32_t n = 1; n < asked; n *= 2)
         printf("%-12u %10.2f %10.2f\n", n, job_cost_of(cost, n), one / job_cost_of(cost, n));
     printf("%-12u %10.2f %10.2f\n\n", asked, job_cost_of(cost, asked), one / job_cost_of(cost, asked));
-    printf("on %u ranks: at most %.0f MB of memory a rank, %.1f MB received\n", ranks, (double)cost->resident / 1e6,
-           (double)cost->moved / 1e6);
+    printf("on %u ranks: %.0f MB of memory on rank 0, at most %.0f MB on others; a rank received at most %.1f MB\n",
+           ranks, (double)cost->resident[0] / 1e6, (double)cost->resident[1] / 1e6, (double)cost->moved / 1e6);
 }
 
 /* Collective. */
@@ -136,7 +136,7 @@ static int model(const struct work_share *share, uint32_t asked, int rank)
     return EXIT_DONE;
 }
 
-/* Every rank ends as the job does. */
+/* Every rank ends as the first that has failed. */
 static int finish(struct work_share *share, int result, int rank)
 {
     char *own = rank ? kept_messages() : NULL, *text = NULL;
@@ -144,9 +144,11 @@ static int finish(struct work_share *share, int result, int rank)
     bool good = mpi_share_finish(share, result == EXIT_DONE, own ? own : "", &failed, &text);
     if (!good && rank == 0 && failed && text)
         fprintf(stderr, "tetlod-mpi: rank %d: %s", failed, text);
+    if (!good)
+        MPI_Bcast(&result, 1, MPI_INT, failed, MPI_COMM_WORLD);
     free(own);
     free(text);
-    return good || result != EXIT_DONE ? result : EXIT_FAILED;
+    return result;
 }
 
 static int run(int argc, char **argv, int rank)

@@ -16,6 +16,11 @@
 /* Counts of MPI are int: larger messages go in pieces. */
 enum { PIECE = 1 << 30 };
 
+/* What is passed to helpers goes in such pieces: what one has no room for it drops, piece by piece. */
+enum { PASS_PIECE = 1 << 18 };
+
+enum { TAG_PART, TAG_ASK };
+
 /* Seconds between looks at whether others have come. */
 static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02;
 
@@ -41,6 +46,8 @@ struct mpi_share {
     const uint32_t *order;
     struct result *results; /* [part] */
     bool over, told;     /* a rank has failed, as all know; it was another one */
+    bool ended;          /* all have done well, and know it */
+    unsigned char *dropped; /* [PASS_PIECE] scratch */
     uint64_t moved;
     struct stage_time *stages; /* [stage_count] */
     uint32_t stage_count;
@@ -169,19 +176,10 @@ static bool list_results(const struct mpi_share *share, uint64_t **out)
     return room;
 }
 
-static void send_part(struct mpi_share *share, uint32_t part, int owner)
-{
-    struct result *result = &share->results[part];
-    for (uint64_t at = 0; at < result->size; at += PIECE) {
-        uint64_t left = result->size - at;
-        MPI_Bcast(result->bytes + at, (int)(left < PIECE ? left : PIECE), MPI_BYTE, owner, share->comm);
-    }
-}
-
-/* Room for what others have done. */
+/* Room for what others have done, on rank 0. */
 static bool make_room(struct mpi_share *share, const uint64_t *list)
 {
-    for (uint32_t part = 0; part < share->parts; part++) {
+    for (uint32_t part = 0; part < share->parts && share->rank == 0; part++) {
         struct result *result = &share->results[part];
         if (result->bytes)
             continue;
@@ -191,6 +189,33 @@ static bool make_room(struct mpi_share *share, const uint64_t *list)
             return false;
     }
     return true;
+}
+
+/* Rank 0 is the other one, or the owner. */
+static void move_part(struct mpi_share *share, struct result *result, int owner)
+{
+    for (uint64_t at = 0; at < result->size; at += PIECE) {
+        int size = (int)(result->size - at < PIECE ? result->size - at : PIECE);
+        if (share->rank == 0)
+            MPI_Recv(result->bytes + at, size, MPI_BYTE, owner, TAG_PART, share->comm, MPI_STATUS_IGNORE);
+        else
+            MPI_Send(result->bytes + at, size, MPI_BYTE, 0, TAG_PART, share->comm);
+    }
+}
+
+/* The parts of a rank come to rank 0 when it asks for them: until then the other one sleeps. */
+static void move_parts(struct mpi_share *share, const uint64_t *list, int owner)
+{
+    MPI_Request request;
+    if (share->rank == 0) {
+        MPI_Send(NULL, 0, MPI_BYTE, owner, TAG_ASK, share->comm);
+    } else {
+        MPI_Irecv(NULL, 0, MPI_BYTE, 0, TAG_ASK, share->comm, &request);
+        wait_for(&request);
+    }
+    for (uint32_t part = 0; part < share->parts; part++)
+        if (list[2 * (size_t)part] == (uint64_t)owner)
+            move_part(share, &share->results[part], owner);
 }
 
 static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error)
@@ -203,8 +228,10 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
         return status == TETLOD_OK ? other_failed(error) : status;
     bool room = list_results(share, &list) && make_room(share, list);
     if (agree(share, room))
-        for (uint32_t part = 0; part < share->parts; part++)
-            send_part(share, part, (int)list[2 * (size_t)part]);
+        for (int owner = 1; owner < share->ranks; owner++) {
+            if (share->rank == 0 || share->rank == owner)
+                move_parts(share, list, owner);
+        }
     else
         status = share->told ? other_failed(error) : tetlodi_fail_nomem(error, "the parts", share->parts);
     free(list);
@@ -229,6 +256,37 @@ static void end(void *opaque)
     drop_results(opaque);
 }
 
+/* ---- helpers */
+
+/* What rank 0 says comes to all, if all have done well. */
+static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call)
+{
+    int word = (int)*io_call;
+    if (!agree(share, good))
+        return false;
+    MPI_Bcast(&word, 1, MPI_INT, 0, share->comm);
+    *io_call = (enum work_call)word;
+    share->ended = word == CALL_OVER;
+    return true;
+}
+
+static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tetlod_error *error)
+{
+    return call_all(opaque, true, io_call) ? TETLOD_OK : other_failed(error);
+}
+
+static void pass(void *opaque, void *bytes, size_t size)
+{
+    struct mpi_share *share = opaque;
+    for (size_t at = 0; at < size; at += PASS_PIECE) {
+        unsigned char *to = bytes ? (unsigned char *)bytes + at : share->dropped;
+        MPI_Bcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->comm);
+    }
+    share->moved += share->rank ? size : 0;
+}
+
+/* ---- cost */
+
 static void spent_alone(void *opaque, double seconds)
 {
     struct mpi_share *share = opaque;
@@ -240,9 +298,14 @@ static void spent_alone(void *opaque, double seconds)
 enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct tetlod_error *error)
 {
     struct mpi_share *share = array_zero(1, sizeof *share);
+    unsigned char *dropped = array_new(PASS_PIECE, 1);
     *out = (struct work_share){0};
-    if (!share)
-        return tetlodi_fail_nomem(error, "the ranks", sizeof *share);
+    if (!share || !dropped) {
+        free(share);
+        free(dropped);
+        return tetlodi_fail_nomem(error, "the ranks", PASS_PIECE);
+    }
+    share->dropped = dropped;
     MPI_Comm_dup(comm, &share->comm);
     MPI_Comm_rank(share->comm, &share->rank);
     MPI_Comm_size(share->comm, &share->ranks);
@@ -252,7 +315,7 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     pthread_mutex_init(&share->lock, NULL);
     share->begun = process_seconds();
     *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end,
-                               spent_alone, share};
+                               spent_alone, call, pass, share};
     return TETLOD_OK;
 }
 
@@ -263,6 +326,7 @@ void mpi_share_free(struct work_share *share)
         return;
     drop_results(mpi);
     free(mpi->stages);
+    free(mpi->dropped);
     MPI_Win_unlock_all(mpi->window);
     MPI_Win_free(&mpi->window);
     MPI_Comm_free(&mpi->comm);
@@ -274,8 +338,9 @@ void mpi_share_free(struct work_share *share)
 bool mpi_share_finish(struct work_share *share, bool good, const char *text, int *out_rank, char **out_text)
 {
     struct mpi_share *mpi = share->opaque;
+    enum work_call call = CALL_OVER;
     *out_text = NULL;
-    if (!mpi->over && agree(mpi, good))
+    if (mpi->ended || (!mpi->over && call_all(mpi, good, &call)))
         return true;
     int own = good || mpi->told ? mpi->ranks : mpi->rank, length = (int)strlen(text);
     MPI_Allreduce(&own, out_rank, 1, MPI_INT, MPI_MIN, mpi->comm);
@@ -320,10 +385,11 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
     MPI_Allreduce(&most, &out->leads, 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
-    uint64_t bytes[2] = {mpi->moved, (uint64_t)usage.ru_maxrss << 10};
-    MPI_Allreduce(MPI_IN_PLACE, bytes, 2, MPI_UINT64_T, MPI_MAX, mpi->comm);
+    uint64_t resident = (uint64_t)usage.ru_maxrss << 10;
+    uint64_t bytes[3] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0};
+    MPI_Allreduce(MPI_IN_PLACE, bytes, 3, MPI_UINT64_T, MPI_MAX, mpi->comm);
     out->moved = bytes[0];
-    out->resident = bytes[1];
+    memcpy(out->resident, bytes + 1, sizeof out->resident);
     return TETLOD_OK;
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Work shared by the ranks of an MPI communicator. Rank 0 leads. A rank that is done takes the next part; when all are
- * done, each rank gets what it has not done itself. Ranks that wait sleep. Without faults of the network nothing is
- * lost, so nothing is done again: a rank that dies ends the job.
+ * Work shared by the ranks of an MPI communicator. Rank 0 leads; the others help, and need no mesh. A rank that is
+ * done takes the next part; when all are done, rank 0 gets what it has not done itself. Ranks that wait sleep. Without
+ * faults of the network nothing is lost, so nothing is done again: a rank that dies ends the job.
  */
 #ifndef TETLOD_MPI_SHARE_H
 #define TETLOD_MPI_SHARE_H
@@ -34,7 +34,8 @@ struct job_cost {
     uint32_t stage_count;
     double alone;  /* outside of stages: of a rank that does not lead */
     double leads;  /* what rank 0 spends more: the end of the measuring, and writing */
-    uint64_t moved, resident; /* bytes that came to a rank from others; most that a rank had in memory */
+    uint64_t moved;       /* bytes that came to a rank from others, at most */
+    uint64_t resident[2]; /* most that rank 0 had in memory, and any other one */
 };
 
 /* Collective, after a job that went well: what it has cost, on all ranks. ERR_NOMEM. */

@@ -11,10 +11,10 @@
  * many ranks there are. A point may be on several ranks, a tetrahedron on one: copies that a rank has of others'
  * (ghosts) are marked. The pieces' arrays are borrowed for the call.
  *
- * Caveats. Pieces are gathered: every rank has the whole mesh in memory while a stream is built (about 115 bytes a
- * tetrahedron), and rank 0 between the steps of a series. MPI_Init_thread with MPI_THREAD_SERIALIZED, or one thread a
- * rank (options.threads 1). `write`, `progress` and `warn` are called on rank 0 alone. All ranks return the same
- * status; the message says which rank has failed first.
+ * Caveats. Pieces are gathered: rank 0 has the whole mesh in memory while a stream is built (about 115 bytes a
+ * tetrahedron), the others have it while they measure, and rank 0 between the steps of a series. MPI_Init_thread with
+ * MPI_THREAD_SERIALIZED, or one thread a rank (options.threads 1). `write`, `progress` and `warn` are called on rank 0
+ * alone. All ranks return the same status; the message says which rank has failed first.
  */
 #ifndef TETLOD_MPI_PUBLIC_H
 #define TETLOD_MPI_PUBLIC_H

@@ -1,8 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Work that several programs do together, on one machine or on many. Every member goes through the same stages in the
- * same order; a stage is so many parts. A part is done by one of them, which gives its result as bytes; when all are
- * done, each member has them all. Which member does a part is left to chance, so its bytes must not depend on that.
+ * same order; a stage is so many parts. A part is done by one of them, which gives its result as bytes. Which member
+ * does a part is left to chance, so its bytes must not depend on that.
+ *
+ * Either all members have the mesh, and each has all results of a stage when all parts are done; or the one that leads
+ * has the mesh and gets the results. Then the others, its helpers, wait for its calls, each of which begins a stage,
+ * and it passes on what the stage works on.
  */
 #ifndef TETLOD_WORK_SHARE_H
 #define TETLOD_WORK_SHARE_H
@@ -12,6 +16,9 @@
 #include <stdint.h>
 
 #include "format/tetlod.h"
+
+/* What a helper is called for. */
+enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES };
 
 struct work_share {
     uint32_t members; /* about: it may be more or fewer that work */
@@ -25,13 +32,18 @@ struct work_share {
     /* Waits until all parts are done. `status` is what this member's have come to, and *error why. *out_again: a member
      * has died, and take() gives what it has left. What one member fails with, all do. */
     enum tetlod_status (*settle)(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error);
-    /* A part of a stage that is settled, until the next one begins; the caller frees the block. */
+    /* A part of a stage that is settled, until the next one begins; not for helpers. The caller frees the block. */
     enum tetlod_status (*get)(void *opaque, uint32_t part, unsigned char **out, size_t *size,
                               struct tetlod_error *error);
     /* The stage is over: its parts may go. */
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
+    /* NULL: all members have the mesh. What the one that leads says, the others hear, who wait for it. ERR_CANCELLED: a
+     * member has failed. */
+    enum tetlod_status (*call)(void *opaque, enum work_call *io_call, struct tetlod_error *error);
+    /* Behind a call: bytes of the one that leads come to the others; where they are NULL they are dropped. */
+    void (*pass)(void *opaque, void *bytes, size_t size);
     void *opaque;
 };
 
@@ -40,5 +52,16 @@ struct work_share {
 TETLOD_CHECKED enum tetlod_status work_share_run(const struct work_share *share, uint32_t parts, const uint32_t *order,
                                                  enum tetlod_status (*work)(void *opaque), void *opaque,
                                                  struct tetlod_error *error);
+
+/* Is there a program that works on what this one passes on, or does this one work on what it gets? */
+static inline bool work_has_helpers(const struct work_share *share)
+{
+    return share && share->call && share->leads;
+}
+
+static inline bool work_helps(const struct work_share *share)
+{
+    return share && share->call && !share->leads;
+}
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Stages shared by ranks: each part is done once and comes to all; what one rank fails with in a stage, before one or
+ * Stages shared by ranks: each part is done once and comes to rank 0; what rank 0 passes on comes to the others, also
+ * to one that has no room for it; what one rank fails with in a stage, before one or
  * behind all of them, all know, and none waits for ever. Run with two ranks or more; prints "good" on rank 0.
  */
 #include <stdio.h>
@@ -28,6 +29,28 @@ static bool fill(unsigned char *bytes, uint32_t part)
     return true;
 }
 
+/* Bytes of rank 0, of more than one piece, for all but the last rank, which drops them; and then some for all. */
+static enum tetlod_status pass_on(struct work_share *share)
+{
+    static unsigned char many[700000], few[BYTES];
+    struct tetlod_error error = {0};
+    enum work_call called = share->leads ? CALL_SAMPLES : CALL_OVER;
+    int ranks;
+    bool drops;
+    MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+    drops = !share->leads && rank == ranks - 1;
+    memset(many, share->leads ? 7 : 0, sizeof many);
+    memset(few, 0, sizeof few);
+    if (share->leads)
+        fill(few, 3);
+    TETLOD_TRY(share->call(share->opaque, &called, &error));
+    share->pass(share->opaque, drops ? NULL : many, sizeof many);
+    share->pass(share->opaque, few, sizeof few);
+    expect(called == CALL_SAMPLES, "a call is another one");
+    expect(many[sizeof many - 1] == (drops ? 0 : 7) && few[1] == 3 * 7 + 1, "what is passed on is something else");
+    return TETLOD_OK;
+}
+
 /* A stage in which a rank fails once it has done its parts, or -1: none. */
 static enum tetlod_status stage(struct work_share *share, int fails)
 {
@@ -43,7 +66,7 @@ static enum tetlod_status stage(struct work_share *share, int fails)
         status = share->put(share->opaque, part, bytes, part % 2 ? BYTES : 0, &error);
     if (status == TETLOD_OK)
         status = share->settle(share->opaque, rank == fails ? TETLOD_ERR_LIMIT : TETLOD_OK, &again, &error);
-    for (part = 0; part < PARTS && status == TETLOD_OK; part++) {
+    for (part = 0; part < PARTS && status == TETLOD_OK && share->leads; part++) {
         status = share->get(share->opaque, part, &back, &size, &error);
         expect(status == TETLOD_OK && size == (part % 2 ? BYTES : 0) && fill(bytes, part) &&
                    memcmp(bytes, back, size) == 0,
@@ -63,6 +86,7 @@ static void go_through(int fails, int fails_behind)
     int who = -1, ranks;
     MPI_Comm_size(MPI_COMM_WORLD, &ranks);
     expect(mpi_share_new(&share, MPI_COMM_WORLD, &error) == TETLOD_OK, "there is no share");
+    expect(pass_on(&share) == TETLOD_OK, "a call has failed");
     expect(stage(&share, -1) == TETLOD_OK, "a stage has failed");
     enum tetlod_status status = stage(&share, fails);
     expect((status == TETLOD_OK) == (fails < 0), "a rank does not know of another one's failure");

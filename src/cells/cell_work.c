@@ -1,0 +1,234 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: what is left, and its partition. Out: cells, each contracted, in memory or where they wait (cell_store.h).
+ * Threads take cells, and so do programs that share them.
+ */
+#include "src/cells/cell_help.h"
+#include "src/cells/cell_run.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/simplify/ladder.h"
+#include "src/simplify/rounds/rounds.h"
+#include "src/util/array.h"
+
+/* What a cell leaves at least, whatever the limit: more at once would leave scars at the seams that no later cell
+ * removes. */
+static const double LEFT_AT_LEAST = 0.25;
+
+/* What a phase takes away of the vertices, about: for the progress. */
+static const double TAKEN = 0.07;
+
+enum tetlod_status cells_no_memory(const struct cell_run *run)
+{
+    return tetlodi_fail_nomem(run->error, "the cells", 100 * (uint64_t)run->state.mesh.tet_count);
+}
+
+enum tetlod_status cells_make_scratch(struct cell_run *run)
+{
+    for (unsigned w = 0; w < pool_size(run->pool); w++) {
+        free(run->numbers[w]);
+        run->numbers[w] = array_new(run->state.mesh.vertex_count, sizeof **run->numbers);
+        if (!run->numbers[w])
+            return cells_no_memory(run);
+        memset(run->numbers[w], 0xff, run->state.mesh.vertex_count * sizeof **run->numbers);
+    }
+    return TETLOD_OK;
+}
+
+/* ---- one cell */
+
+void cells_free(struct cell_run *run)
+{
+    for (uint32_t i = 0; i < run->cell_count && run->cells; i++)
+        cell_fini(&run->cells[i]);
+    free(run->cells);
+    run->cells = NULL;
+    run->cell_count = 0;
+}
+
+/* The options of a cell's contraction: levels within it are of no use. */
+static struct simplify_options options_of(const struct cell_run *run, const struct cell *cell,
+                                          const struct tetlodi_box *box)
+{
+    struct simplify_options options = *run->options;
+    options.threads = 1;
+    options.progress = NULL;
+    options.growth = INFINITY;
+    options.box = box;
+    options.min_tets = (uint32_t)(LEFT_AT_LEAST * cell->tets) + 1;
+    return options;
+}
+
+/* What the catch-up's vertices are, for those of the next stage. */
+static enum tetlod_status keep_nodes(struct cell *cell)
+{
+    cell->nodes = array_new(cell->piece.mesh.vertex_count, sizeof *cell->nodes);
+    if (!cell->nodes)
+        return tetlodi_fail_nomem(&cell->error, "a cell", 4 * (uint64_t)cell->piece.mesh.vertex_count);
+    memcpy(cell->nodes, cell->piece.nodes, cell->piece.mesh.vertex_count * sizeof *cell->nodes);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status contract_cell(const struct cell_run *run, struct cell *cell, uint32_t number,
+                                        uint32_t *numbers)
+{
+    const struct partition *partition = &run->partition;
+    uint32_t begin = partition->begins[number], count = partition->begins[number + 1] - begin;
+    bool named;
+    TETLOD_TRY(piece_part(&cell->piece, &run->state, partition->tets + begin, count, partition->seams, numbers,
+                          &cell->vertices, &cell->error));
+    cell->tets = count;
+    struct simplify_options options = options_of(run, cell, &partition->boxes[number]);
+    double from = run->from > 0 ? run->from : FIRST_LIMIT;
+    if (run->tries)
+        return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
+    if (run->from > 0) {
+        options.max_error = run->from;
+        TETLOD_TRY(rounds_contract(&cell->logs[CELL_CATCH_UP], &cell->piece, from, &options, &cell->error));
+        TETLOD_TRY(keep_nodes(cell));
+        from = next_limit(run->from, run->to, STEPS_FROM, &named);
+    }
+    options.max_error = run->to;
+    return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
+}
+
+/* ---- many */
+
+/* A cell that is contracted becomes bytes elsewhere, but for what its logs have come to. */
+static enum tetlod_status put_away(const struct cell_run *run, struct cell *cell, uint32_t number)
+{
+    struct buffer bytes = {0};
+    enum tetlod_status status = cell_pack(cell, &bytes, &cell->error);
+    cell_drop(cell);
+    if (status == TETLOD_OK)
+        status = run->store.put(run->store.opaque, number, bytes.bytes, bytes.size, &cell->error);
+    buffer_fini(&bytes);
+    return status;
+}
+
+/* A cell that another program has contracted has what this one's options ask for. */
+static enum tetlod_status check_back(const struct cell_run *run, const struct cell *cell)
+{
+    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
+    bool same = log->mark_count && log->component_count == run->whole.component_count &&
+                (!log->count || run->options->local_bound == (log->components[0].bounds != NULL));
+    return same ? TETLOD_OK
+                : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell is of other options, or of another version");
+}
+
+enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cell, uint32_t number)
+{
+    unsigned char *bytes;
+    size_t size;
+    if (!run->store.get)
+        return TETLOD_OK;
+    TETLOD_TRY(run->store.get(run->store.opaque, number, &bytes, &size, run->error));
+    struct cell back;
+    enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
+    memcpy(back.firsts, cell->firsts, sizeof back.firsts);
+    cell_fini(cell);
+    *cell = back;
+    free(bytes);
+    return status == TETLOD_OK ? check_back(run, cell) : status;
+}
+
+/* Contracts a cell, and puts it away where it is to wait elsewhere. Parts are cells, or places among those tried. */
+static void do_cell(struct cell_run *run, unsigned worker, uint32_t part)
+{
+    struct cell *cell = &run->cells[part];
+    cell->status = contract_cell(run, cell, run->tries ? run->order[part] : part, run->numbers[worker]);
+    if (run->store.put && cell->status == TETLOD_OK)
+        cell->status = put_away(run, cell, part);
+    double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
+    done = (run->log->count + TAKEN * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
+    if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
+        atomic_store(&run->cancelled, true);
+}
+
+static void contract_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct cell_run *run = context;
+    for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++)
+        do_cell(run, worker, run->tries ? (uint32_t)i : run->order[i]);
+}
+
+/* The same of the cells that other programs have not taken. */
+static void contract_taken(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct cell_run *run = context;
+    uint32_t part;
+    (void)begin;
+    (void)end;
+    while (!atomic_load(&run->cancelled) && run->share->take(run->share->opaque, &part))
+        do_cell(run, worker, part);
+}
+
+/* What the cells of this program have come to. */
+static enum tetlod_status first_failure(const struct cell_run *run)
+{
+    if (atomic_load(&run->cancelled))
+        return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
+    for (uint32_t i = 0; i < run->cell_count; i++)
+        if (run->cells[i].status != TETLOD_OK) {
+            if (run->error)
+                *run->error = run->cells[i].error;
+            return run->cells[i].status;
+        }
+    return TETLOD_OK;
+}
+
+/* What the logs of all cells have come to, also of those that other programs have contracted. */
+static enum tetlod_status fetch_marks(struct cell_run *run)
+{
+    for (uint32_t i = 0; i < run->cell_count; i++) {
+        if (run->cells[i].logs[CELL_GO_ON].mark_count)
+            continue;
+        TETLOD_TRY(cells_bring_back(run, &run->cells[i], i));
+        cell_drop(&run->cells[i]);
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status cells_take(void *opaque)
+{
+    struct cell_run *run = opaque;
+    pool_run(run->pool, pool_size(run->pool), 1, contract_taken, run);
+    return first_failure(run);
+}
+
+static enum tetlod_status share_cells(struct cell_run *run)
+{
+    const struct work_share *share = run->share;
+    run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
+    if (work_has_helpers(share))
+        TETLOD_TRY(cells_pass(run));
+    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, cells_take, run, run->error));
+    return fetch_marks(run);
+}
+
+void cells_leave_store(struct cell_run *run)
+{
+    if (run->share && run->store.put)
+        run->share->end(run->share->opaque);
+    else
+        cell_spool_free(&run->store);
+    run->store = (struct cell_store){0};
+}
+
+enum tetlod_status cells_contract(struct cell_run *run, const uint32_t *order, uint32_t count)
+{
+    run->cells = array_zero(count, sizeof *run->cells);
+    if (!run->cells)
+        return cells_no_memory(run);
+    run->cell_count = count;
+    run->order = order;
+    atomic_store(&run->done, 0);
+    if (run->share)
+        return share_cells(run);
+    pool_run(run->pool, count, 1, contract_range, run);
+    return first_failure(run);
+}

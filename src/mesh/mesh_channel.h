@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A mesh for helpers (src/util/channel.h): what contracting and measuring it takes, without values of cells. */
+#ifndef TETLOD_MESH_CHANNEL_H
+#define TETLOD_MESH_CHANNEL_H
+
+#include "src/mesh/tetmesh.h"
+#include "src/util/channel.h"
+
+/* `like`: a mesh that was passed before, or NULL. Arrays that both have are not passed again: where *mesh is received
+ * it borrows them, until mesh_return_borrowed. To be freed in any case. */
+void mesh_pass(struct channel *channel, struct tetmesh *mesh, const struct tetmesh *like);
+
+/* Before the mesh is freed: what it has of `like` stays there. */
+void mesh_return_borrowed(struct tetmesh *mesh, const struct tetmesh *like);
+
+#endif

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/build_helper.h"
+
+#include "format/fail.h"
+#include "src/cells/cell_help.h"
+#include "src/measure/measure_shared.h"
+#include "src/util/parallel.h"
+
+enum tetlod_status build_helper(const struct work_share *share, unsigned threads, struct tetlod_error *error)
+{
+    enum work_call call = CALL_OVER;
+    threads = threads ? threads : parallel_cores();
+    for (;;) {
+        TETLOD_TRY(share->call(share->opaque, &call, error));
+        if (call == CALL_OVER)
+            return TETLOD_OK;
+        TETLOD_TRY(call == CALL_CELLS ? cells_help(share, threads, error) : measure_help(share, threads, error));
+    }
+}
