@@ -6,6 +6,8 @@ export interface TetlodViewAttributes {
   src?: string;
   /** A fraction or a percentage. */
   error?: string | number;
+  /** Of streams in pages: how exact what is seen is to be. */
+  pixels?: string | number;
   field?: string;
   /** What the viewer's page has after the '#' of its link. */
   state?: string;
@@ -15,14 +17,15 @@ export interface TetlodViewAttributes {
 
 export interface TetlodViewEvents {
   ready: Event;
-  level: CustomEvent<{ level: number; tets: number; error: number; settled: boolean }>;
+  /** Of pages `level` and `error` are those of the worst place that is seen. */
+  level: CustomEvent<{ level: number; tets: number; error: number; pages?: number; settled: boolean }>;
   /** Of a series in time. `error`: what holds at this step. */
   step: CustomEvent<{ step: number; time: number; error: number }>;
   error: CustomEvent<{ message: string }>;
 }
 
 /**
- * <tetlod-view src error field state controls>: a stream in any page. Slots `bar`, `readout` and `player`: what stands
+ * <tetlod-view src error pixels field state controls>: a stream in any page. Slots `bar`, `readout` and `player`: what stands
  * there in place of the element's own; parts `picture`, `bar`, `readout`, `player`, `player-play`, `player-step`,
  * `player-back`, `player-on`, `player-loop`, for ::part().
  */

@@ -6,7 +6,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
-import { fileHost, program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
+import { fileHost, folderHost, program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
@@ -439,6 +439,42 @@ async function it_is_switched_by_the_keyboard() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
+// <tetlod-view pixels>: pages follow its camera, and it tells the worst place of what is seen.
+async function the_element_follows_pages() {
+  const host = await folderHost(join(ROOT, 'build/client'));
+  const other = await openPage(browser, host.origin, { viewport: { width: 800, height: 600 } });
+  await other.goto(`${host.origin}/empty.html`);
+  await other.evaluate(() => import('./element.js'));
+  await other.evaluate((url) => {
+    document.body.innerHTML = `<tetlod-view src="${url}" pixels="3" state="surface=solid&slices=&smooth=0"
+      controls="bar readout"></tetlod-view>`;
+    window.told = [];
+    document.querySelector('tetlod-view').addEventListener('level', ({ detail }) => window.told.push(detail));
+  }, `${server.url}v1/meshes/pagedcube`);
+  const next = (seen) =>
+    other.waitForFunction((n) => window.told.length > n && window.told.at(-1).pages > 0 && window.told.at(-1), seen);
+  const first = await (await next(0)).jsonValue();
+  const readout = await other.locator('[part="readout"]').innerText();
+  assert.match(readout, / in the picture; elsewhere /);
+  assert.ok(readout.replace(/[^0-9]/g, '').endsWith(String(first.tets)), `${readout}: ${first.tets}`);
+  await other.locator('tetlod-view').hover();
+  for (let i = 0; i < 4; i++) await other.mouse.wheel(0, -300);
+  await other.waitForFunction(
+    ([pages, level]) => window.told.at(-1).pages !== pages && window.told.at(-1).level >= level,
+    [first.pages, first.level],
+  );
+  await other.evaluate(() => document.querySelector('tetlod-view').removeAttribute('pixels'));
+  await other.waitForFunction(() => window.told.at(-1).pages === undefined);
+  await other.evaluate(() => {
+    document.querySelector('tetlod-view').setAttribute('pixels', '2');
+    document.querySelector('tetlod-view').remove(); // on its way
+  });
+  while (other.workers().length) await other.evaluate(() => new Promise(requestAnimationFrame));
+  assert.deepEqual(other.complaints, []);
+  await other.context().close();
+  host.close();
+}
+
 // What the device's memory is not for can be looked at in parts.
 async function a_stream_that_is_too_large_is_offered_in_pages() {
   const small = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
@@ -464,5 +500,6 @@ await run([
   flying_loads_what_is_seen,
   the_panel_and_the_link_tell_it,
   it_is_switched_by_the_keyboard,
+  the_element_follows_pages,
   a_stream_that_is_too_large_is_offered_in_pages,
 ]);

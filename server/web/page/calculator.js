@@ -5,6 +5,7 @@ import { byId, element } from './dom.js';
 import { Formula } from './formula.js';
 import { colouredOf, componentNames, titleOf } from './levels.js';
 import { boundShown } from './promises.js';
+import { row } from './rows.js';
 
 function exampleOf({ fields }) {
   const [vector, scalar] = [
@@ -29,7 +30,7 @@ export function bindCalculator(viewer) {
     'Components as Velocity.x or Stress.xy; + − × ÷ ^, sqrt, abs, min, max, norm, mises, principal1 to principal3';
   const words = element('p', { className: 'hint', id: 'formula-words', role: 'status' });
   byId('component-row').after(
-    element('div', { className: 'row' }, element('label', { htmlFor: 'formula' }, 'Formula'), input),
+    row('Formula', input),
     words,
   );
   input.setAttribute('aria-describedby', 'formula-words');

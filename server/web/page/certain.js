@@ -6,6 +6,7 @@ import { byId, coalesced, element } from './dom.js';
 import { add } from './geometry.js';
 import { colouredOf, isosurfacesOf, unitOf } from './levels.js';
 import { clamp, count, parseNumber, percent, significant } from './numbers.js';
+import { row } from './rows.js';
 
 const most = 200; // marks in the picture
 const within = 0.005; // of what an answer can be at most: how narrow it should be
@@ -59,7 +60,6 @@ export class Certain {
   }
 
   #build() {
-    const row = (...controls) => element('div', { className: 'row' }, ...controls);
     const list = element('dl', { id: 'certain-list' });
     const question = element('input', { id: 'certain-question', ariaLabel: 'A question about the original' });
     question.placeholder = 'volume(p > 3) in box(0,0,0, 1,1,1)';
@@ -75,10 +75,10 @@ export class Certain {
       { id: 'certain' },
       element('summary', {}, 'What is certain of this picture'),
       list,
-      row(question, ask),
+      element('div', { className: 'row' }, question, ask),
       answer,
-      row(element('label', { htmlFor: marks.id }, 'Marks of maxima and minima'), marks),
-      row(element('label', { htmlFor: persistence.id }, 'Persistence, %'), persistence),
+      row('Marks of maxima and minima', marks),
+      row('Persistence, %', persistence),
       words,
     );
     byId('refine').after(details);

@@ -6,6 +6,7 @@ import { titleOf, unitOf } from './levels.js';
 import { notice } from './notices.js';
 import { roundedUp, significant } from './numbers.js';
 import { id, root } from './opened.js';
+import { row } from './rows.js';
 
 /** Where the stream with this name is: a mesh of this server, or any file. */
 export const sourceOf = (other) =>
@@ -46,8 +47,6 @@ function makeControls() {
   ];
   const way = element('select', { id: 'compare' }, ...ways.map(([value, text]) => element('option', { value }, text)));
   const words = element('p', { id: 'compare-words', className: 'hint', role: 'status' });
-  const row = (text, control) =>
-    element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
   const details = element(
     'details',
     { id: 'compare-body' },

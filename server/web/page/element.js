@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// <tetlod-view src="…" error="1%" field="Pressure" controls="bar readout player">: a stream in any page, as the page of
-// the viewer shows it, without its panel.
+// <tetlod-view src="…" error="1%" pixels="2" field="Pressure" controls="bar readout player">: a stream in any page, as
+// the page of the viewer shows it, without its panel.
 
 import { Axes } from './axes.js';
 import { element } from './dom.js';
@@ -35,11 +35,18 @@ function errorFrom(text) {
   return value;
 }
 
+// Of pages: what is seen is exact to so many pixels; 0: pages are not followed.
+function pixelsFrom(text) {
+  const value = Number(text);
+  if (!(value >= 0)) throw new RangeError(`pixels is a number of at least 0, not '${text}'`);
+  return value;
+}
+
 const parts = ['bar', 'readout', 'player']; // that may be shown, each with a slot in which another may stand
 
 // Where there are no elements (a page that is made on a server) it can be imported all the same.
 export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
-  static observedAttributes = ['src', 'error', 'field', 'state', 'controls'];
+  static observedAttributes = ['src', 'error', 'pixels', 'field', 'state', 'controls'];
   #viewer = null;
   #source = null;
   #notice;
@@ -117,6 +124,7 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     try {
       if (name === 'state') this.#viewer.fragment = value ?? '';
       if (name === 'error') this.#viewer.store.set({ error: errorFrom(value ?? '0.01') });
+      if (name === 'pixels') this.#viewer.store.set({ pixels: pixelsFrom(value ?? '0') });
       if (name === 'field' && value) this.#viewer.store.set({ field: this.#known(value) });
     } catch (error) {
       this.#fail(error);
@@ -197,10 +205,16 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     if (viewer === this.#viewer) this.#player ??= new Player(viewer, this.#slots.player.querySelector('.time'));
   }
 
+  async #followPages(viewer) {
+    const { LookHere } = await import('./look_here.js');
+    if (viewer === this.#viewer) new LookHere(viewer);
+  }
+
   // What the attributes ask for before the stream is there.
   #fragment() {
     const asked = new URLSearchParams(this.getAttribute('state') ?? '');
     if (this.hasAttribute('error')) asked.set('error', errorFrom(this.getAttribute('error')));
+    if (this.hasAttribute('pixels')) asked.set('pixels', pixelsFrom(this.getAttribute('pixels')));
     if (this.hasAttribute('field')) asked.set('field', this.getAttribute('field'));
     return asked.toString().replaceAll('+', '%20');
   }
@@ -239,6 +253,7 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
     this.#resized.observe(bar);
     viewer.recolorNow();
     viewer.follow();
+    if (viewer.info.paged) this.#followPages(viewer);
     viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.#tellLevel(viewer));
     viewer.addEventListener('info', () => this.#tellReadout(viewer));
     viewer.addEventListener('series', () => this.#showParts());
@@ -252,7 +267,8 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
   }
 
   #tellReadout({ info, level, told }) {
-    const text = `${promiseOf(told, level)}; ${count(info.levels[level].tets)} tetrahedra`;
+    const { tets } = told.finer?.pages >= 0 ? told.finer : info.levels[level];
+    const text = `${promiseOf(told, level)}; ${count(tets)} tetrahedra`;
     const [readout] = this.#slots.readout.children;
     if (readout.textContent !== text) readout.textContent = text;
   }
@@ -265,8 +281,9 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
       settled,
     } = viewer;
     this.#tellReadout(viewer);
-    const error = errorOf(info.levels[level], shownField(info, state), shownMeasure(info, state));
-    this.dispatchEvent(new CustomEvent('level', { detail: { level, tets: info.levels[level].tets, error, settled } }));
+    const { pages, worst = level, tets = info.levels[level].tets } = viewer.finer?.pages === undefined ? {} : viewer.finer;
+    const error = errorOf(info.levels[worst], shownField(info, state), shownMeasure(info, state));
+    this.dispatchEvent(new CustomEvent('level', { detail: { level: worst, tets, error, pages, settled } }));
   }
 }
 

@@ -6,6 +6,7 @@ import { add } from './geometry.js';
 import { titleOf } from './levels.js';
 import { boundShown } from './promises.js';
 import { notice } from './notices.js';
+import { row } from './rows.js';
 
 const mostPixels = 8192; // on a side
 
@@ -53,8 +54,7 @@ export function bindExports(viewer, save) {
     const mesh = await viewer.stream.drawn();
     save('mesh.vtu', vtuOf(mesh, viewer.info, [['level', mesh.level]]));
   });
-  const row = element('div', { className: 'row' }, element('span', {}, 'Mesh that is drawn'), whole);
-  choice.closest('.row').after(row);
+  choice.closest('.row').after(row('Mesh that is drawn', whole));
 
   const write = async (kind) => {
     const [name, part] = partsOf(scene).find(([found]) => found === choice.value);

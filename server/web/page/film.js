@@ -6,6 +6,7 @@ import { byId, element } from './dom.js';
 import { add, cross, dot, scale, unit } from './geometry.js';
 import { button, clear, notice } from './notices.js';
 import { clamp, parseNumber } from './numbers.js';
+import { row } from './rows.js';
 
 const rate = 25; // frames a second, once around
 const stepRate = 10;
@@ -80,13 +81,9 @@ export function bindFilm(viewer, { picture, save }) {
     { type: 'button', id: 'film', className: 'small', title: 'Draws each frame, and saves them as a film' },
     'WebM',
   );
-  const row = element(
-    'div',
-    { className: 'row' },
-    element('span', {}, 'Film'),
-    element('span', { className: 'buttons' }, choice, seconds, make),
-  );
-  byId('save-png').closest('.row').after(row);
+  byId('save-png')
+    .closest('.row')
+    .after(row('Film', element('span', { className: 'buttons' }, choice, seconds, make)));
   const list = () => {
     const ways = [['orbit', 'once around'], ...(viewer.series ? [['steps', 'all steps']] : [])];
     choice.replaceChildren(...ways.map(([value, text]) => element('option', { value }, text)));

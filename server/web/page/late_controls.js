@@ -6,6 +6,7 @@ import { vectorFields, vectorsOf } from './levels.js';
 import { bytes, clamp, plain, significant } from './numbers.js';
 import { thresholdRange } from './spec.js';
 import { mostVectors } from './state.js';
+import { row } from './rows.js';
 
 // As many as a slider from 1 to 1000 says: most of its way is for few.
 function bindVectors(controls) {
@@ -29,8 +30,6 @@ function bindVectors(controls) {
     ['line', 'plotted line'],
     ['slice', 'first slice'],
   ]);
-  const row = (text, control) =>
-    element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
   byId('vectors-more').append(row('Size', size), row('Where', seeds));
   size.addEventListener('input', () => store.set({ vectorSize: Number((10 ** (size.value / 100)).toPrecision(3)) }));
   seeds.addEventListener('change', () => {
@@ -106,9 +105,8 @@ function bindBox(controls) {
     return slider;
   });
   const axes = [0, 1, 2].map((i) => element('div', { className: 'row' }, 'xyz'[i], sliders[i], sliders[3 + i]));
-  const body = element('div', {}, ...axes, element('p', { className: 'hint' }, 'Cells whose middle is in it.'));
-  const row = element('div', { className: 'row' }, element('label', { htmlFor: box.id }, 'Clip box'), box);
-  byId('clip').after(row, body);
+  const body = element('div', {}, ...axes);
+  byId('clip').after(row('Clip box', box), body);
   // what is left is looked at from outside
   box.addEventListener('change', () =>
     store.set(box.checked ? { box: [0, 0, 0, 0.5, 1, 1], surface: 'solid' } : { box: null }),

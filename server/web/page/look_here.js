@@ -2,16 +2,14 @@
 // Detail where one looks: of streams with levels in pages, those pages are shown that the picture needs, to an error in
 // pixels (client/pages.js).
 
-import { byId, coalesced, element } from './dom.js';
+import { coalesced } from './dom.js';
 import { add, cross, dot, length, planeOf, scale, unit } from './geometry.js';
 import { measureFor, targetFieldOf } from './levels.js';
-import { bytes, count, parseNumber, percent, significant } from './numbers.js';
 
 const margin = 1.2; // of what is seen, that pages are held for: the next movement
 const nearest = 0.002; // of the diagonal: nothing is looked at from nearer
 const most = { tets: 1_000_000, bytes: 64_000_000 }; // where no budget is set
 const pause = 200; // milliseconds between two looks while the camera moves
-const usual = 2; // pixels
 
 const planeThrough = (point, normal) => [...normal, -dot(normal, point)];
 
@@ -47,9 +45,9 @@ export function lookOf(camera, { height, wide, shift, diagonal }) {
   };
 }
 
+/** Follows the camera while the state has `pixels`, of a stream in pages. */
 export class LookHere {
   #viewer;
-  #parts = null;
   #last = '';
   #lastTime = 0;
   #id = 0;
@@ -57,42 +55,13 @@ export class LookHere {
   constructor(viewer) {
     this.#viewer = viewer;
     if (!viewer.info.paged) return;
-    this.#parts = this.#build();
     const soon = coalesced(() => this.#look());
     viewer.store.watch(
       ['pixels', 'field', 'errorField', 'measure', 'maxTets', 'maxBytes', 'clip', 'warp', 'step'],
       soon,
     );
-    viewer.store.watch(['pixels'], () => this.#tell());
-    viewer.addEventListener('info', () => this.#tell());
     viewer.scene.addEventListener('camera', soon);
     viewer.scene.addEventListener('render', () => this.#lookSometimes());
-  }
-
-  #build() {
-    const on = element('input', { id: 'look-on', className: 'switch', type: 'checkbox' });
-    const pixels = element('input', { id: 'look-pixels', className: 'number', inputMode: 'decimal' });
-    const words = element('p', { id: 'look-words', className: 'hint' });
-    words.role = 'status';
-    const row = (control, text) =>
-      element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
-    const details = element(
-      'details',
-      { id: 'look' },
-      element('summary', {}, 'Detail where one looks'),
-      row(on, 'More where the picture is near'),
-      row(pixels, 'Error on the screen, pixels'),
-      words,
-    );
-    byId('max-tets').closest('details').after(details);
-    const { store } = this.#viewer;
-    on.addEventListener('change', () => store.set({ pixels: on.checked ? usual : 0 }));
-    pixels.addEventListener('change', () => {
-      const value = parseNumber(pixels.value);
-      if (value > 0) store.set({ pixels: value });
-      this.#tell();
-    });
-    return { details, on, pixels, words };
   }
 
   #lookSometimes() {
@@ -138,29 +107,5 @@ export class LookHere {
       field: targetFieldOf(info, state),
       measure: measureFor(info, state),
     };
-  }
-
-  #tell() {
-    const { details, on, pixels, words } = this.#parts;
-    const { state } = this.#viewer.store;
-    on.checked = state.pixels > 0;
-    pixels.disabled = !on.checked;
-    pixels.value = on.checked ? significant(state.pixels, 3) : '';
-    if (on.checked) details.open = true;
-    words.textContent = this.#words(state);
-  }
-
-  #words(state) {
-    const { finer, info, at } = this.#viewer;
-    if (!state.pixels)
-      return `${info.levels.length - info.paged} levels are stored in pages: only those that are seen are loaded.`;
-    if (at) return 'Steps in time are shown without pages.';
-    if (finer?.pages === undefined) return 'On the way.';
-    const { worst, pixels, refused } = finer;
-    const field = targetFieldOf(info, state);
-    const error = info.levels[worst].errors[field]?.[measureFor(info, state)] ?? 1;
-    const why = refused ? '; more would pass the budget of tetrahedra or bytes' : '; pages have nothing finer';
-    const off = `${percent(error)}, ${significant(pixels, 2)} pixels off${pixels > state.pixels ? why : ''}`;
-    return `${count(finer.pages)} pages, ${bytes(finer.held)} held. The worst place in the picture is ${off}.`;
   }
 }

@@ -6,6 +6,7 @@ import { add, corners, length } from './geometry.js';
 import { notice } from './notices.js';
 import { clamp, count, parseNumber, percent, significant } from './numbers.js';
 import { makeKnob } from './place_knob.js';
+import { row } from './rows.js';
 
 const share = 0.125; // of the picture's height, that a box reaches to each side
 const gain = 10; // times smaller than elsewhere is the error in boxes at first
@@ -57,14 +58,13 @@ export class RefineHere {
     const here = element('button', { type: 'button', id: 'refine-here', className: 'small', title }, 'add');
     const list = element('div', { id: 'refine-list' });
     const words = element('p', { id: 'refine-words', className: 'hint' });
-    const row = (label, ...controls) => element('div', { className: 'row' }, label, ...controls);
     const details = element(
       'details',
       { id: 'refine' },
       element('summary', {}, 'Finer in boxes'),
-      row(element('span', {}, 'A box with more detail'), here),
+      row('A box with more detail', here),
       list,
-      row(element('label', { htmlFor: error.id }, 'Error in boxes, %'), error),
+      row('Error in boxes, %', error),
       words,
     );
     byId('max-tets').closest('details').after(details);

@@ -4,13 +4,14 @@
 import { byId, element } from './dom.js';
 import { regionFields } from './levels.js';
 import { count } from './numbers.js';
+import { row } from './rows.js';
 
 const none = ''; // of the choice: no regions
 
 function rowOf({ number, tets }, change) {
   const box = element('input', { type: 'checkbox', className: 'switch', id: `region-${number}` });
   box.addEventListener('change', () => change(number, box.checked));
-  return element('div', { className: 'row' }, element('label', { htmlFor: box.id }, `${number} `, element('small', {}, `${count(tets)} cells`)), box);
+  return row([`${number} `, element('small', {}, `${count(tets)} cells`)], box);
 }
 
 export function bindRegions(viewer) {

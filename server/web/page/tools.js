@@ -7,6 +7,7 @@ import { Drafts } from './drafts.js';
 import { bindExports, pictureSize } from './exports.js';
 import { bindLate } from './late_controls.js';
 import { bindFilm } from './film.js';
+import { LookControls } from './look_controls.js';
 import { LookHere } from './look_here.js';
 import { LinePlot } from './line_plot.js';
 import { Pins } from './pins.js';
@@ -34,6 +35,7 @@ export class Tools {
     this.pins = new Pins(viewer, layer, pointer);
     this.boxes = new RefineHere(viewer, layer, pointer);
     this.look = new LookHere(viewer);
+    this.lookControls = new LookControls(viewer);
     this.certain = new Certain(viewer, layer);
     bindCalculator(viewer);
     bindUnits(viewer);

@@ -4,12 +4,12 @@
 import { byId, element } from './dom.js';
 import { unitOf, unitsOf } from './levels.js';
 import { unitsText } from './promises.js';
+import { row } from './rows.js';
 
 export function bindUnits(viewer) {
   const { store } = viewer;
   const input = element('input', { id: 'unit', className: 'number', autocomplete: 'off', spellcheck: false });
-  const label = element('label', { htmlFor: 'unit' }, 'Unit');
-  byId('component-row').after(element('div', { className: 'row' }, label, input));
+  byId('component-row').after(row('Unit', input));
   const shown = () => store.state.cells || store.state.field;
   input.addEventListener('change', () => {
     const units = unitsOf(store.state).set(shown(), input.value.trim());

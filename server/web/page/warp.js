@@ -5,6 +5,7 @@ import { byId, element } from './dom.js';
 import { cross, dot, unit } from './geometry.js';
 import { fieldOf, vectorFields, warpField } from './levels.js';
 import { parseNumber, significant } from './numbers.js';
+import { row } from './rows.js';
 
 const share = 0.1; // of the diagonal: what the largest vector is shown as at first
 const bend = Math.cos(Math.PI / 6); // between triangles whose edge is part of the outline
@@ -59,8 +60,6 @@ export function bindWarp(viewer) {
   const field = element('select', { id: 'warp' }, ...options);
   const scale = element('input', { id: 'warp-scale', className: 'number', inputMode: 'decimal', autocomplete: 'off' });
   const outline = element('input', { id: 'outline', type: 'checkbox', className: 'switch' });
-  const row = (text, control) =>
-    element('div', { className: 'row' }, element('label', { htmlFor: control.id }, text), control);
   const more = element('div', {}, row('Scale', scale), row('Outline of the undeformed', outline));
   byId('vectors-body').lastElementChild.before(row('Warp by', field), more);
   field.addEventListener('change', () =>
