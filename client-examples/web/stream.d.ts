@@ -25,6 +25,8 @@ export interface CellField {
   region: boolean;
   /** Of its bytes in the stream: offset and size. */
   place: [number, number];
+  /** Of the bytes that say which cell of the input each tetrahedron is of, if values are stored once a cell. */
+  map?: [number, number];
 }
 
 export interface Level {
@@ -56,6 +58,8 @@ export interface Info {
   /** Of a series whose mesh changes; else none. Where the stream of each lies, and the times of its steps. */
   topologies: { cid: string; offset: number; size: number; times: number[] }[];
   levels: Level[];
+  /** Of a series in time: offset and size of its table of steps. */
+  time: [number, number] | null;
   metadata: Record<string, unknown>;
 }
 
@@ -81,6 +85,8 @@ export interface Series {
   bands: { error: number; level: number }[];
   /** The fields that have steps. */
   fields: { name: string; range: [number, number] }[];
+  /** Fields of cells that have steps. */
+  cellFields: { name: string; range: [number, number] }[];
   /** The field that moves the points; null: they keep their places. */
   displacement: string | null;
 }
@@ -152,8 +158,10 @@ export interface Spec {
   rays?: boolean;
   /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
   volume?: { size: number; logarithmic?: boolean } | null;
-  /** Arrows, or lines along the flow, through `count` places (300) that are spread over the volume. */
-  /** `size`: times as long, or as thick, as usual; through `places`, if they are given. */
+  /**
+   * Arrows, or lines along the flow, through `count` places (300) that are spread over the volume, or through `places`;
+   * `size`: times as long, or as thick, as usual.
+   */
   vectors?: {
     field: string;
     kind?: 'arrows' | 'streamlines';
@@ -161,9 +169,9 @@ export interface Spec {
     size?: number;
     places?: Point[] | null;
   } | null;
-  /** In these boxes (low corner, high corner) the mesh is that of the level that `target` chooses, if it is finer. */
-  /** Draw only tetrahedra whose middle is in it. */
+  /** Draw only what lies in it (low corner, high corner); the cuts are capped. */
   box?: [number, number, number, number, number, number] | null;
+  /** In these boxes the mesh is that of the level that `target` chooses, if it is finer. */
   refine?: { boxes: [number, number, number, number, number, number][]; target?: Target } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
@@ -227,6 +235,8 @@ export interface Shade {
   /** The field is one of cells. */
   cells: boolean;
   component: Component;
+  /** A formula colours: `field` is its text. */
+  formula: boolean;
   /** Over all of the mesh. */
   range: [number, number];
   /** Sorted values, as many of each as it has of the volume. Absent while the mesh moves, and where it is the same as in the last message. */

@@ -2,14 +2,14 @@
 // The package as other people's projects meet it: Vite (built, and served for development), webpack, types under tsc --strict,
 // modules from another origin, and streams that no URL brings.
 import assert from 'node:assert/strict';
-import { execFile } from 'node:child_process';
+import { execFile, execFileSync } from 'node:child_process';
 import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join, resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { promisify } from 'node:util';
 import { launch, openPage } from './browser.mjs';
-import { ROOT, SCRATCH, folderHost, program, sampleStream } from './hosts.mjs';
+import { ROOT, SCRATCH, TETLOD, cellStream, folderHost, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const execute = promisify(execFile);
@@ -108,52 +108,6 @@ async function the_example_with_three() {
   host.close();
 }
 
-async function types_are_strict() {
-  if (old) return old;
-  writeFileSync(
-    join(project, 'src/types.ts'),
-    `import { TetlodStream, type Info, type Mesh } from 'tetlod';
-import { toPolyData } from 'tetlod/adapters.js';
-import { TetlodView } from 'tetlod/element.js';
-const shownField = (stream: TetlodStream): string => stream.fields[0] ?? '';
-export async function use(file: File): Promise<[Info, Mesh]> {
-  const stream = await TetlodStream.open({ url: 'https://example.org/a.tetlod', headers: { Authorization: 'Bearer x' }, credentials: 'include' });
-  stream.addEventListener('pictures', ({ detail }) => detail.surface?.points.length);
-  stream.addEventListener('level', ({ detail }) => detail.seconds.toFixed(1), { once: true });
-  const asTarget: EventTarget = stream;
-  asTarget.dispatchEvent(new Event('x'));
-  (await TetlodStream.open(file)).close();
-  (await TetlodStream.open({ read: async (from, to) => new Uint8Array(await file.slice(from, to).arrayBuffer()) })).close();
-  await stream.refineTo({ error: 0.01, tets: 1e6 }, { signal: AbortSignal.timeout(1000) });
-  for await (const { surface, shade } of stream.frames({ field: shownField(stream), surface: true }))
-    if (surface && shade?.sample) toPolyData(surface, {}, { newInstance: (values: object) => values }, shade.field);
-  await stream.addFields(stream.info.fields.map(({ name }) => name));
-  const view: TetlodView = document.createElement('tetlod-view');
-  view.source = file;
-  return [stream.info, await stream.mesh()];
-}
-`,
-  );
-  await execute(
-    'npx',
-    [
-      'tsc',
-      '--noEmit',
-      '--strict',
-      '--target',
-      'es2022',
-      '--module',
-      'nodenext',
-      '--moduleResolution',
-      'nodenext',
-      '--lib',
-      'es2022,dom',
-      'src/types.ts',
-    ],
-    { cwd: project },
-  ).catch((error) => assert.fail(error.stdout || error.message));
-}
-
 // The types are written by hand: each public member is held against the code, and one that is not there is found.
 async function every_public_member_has_its_type() {
   if (old) return old;
@@ -172,6 +126,41 @@ async function every_public_member_has_its_type() {
     String(wrong),
     /TetlodStream\.compacted: has a type, and is not there\nTetlodStream\.compact: has no type/,
   );
+}
+
+// Every member is used on streams of all kinds, as the types allow it, and what comes is what the types say; of a type
+// that is wrong, of an argument or of a result, the same tells.
+async function members_do_what_their_types_say() {
+  if (old) return old;
+  const steps = join(SCRATCH, 'steps/wake.pvd');
+  mkdirSync(join(SCRATCH, 'steps'), { recursive: true });
+  const made = (name, sample, ...options) => {
+    const [mesh, stream] = [name === 'wake' ? steps : join(SCRATCH, `${name}.vtu`), join(SCRATCH, `${name}.tetlod`)];
+    execFileSync(TETLOD, ['sample', ...sample, '-o', mesh], { stdio: 'ignore' });
+    execFileSync(TETLOD, ['build', mesh, ...options, '-o', stream, '--quiet'], { stdio: 'ignore' });
+    return resolve(stream);
+  };
+  const streams = [
+    made('flow', ['fin', '--size', '12'], '--field', 'Density', '--field', 'Velocity', '--domain-error', '0'),
+    resolve(cellStream().path),
+    made('wake', ['wake', '--steps', '4', '--size', '6']),
+    made('pages', ['cube', '--size', '16'], '--paged=1000'),
+  ];
+  const types = join(project, 'used');
+  mkdirSync(types, { recursive: true });
+  const check = () => execute('node', ['run-types.mjs', types, ...streams], { cwd: project });
+  const written = readFileSync(join(ROOT, 'client-examples/web/stream.d.ts'), 'utf8');
+  const write = (from, to) => writeFileSync(join(types, 'stream.d.ts'), written.replace(from, to));
+  write('', '');
+  await check().catch((error) => assert.fail(error.stdout || error.message));
+  for (const [from, to, complaint] of [
+    ['  numbers: Uint32Array;', '  numbers: Float64Array;', /DrawnMesh\.numbers is a Uint32Array, not a Float64Array/],
+    ['{ within?: number', '{ within?: string', /uses\.ts:\d+: Type 'number' is not assignable to type 'string'/],
+  ]) {
+    assert.ok(written.includes(from), from);
+    write(from, to);
+    assert.match(String(await check().catch(({ stdout }) => stdout)), complaint);
+  }
 }
 
 // <tetlod-view> in JSX, with a namespace of all modules and with React 19's.
@@ -269,8 +258,8 @@ await run([
   a_fresh_vite_project,
   a_fresh_webpack_project,
   the_example_with_three,
-  types_are_strict,
   every_public_member_has_its_type,
+  members_do_what_their_types_say,
   the_element_in_jsx,
   modules_of_another_origin,
   files_and_functions,

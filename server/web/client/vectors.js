@@ -172,7 +172,7 @@ class Solid {
 
   get part() {
     return { points: Float32Array.from(this.#points), values: Float32Array.from(this.#values), triangles: Uint32Array.from(this.#triangles),
-      normals: Float32Array.from(this.#normals), lines: null };
+      vectors: null, normals: Float32Array.from(this.#normals), lines: null };
   }
 }
 
