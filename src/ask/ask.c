@@ -56,7 +56,7 @@ static bool allows_sweep(const struct ask_question *question)
 /* Can a form answer it? */
 static bool answers(const struct asking *asking, const struct form *form)
 {
-    return form->swept == 0 || allows_sweep(asking->question);
+    return form->swept == 0 || (allows_sweep(asking->question) && isfinite(form->swept));
 }
 
 static enum tetlod_status load_regions(struct asking *asking, struct tetlod_error *error)

@@ -20,9 +20,21 @@ static bool is_original(const struct tetlod_info *info, uint32_t level)
     return level + 1 == info->level_count && info->lossless;
 }
 
+/* How far the boundary has moved at most; infinite if that is not known of single points. */
+static double moved_at(const struct forms *forms, uint32_t level)
+{
+    const struct tetlod_info *info = forms->info;
+    double x = info->bounds[1][0] - info->bounds[0][0], y = info->bounds[1][1] - info->bounds[0][1];
+    double z = info->bounds[1][2] - info->bounds[0][2];
+    if (info->levels[level].domain_error <= KEPT || is_original(info, level))
+        return 0;
+    return info->lossless && !forms->series ? info->levels[level].domain_error * sqrt(x * x + y * y + z * z) * (1 + TIE)
+                                            : INFINITY;
+}
+
 static double swept_at(const struct forms *forms, uint32_t level)
 {
-    if (forms->info->levels[level].domain_error <= KEPT || is_original(forms->info, level))
+    if (moved_at(forms, level) == 0)
         return 0;
     return level < forms->summary.level_count ? forms->summary.swept[level] : INFINITY;
 }
@@ -54,9 +66,9 @@ static double error_of_band(const struct forms *forms, uint32_t band)
 
 static void add_form(struct forms *forms, uint32_t level, uint32_t band, double error)
 {
-    double swept = swept_at(forms, level);
-    if (forms->finest != TETLOD_NONE && level <= forms->finest && !isinf(error) && !isinf(swept))
-        forms->forms[forms->count++] = (struct form){level, band, error, swept};
+    double moved = moved_at(forms, level), swept = swept_at(forms, level);
+    if (forms->finest != TETLOD_NONE && level <= forms->finest && !isinf(error) && (!isinf(moved) || !isinf(swept)))
+        forms->forms[forms->count++] = (struct form){level, band, error, moved, swept};
 }
 
 static enum tetlod_status list(struct forms *forms, struct tetlod_error *error)

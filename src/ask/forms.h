@@ -7,11 +7,12 @@
 #include "format/read/summary.h"
 #include "src/stream/selection.h"
 
-/* `error`: what a value at any point differs from the original's at most, in the field's units. `swept`: the volume
- * that the boundary has swept (PROOF.md 12); 0 where it kept its place, infinite if it is not known. */
+/* `error`: what a value at any point differs from the original's at most, in the field's units. `moved`: no point of
+ * the boundary has moved further than that; `swept`: the volume that it has swept (PROOF.md 12), infinite if it is not
+ * known. Both are 0 where it kept its place. */
 struct form {
     uint32_t level, band; /* band: TETLOD_NONE for values of the level itself */
-    double error, swept;
+    double error, moved, swept;
 };
 
 struct forms {
@@ -25,7 +26,7 @@ struct forms {
     uint32_t series_field, step;    /* the step's number in its topology group */
     struct tetlodi_summary summary; /* of the stream's own values: empty if it has none, or for a step */
     struct tetlodi_box_sums boxes;  /* likewise */
-    struct form *forms;             /* owned, coarse to fine: those of which something is certain, and that are here */
+    struct form *forms;             /* owned, coarse to fine: those whose error is certain, and that are here */
     uint32_t count, finest;         /* finest: the level that is here */
     struct tetlod_cursor *cursor;   /* owned */
     double *moved;                  /* owned: positions of a step that moves them */

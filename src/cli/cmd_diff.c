@@ -41,9 +41,8 @@ static const char help[] =
     "      --json         as JSON\n"
     "\n"
     "Domains that differ are compared where they overlap, and their volumes are said. Bodies that touch\n"
-    "are compared each with itself. Where the boundary of a level has moved, it can show that a\n"
-    "difference is beyond the limit, not that it is within; with 'rms' both, where the stream has a\n"
-    "summary.\n"
+    "are compared each with itself. Where the boundary of a level has moved, places near it are compared\n"
+    "with all that the original may have there.\n"
     "\n"
     "Exit status: 0 within, or no limit; 4 beyond the limit; 5 undecided even at the finest levels.\n"
     "\n"
@@ -274,7 +273,7 @@ static int diff_field(const struct request *request, struct operands *operands, 
                       json_t *list)
 {
     struct diff_side sides[2] = {0};
-    struct diff_options options = {.threads = request->threads};
+    struct diff_options options = {.threads = request->threads, .all_cells = request->output != NULL};
     struct diff_result result = {0};
     struct tetlod_error error = {0};
     enum tetlod_status status = compare(request, operands, limit, sides, &options, &result, &error);

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/diff/open_parts.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -17,7 +18,11 @@
 /* Levels that are tried before the finest ones are taken. */
 enum { MAX_TRIES = 4 };
 
-static const struct form whole_mesh = {TETLOD_NONE, TETLOD_NONE, 0, 0};
+/* Builds whose limit knows nothing of partners keep the boundary to 1e-6 of the diagonal (PROOF.md 8), and a little that
+ * its stored digits add. */
+static const double KEPT_OF_EXACT = 1.01e-6;
+
+static const struct form whole_mesh = {.level = TETLOD_NONE, .band = TETLOD_NONE};
 
 enum tetlod_status diff_side_mesh(struct diff_side *side, const char *field, struct tetlod_error *error)
 {
@@ -71,6 +76,7 @@ static enum tetlod_status take(struct diff_side *side, uint32_t number, struct d
     struct tetmesh *mesh = &side->mesh;
     struct form_mesh form;
     *out = (struct difference_side){.mesh = mesh, .field = side->field, .bound = TETLOD_NONE};
+    memcpy(out->range, side->range, sizeof out->range);
     if (!side->of_stream)
         return TETLOD_OK;
     tetmesh_fini(mesh);
@@ -88,7 +94,10 @@ static enum tetlod_status take(struct diff_side *side, uint32_t number, struct d
         TETLOD_TRY(add_values(mesh, "bound", 1, form.bounds, error));
     out->bound = form.bounds ? 1 : TETLOD_NONE;
     out->error = forms->forms[number].error;
+    out->moved = forms->forms[number].moved;
     out->swept = forms->forms[number].swept;
+    out->has_partners = forms->info->fields[forms->field].controlled &&
+        forms->info->levels[forms->forms[number].level].domain_error > KEPT_OF_EXACT;
     return TETLOD_OK;
 }
 
@@ -123,13 +132,13 @@ static double furthest_of(const struct diff_side sides[2])
     return larger(sides[0].range[1] - sides[1].range[0], sides[1].range[1] - sides[0].range[0]);
 }
 
-/* What a boundary may have swept. A level where it moved can show that a largest difference is beyond a limit, not that
- * it is within: that is tried first. What was swept makes a mean square uncertain: by a quarter of the scale. */
-static double most_swept(const struct diff_side sides[2], int m, const struct diff_options *options, bool first)
+/* What a boundary may have swept: for a largest difference that is no matter until it is what leaves it open. It makes
+ * a mean square uncertain: by a quarter of the scale. */
+static double most_swept(const struct diff_side sides[2], int m, const struct diff_options *options, bool kept)
 {
     double scale = (options->limited ? options->limit : options->width) / 4, furthest = furthest_of(sides);
     if (options->norm == DIFF_MAX)
-        return first && options->limited ? INFINITY : 0;
+        return kept ? 0 : INFINITY;
     bool known = sides[m].of_stream && sides[m].forms.summary.level_count && furthest > 0;
     return known ? sides[m].forms.summary.volume * scale * scale / (furthest * furthest) : 0;
 }
@@ -146,10 +155,10 @@ static bool are_one(const struct diff_side sides[2])
 
 /* The interval of the whole's root mean square, and of the square's integral. What was swept may differ by as much as
  * the ranges allow, or not at all. */
-static void set_squares(const struct diff_side sides[2], uint32_t components, double swept, struct diff_result *out)
+static void set_squares(const struct diff_side sides[2], uint32_t components, struct diff_result *out)
 {
     const struct difference *found = &out->difference;
-    double furthest = furthest_of(sides);
+    double furthest = furthest_of(sides), swept = out->swept = found->swept;
     double least = found->squares[0] - swept * components * found->max[1] * found->max[1];
     double most = found->squares[1] + swept * components * furthest * furthest;
     double volumes[2] = {larger(found->overlap - swept, 0), found->overlap + swept};
@@ -159,13 +168,13 @@ static void set_squares(const struct diff_side sides[2], uint32_t components, do
     out->bounds[DIFF_RMS][1] = smaller(out->l2[1] / sqrt(volumes[0]), furthest * sqrt(components));
 }
 
-static void set_max(const struct diff_side sides[2], double swept, struct diff_result *out)
+static void set_max(const struct diff_side sides[2], struct diff_result *out)
 {
     const struct difference *found = &out->difference;
     double furthest = furthest_of(sides);
     double *bounds = out->bounds[DIFF_MAX];
-    bounds[0] = swept > 0 ? found->differing : found->max[0];
-    bounds[1] = swept > 0 ? furthest : smaller(found->max[1], larger(furthest, bounds[0]));
+    bounds[0] = found->max[0];
+    bounds[1] = smaller(found->max[1], larger(furthest, bounds[0]));
 }
 
 static enum diff_verdict judge(const struct diff_options *options, const double bounds[2])
@@ -202,47 +211,94 @@ static enum tetlod_status note_used(const struct diff_side *side, int m, uint32_
     return side->of_stream ? forms_bytes(&side->forms, number, &out->used[m].bytes, error) : TETLOD_OK;
 }
 
+/* Compares the forms that were taken: all of them, or what the last ones have left open. */
+static enum tetlod_status compare(struct diff_side sides[2], const struct difference_side given[2],
+                                  const struct diff_options *options, const struct tetmesh *last,
+                                  const struct difference *found, struct diff_result *out, struct tetlod_error *error)
+{
+    struct tetmesh *mesh = &sides[0].mesh;
+    uint8_t *asked = NULL;
+    double most;
+    enum tetlod_status status = TETLOD_OK;
+    if (found->cells && found->one_body && options->limited && options->norm == DIFF_MAX && !options->all_cells)
+        TETLOD_TRY_DONE(open_parts_find(found, sides[0].of_stream ? last : mesh, options->limit, mesh, &asked, &most,
+                                        error));
+    TETLOD_TRY_DONE(difference_measure(&out->difference, given, options->component, asked, options->threads, error));
+    if (asked)
+        open_parts_complete(&out->difference, asked, mesh->tet_count, most, found);
+    else if (!(out->difference.overlap > 0))
+        status = tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the meshes do not overlap: are their units the same?");
+    else
+        set_squares(sides, options->component < 0 ? sides[0].components : 1, out);
+done:
+    free(asked);
+    return status;
+}
+
 static enum tetlod_status measure(struct diff_side sides[2], const uint32_t forms[2],
                                   const struct diff_options *options, struct diff_result *out,
                                   struct tetlod_error *error)
 {
     struct taking taking = {.sides = sides, .forms = forms};
-    uint32_t components = options->component < 0 ? sides[0].components : 1;
+    struct difference found = out->difference;
+    struct tetmesh last[2] = {{0}, {0}}; // the difference looks at both
     bool one = are_one(sides);
-    difference_fini(&out->difference);
+    enum tetlod_status status = TETLOD_OK;
+    out->difference = (struct difference){0};
+    for (int m = 0; m < 2; m++)
+        if (sides[m].of_stream) {
+            last[m] = sides[m].mesh;
+            sides[m].mesh = (struct tetmesh){0};
+        }
     parallel_for(options->threads, 2, 1, take_range, &taking);
     for (int m = 0; m < 2; m++) {
-        if (taking.status[m] != TETLOD_OK) {
+        if (taking.status[m] != TETLOD_OK)
             *error = taking.errors[m];
-            return taking.status[m];
-        }
+        TETLOD_TRY_DONE(taking.status[m]);
         if (one)
             taking.given[m] = (struct difference_side){.mesh = &sides[m].mesh, .bound = TETLOD_NONE};
-        TETLOD_TRY(note_used(&sides[m], m, forms[m], &taking.given[m], out, error));
+        TETLOD_TRY_DONE(note_used(&sides[m], m, forms[m], &taking.given[m], out, error));
     }
-    TETLOD_TRY(difference_measure(&out->difference, taking.given, options->component, options->threads, error));
-    if (!(out->difference.overlap > 0))
-        return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the meshes do not overlap: are their units the same?");
-    out->swept = taking.given[0].swept + taking.given[1].swept;
-    set_max(sides, out->swept, out);
-    set_squares(sides, components, out->swept, out);
+    TETLOD_TRY_DONE(compare(sides, taking.given, options, &last[0], &found, out, error));
+    set_max(sides, out);
     out->verdict = judge(options, out->bounds[options->norm]);
-    return TETLOD_OK;
+done:
+    tetmesh_fini(&last[0]);
+    tetmesh_fini(&last[1]);
+    difference_fini(&found);
+    return status;
 }
 
 /* How small the errors of the next forms are to be: so small that what is open now is decided, if the difference is
- * about in the middle of what is known of it. */
-static double next_error(const struct diff_options *options, const double bounds[2], double last)
+ * about in the middle of what is known of it, but not much smaller: that is known badly. */
+static double next_error(const struct diff_options *options, const struct diff_result *found, double last)
 {
-    double gap = options->limited ? fabs((bounds[0] + bounds[1]) / 2 - options->limit) : options->width;
-    return smaller(last / 4, 0.4 * gap);
+    const double *bounds = found->bounds[options->norm];
+    double most = options->norm == DIFF_MAX ? found->difference.inner : bounds[1];
+    double gap = options->limited ? fabs((bounds[0] + most) / 2 - options->limit) : options->width;
+    return larger(smaller(last / 4, 0.4 * gap), last / 16);
+}
+
+/* Are only places open that boundaries have left? Then levels help that have kept theirs. */
+static bool is_open_at_boundary(const struct diff_options *options, const struct diff_result *found)
+{
+    double goal = options->limited ? options->limit : found->bounds[DIFF_MAX][0] + options->width;
+    return options->norm == DIFF_MAX && found->difference.inner <= goal;
+}
+
+/* What boundaries have left of a tetrahedron differs by what is known of such places. */
+static void complete_cells(const struct diff_side *first, struct difference *found)
+{
+    for (uint32_t t = 0; t < first->mesh.tet_count; t++)
+        if (found->cells[t].left)
+            found->cells[t].upper = larger(found->cells[t].upper, found->shell);
 }
 
 enum tetlod_status diff_decide(struct diff_side sides[2], const struct diff_options *options, struct diff_result *out,
                                struct tetlod_error *error)
 {
-    bool one = are_one(sides);
-    double target = options->limited ? options->limit : options->width / 4;
+    bool one = are_one(sides), kept = false;
+    double target = options->limited ? options->limit / 3 : options->width / 4;
     uint32_t used[2] = {TETLOD_NONE, TETLOD_NONE};
     *out = (struct diff_result){0};
     if (sides[0].components != sides[1].components)
@@ -252,8 +308,8 @@ enum tetlod_status diff_decide(struct diff_side sides[2], const struct diff_opti
         uint32_t finest[2], next[2];
         for (int m = 0; m < 2; m++) {
             finest[m] = pick(&sides[m], -1, 0);
-            next[m] = one ? 0 : tries == MAX_TRIES ? finest[m]
-                                                   : pick(&sides[m], target, most_swept(sides, m, options, tries == 0));
+            next[m] = one ? 0 : tries == MAX_TRIES ? finest[m] : pick(&sides[m], target,
+                                                                      most_swept(sides, m, options, kept));
         }
         if (next[0] != used[0] || next[1] != used[1]) {
             memcpy(used, next, sizeof used);
@@ -261,8 +317,10 @@ enum tetlod_status diff_decide(struct diff_side sides[2], const struct diff_opti
         }
         if (out->verdict != DIFF_UNDECIDED || one || (used[0] == finest[0] && used[1] == finest[1]))
             break;
-        target = next_error(options, out->bounds[options->norm], target);
+        kept = kept || is_open_at_boundary(options, out);
+        target = is_open_at_boundary(options, out) ? target : next_error(options, out, target);
     }
+    complete_cells(&sides[0], &out->difference);
     if (!options->limited)
         out->verdict = DIFF_MEASURED;
     return TETLOD_OK;

@@ -35,6 +35,7 @@ struct diff_options {
     enum diff_norm norm; /* that the limit, or the width, is about */
     bool limited;        /* a limit is given; else the interval is to be no wider than `width` */
     double limit, width;
+    bool all_cells;      /* the cells are wanted, not only the verdict */
     unsigned threads;
 };
 

@@ -8,6 +8,8 @@
 #include "format/fail.h"
 #include "src/ask/clip.h"
 #include "src/diff/bodies.h"
+#include "src/diff/moved_boundary.h"
+#include "src/diff/shell.h"
 #include "src/measure/weights_map.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/bvh.h"
@@ -15,7 +17,7 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-enum { CHUNK = 64, BINS = 4096 };
+enum { CHUNK = 64 };
 
 /* A cell of less than this of the smaller tetrahedron is a sliver. */
 static const double SLIVER = 0.01;
@@ -38,13 +40,13 @@ struct worker {
     struct body_pairs pairs;
     double lower, place[3];    /* the greatest lower end, and where */
     size_t tet;                /* of the first mesh, that has it */
-    uint64_t bins[BINS];       /* volume, by what the difference is at least */
     uint64_t apart;
     bool no_memory;
 };
 
 struct measuring {
     const struct difference_side *sides;
+    const uint8_t *asked;      /* of the first mesh's tetrahedra; NULL: all */
     const double *values[2], *bounds[2];
     uint32_t stride, components;
     uint8_t *usable[2];        /* owned, [tet] */
@@ -54,10 +56,11 @@ struct measuring {
     struct weights_map *maps;  /* owned, [tet of the second mesh] */
     struct bvh tree;           /* of it */
     uint32_t *neighbours;      /* owned, of it (adjacency.h) */
+    uint8_t *near[2];          /* owned, [tet]: no further from it than it has moved; NULL: it has not */
     bool same;                 /* the meshes are: only tetrahedra of the same number overlap */
     bool pairing;              /* only which bodies overlap is asked */
     struct body_pairs pairs;   /* judged */
-    double unit, bin;          /* of volumes; the width of a bin */
+    double unit;               /* of volumes */
     struct worker *workers;
     struct difference *out;
 };
@@ -73,60 +76,102 @@ struct cell {
     double errors[4];       /* bounds at the corners of the clipped one */
     double reach[2][4];     /* the greatest weights in the cell */
     double share, integral, square, error_square;
-    double upper, lower, least; /* least: of the difference anywhere in it, less the bounds */
+    bool near;              /* a boundary that has moved */
+    double upper, lower;
     double weights[4];      /* where `lower` is */
 };
 
 /* ---- a cell */
 
-/* The largest component's difference at a piece's corners, and its least one in between. */
-static void add_component(struct cell *cell, const double piece[4][4], const double errors[4], uint32_t c,
-                          double share, double *least)
+/* Is a place of the cell, by its weights, one of both originals? */
+static bool is_in_both(const struct cell *cell, const double weights[4])
+{
+    const struct measuring *measuring = cell->measuring;
+    double place[3] = {0};
+    if (!cell->near)
+        return true;
+    for (int c = 0; c < 4; c++) {
+        const double *p = mesh_corner(measuring->sides[cell->clipped].mesh, cell->tets[cell->clipped], c);
+        for (int i = 0; i < 3; i++)
+            place[i] += weights[c] * p[i];
+    }
+    const struct moved_boundary *boundaries = measuring->out->boundaries;
+    return moved_boundary_leaves(&boundaries[0], place) && moved_boundary_leaves(&boundaries[1], place);
+}
+
+/* What the difference is at least: at a piece's corners, or further inside where a corner is not in both. */
+static void raise_lower(struct cell *cell, const double piece[4][4], const double d[4], const double errors[4])
+{
+    enum { STEPS = 4 };
+    double mean = (d[0] + d[1] + d[2] + d[3]) / 4, error = (errors[0] + errors[1] + errors[2] + errors[3]) / 4;
+    for (int i = 0; i < 4; i++)
+        for (int step = 0; step <= (cell->near ? STEPS : 0); step++) {
+            double t = step / (double)STEPS, weights[4];
+            double lower = fabs(d[i] + t * (mean - d[i])) - (errors[i] + t * (error - errors[i]));
+            if (!(lower > cell->lower))
+                break;
+            for (int c = 0; c < 4; c++)
+                weights[c] = piece[i][c] + t * ((piece[0][c] + piece[1][c] + piece[2][c] + piece[3][c]) / 4 -
+                                                piece[i][c]);
+            if (!is_in_both(cell, weights))
+                continue;
+            cell->lower = lower;
+            memcpy(cell->weights, weights, sizeof weights);
+            break;
+        }
+}
+
+/* One component's difference in a piece. */
+static void add_component(struct cell *cell, const double piece[4][4], const double errors[4], uint32_t c, double share)
 {
     const double *at = cell->worker->differences + 4 * (size_t)c;
-    double d[4], sum = 0, squares = 0, low = INFINITY;
+    double d[4], sum = 0, squares = 0, most = -INFINITY;
     for (int i = 0; i < 4; i++) {
         d[i] = piece[i][0] * at[0] + piece[i][1] * at[1] + piece[i][2] * at[2] + piece[i][3] * at[3];
         sum += d[i];
         squares += d[i] * d[i];
-        low = smaller(low, fabs(d[i]));
         cell->upper = larger(cell->upper, fabs(d[i]) + errors[i]);
-        if (fabs(d[i]) - errors[i] > cell->lower) {
-            cell->lower = fabs(d[i]) - errors[i];
-            memcpy(cell->weights, piece[i], sizeof cell->weights);
-        }
+        most = larger(most, fabs(d[i]) - errors[i]);
     }
+    if (most > cell->lower)
+        raise_lower(cell, piece, d, errors);
     cell->square += share * (squares + sum * sum) / 20;
     cell->integral += c == 0 ? share * sum / 4 : 0;
-    bool turns = !((d[0] > 0 && d[1] > 0 && d[2] > 0 && d[3] > 0) || (d[0] < 0 && d[1] < 0 && d[2] < 0 && d[3] < 0));
-    *least = larger(*least, turns ? 0 : low);
 }
 
 static void add_piece(void *opaque, const double piece[4][4])
 {
     struct cell *cell = opaque;
     const struct measuring *measuring = cell->measuring;
-    int own = cell->clipped;
-    double share = clip_share(piece), errors[4], sum = 0, squares = 0, most = 0, least = 0;
-    for (int i = 0; i < 4; i++) {
-        const double *w = piece[i], *e = cell->errors;
-        for (int k = 0; k < 4; k++) {
-            double other = 0;
-            for (int c = 0; c < 4; c++)
-                other += w[c] * cell->in[own][c][k];
-            cell->reach[own][k] = larger(cell->reach[own][k], w[k]);
-            cell->reach[!own][k] = larger(cell->reach[!own][k], other);
+    const double *e = cell->errors;
+    double share = clip_share(piece), errors[4] = {e[0], e[0], e[0], e[0]}, sum = 4 * e[0], squares = 4 * e[0] * e[0];
+    if (measuring->bounds[0] || measuring->bounds[1]) {
+        sum = squares = 0;
+        for (int i = 0; i < 4; i++) {
+            const double *w = piece[i];
+            errors[i] = larger(w[0] * e[0] + w[1] * e[1] + w[2] * e[2] + w[3] * e[3], 0);
+            sum += errors[i];
+            squares += errors[i] * errors[i];
         }
-        errors[i] = larger(w[0] * e[0] + w[1] * e[1] + w[2] * e[2] + w[3] * e[3], 0);
-        sum += errors[i];
-        squares += errors[i] * errors[i];
-        most = larger(most, errors[i]);
     }
     cell->share += share;
     cell->error_square += measuring->components * share * (squares + sum * sum) / 20;
     for (uint32_t c = 0; c < measuring->components && !measuring->pairing; c++)
-        add_component(cell, piece, errors, c, share, &least);
-    cell->least = smaller(cell->least, least - most);
+        add_component(cell, piece, errors, c, share);
+}
+
+static void add_reach(void *opaque, const double piece[4][4])
+{
+    struct cell *cell = opaque;
+    int own = cell->clipped;
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 4; k++) {
+            double other = 0;
+            for (int c = 0; c < 4; c++)
+                other += piece[i][c] * cell->in[own][c][k];
+            cell->reach[own][k] = larger(cell->reach[own][k], piece[i][k]);
+            cell->reach[!own][k] = larger(cell->reach[!own][k], other);
+        }
 }
 
 static const double *values_at(const struct measuring *measuring, int m, uint32_t tet, int k)
@@ -218,21 +263,23 @@ static void add_cell(const struct cell *cell)
     out->squares[0] += low * low;
     out->squares[1] += high * high;
     out->upper = larger(out->upper, cell->upper + cell->noise);
+    out->left |= cell->near;
     if (volume < SLIVER * smaller(cell->volumes[0], cell->volumes[1]))
         return;
-    double lower = cell->lower - cell->noise, least = cell->least - cell->noise;
+    double lower = cell->lower - cell->noise;
     out->lower = larger(out->lower, lower);
     keep_place(cell, lower);
-    if (measuring->bin > 0 && least > 0) {
-        double bin = floor(least / measuring->bin);
-        cell->worker->bins[bin < BINS - 1 ? (int)bin : BINS - 1] += (uint64_t)(volume / measuring->unit);
-    }
 }
 
-/* Is the cell more than a contact? In both tetrahedra it reaches inside from every face. */
-static bool is_overlap(const struct cell *cell)
+/* Is the cell more than a contact? In both tetrahedra it reaches inside from every face. That is asked only if it has
+ * little of their volume. */
+static bool is_overlap(struct cell *cell, const double planes[][4], unsigned count)
 {
-    double least = 1;
+    double least = 1, volume = cell->volumes[cell->clipped] * cell->share;
+    if (volume > (1e-7 + 16 * cell->slack) * larger(cell->volumes[0], cell->volumes[1]))
+        return true;
+    memset(cell->reach, 0, sizeof cell->reach);
+    clip_tet(planes, count, add_reach, cell);
     for (int m = 0; m < 2; m++)
         for (int k = 0; k < 4; k++)
             least = smaller(least, cell->reach[m][k]);
@@ -257,9 +304,15 @@ static bool compares(const struct cell *cell, double volume)
     return kept;
 }
 
+static bool is_near(const struct measuring *measuring, int m, uint32_t tet)
+{
+    return measuring->near[m] && measuring->near[m][tet];
+}
+
 /* Returns the cell's volume; 0 for a contact. */
 static double clip_cell(struct cell *cell)
 {
+    const struct measuring *measuring = cell->measuring;
     double planes[4][4];
     unsigned count = 0;
     int own = cell->clipped;
@@ -271,13 +324,13 @@ static double clip_cell(struct cell *cell)
         }
         count += least < 0;
     }
-    memset(cell->reach, 0, sizeof cell->reach);
     cell->share = cell->integral = cell->square = cell->error_square = cell->upper = 0;
-    cell->lower = -INFINITY;
-    cell->least = INFINITY;
+    cell->near = is_near(measuring, 0, cell->tets[0]) || is_near(measuring, 1, cell->tets[1]);
+    cell->lower = cell->near ? measuring->out->cells[cell->tets[0]].lower : -INFINITY; // to be asked of few places
+    memset(cell->weights, 0, sizeof cell->weights);
     gather(cell);
     clip_tet((const double(*)[4])planes, count, add_piece, cell);
-    if (!is_overlap(cell))
+    if (!is_overlap(cell, (const double(*)[4])planes, count))
         return 0;
     if (compares(cell, cell->volumes[own] * cell->share))
         add_cell(cell);
@@ -384,10 +437,11 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
     const struct tetmesh *a = measuring->sides[0].mesh;
     for (size_t tet = begin; tet < end; tet++) {
         struct worker *worker = &measuring->workers[number];
+        struct difference_cell *out = &measuring->out->cells[tet];
         struct cell cell = {.measuring = measuring, .worker = worker, .tets = {(uint32_t)tet, 0}};
         struct reach reach;
         uint32_t first, last;
-        if (!measuring->usable[0][tet])
+        if (!measuring->usable[0][tet] || (measuring->asked && !measuring->asked[tet]))
             continue;
         cell.volumes[0] = volume_of(a, (uint32_t)tet);
         if (measuring->same) {
@@ -397,6 +451,7 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
         reach_set(&reach, a, (uint32_t)tet);
         if (compare_front(&cell, &reach.map) >= cell.volumes[0] * (1 - COVERED))
             continue;
+        out->left = true; // the rest may be in the second original
         struct bvh_walk walk = bvh_walk_begin(&measuring->tree);
         while (bvh_next_leaf_where(&walk, reaches, &reach, &first, &last))
             for (uint32_t i = first; i < last; i++) {
@@ -465,14 +520,42 @@ static enum tetlod_status find_bodies(struct measuring *measuring, struct tetlod
     return TETLOD_OK;
 }
 
-/* Of the second mesh, from which the search goes on. */
-static enum tetlod_status find_neighbours(struct measuring *measuring, struct tetlod_error *error)
+static enum tetlod_status find_near(struct measuring *measuring, int m, const uint32_t *neighbours,
+                                    struct tetlod_error *error)
 {
-    const struct tetmesh *b = measuring->sides[1].mesh;
-    measuring->neighbours = array_new(b->tet_count, 4 * sizeof *measuring->neighbours);
-    if (!measuring->neighbours)
-        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)16);
-    return adjacency_build(b->corners, b->tet_count, b->vertex_count, measuring->neighbours, NULL, error);
+    const struct difference_side *side = &measuring->sides[m];
+    TETLOD_TRY(moved_boundary_find(&measuring->out->boundaries[m], side->mesh, neighbours, side->moved, error));
+    measuring->near[m] = array_new(side->mesh->tet_count, sizeof **measuring->near);
+    if (!measuring->near[m])
+        return tetlodi_fail_nomem(error, "the overlay", side->mesh->tet_count);
+    for (uint32_t t = 0; t < side->mesh->tet_count; t++) {
+        double box[6];
+        tet_box(side->mesh, t, box);
+        measuring->near[m][t] = !moved_boundary_leaves_box(&measuring->out->boundaries[m], box);
+    }
+    return TETLOD_OK;
+}
+
+/* Of the second mesh, from which the search goes on; of both, what is near a boundary that has moved. */
+static enum tetlod_status find_neighbours(struct measuring *measuring, int m, struct tetlod_error *error)
+{
+    const struct tetmesh *mesh = measuring->sides[m].mesh;
+    bool moves = measuring->sides[m].moved > 0;
+    uint32_t *neighbours;
+    if (!moves && (m == 0 || measuring->same))
+        return TETLOD_OK;
+    neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    if (!neighbours)
+        return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count * (uint64_t)16);
+    enum tetlod_status status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL,
+                                                error);
+    if (status == TETLOD_OK && moves)
+        status = find_near(measuring, m, neighbours, error);
+    if (m == 1)
+        measuring->neighbours = neighbours;
+    else
+        free(neighbours);
+    return status;
 }
 
 /* The second mesh, to be searched. */
@@ -490,11 +573,13 @@ static enum tetlod_status prepare_search(struct measuring *measuring, struct tet
     return bvh_build(&measuring->tree, b->positions, b->corners, b->tet_count, 4, BVH_LEAF, error);
 }
 
+enum { PARTS = 5 };
+
 /* What is prepared at the same time. */
 struct preparation {
     struct measuring *measuring;
-    enum tetlod_status status[4];
-    struct tetlod_error errors[4];
+    enum tetlod_status status[PARTS];
+    struct tetlod_error errors[PARTS];
 };
 
 static void prepare_part(void *context, unsigned worker, size_t begin, size_t end)
@@ -506,17 +591,18 @@ static void prepare_part(void *context, unsigned worker, size_t begin, size_t en
         struct tetlod_error *error = &preparation->errors[part];
         if (part < 2)
             preparation->status[part] = find_usable(measuring, (int)part, error);
+        else if (part < 4)
+            preparation->status[part] = find_neighbours(measuring, (int)part - 2, error);
         else if (!measuring->same)
-            preparation->status[part] = part == 2 ? prepare_search(measuring, error)
-                                                  : find_neighbours(measuring, error);
+            preparation->status[part] = prepare_search(measuring, error);
     }
 }
 
 static enum tetlod_status prepare(struct measuring *measuring, unsigned threads, struct tetlod_error *error)
 {
     struct preparation preparation = {.measuring = measuring};
-    parallel_for(threads, 4, 1, prepare_part, &preparation);
-    for (int part = 0; part < 4; part++)
+    parallel_for(threads, PARTS, 1, prepare_part, &preparation);
+    for (int part = 0; part < PARTS; part++)
         if (preparation.status[part] != TETLOD_OK) {
             *error = preparation.errors[part];
             return preparation.status[part];
@@ -537,23 +623,6 @@ static enum tetlod_status prepare_workers(struct measuring *measuring, unsigned 
             return tetlodi_fail_nomem(error, "the overlay", measuring->components * (uint64_t)32 + tets * (uint64_t)4);
     }
     return measuring->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the overlay", threads * sizeof(struct worker));
-}
-
-/* The width of a bin: of all that a difference can be. 0: nothing was swept, and none are needed. */
-static double bin_width(const struct measuring *measuring)
-{
-    double least = INFINITY, most = -INFINITY;
-    if (!(measuring->sides[0].swept + measuring->sides[1].swept > 0))
-        return 0;
-    for (int m = 0; m < 2; m++) {
-        const struct tetmesh *mesh = measuring->sides[m].mesh;
-        for (size_t v = 0; v < mesh->vertex_count; v++)
-            for (uint32_t c = 0; c < measuring->components; c++) {
-                least = smaller(least, measuring->values[m][v * measuring->stride + c]);
-                most = larger(most, measuring->values[m][v * measuring->stride + c]);
-            }
-    }
-    return (most - least) / BINS;
 }
 
 /* Which bodies are each other's. */
@@ -580,17 +649,32 @@ static enum tetlod_status pair_bodies(struct measuring *measuring, unsigned thre
     return TETLOD_OK;
 }
 
-/* The largest difference that more than the swept volumes have: of the volume that has it, some was not swept. */
-static double differing(const struct measuring *measuring, unsigned threads)
+/* A difference that is no less than any: what the ranges allow. */
+static double furthest_of(const struct difference_side sides[2])
 {
-    double swept = (measuring->sides[0].swept + measuring->sides[1].swept) * (1 + ROUNDING), volume = 0;
-    for (int bin = BINS - 1; bin >= 0 && measuring->bin > 0; bin--) {
-        for (unsigned w = 0; w < threads; w++)
-            volume += (double)measuring->workers[w].bins[bin] * measuring->unit;
-        if (volume > swept)
-            return bin * measuring->bin;
+    return larger(sides[0].range[1] - sides[1].range[0], sides[1].range[1] - sides[0].range[0]);
+}
+
+/* Places that boundaries have left: with a field of which nothing is known there, or among several bodies, which the
+ * boundaries may have parted, what the ranges allow. */
+static void compare_shell(struct measuring *measuring, unsigned threads)
+{
+    const struct difference_side *sides = measuring->sides;
+    struct shell_side given[2];
+    bool moves = false, known = !measuring->bodies[0];
+    for (int m = 0; m < 2; m++) {
+        given[m] = (struct shell_side){sides[m].mesh, &measuring->out->boundaries[m], measuring->usable[m],
+                                       measuring->values[m]};
+        moves = moves || sides[m].moved > 0;
+        known = known && isfinite(sides[m].moved) && (sides[m].has_partners || !(sides[m].moved > 0));
+        measuring->out->swept += sides[m].moved > 0 ? smaller(sides[m].swept, measuring->out->boundaries[m].shell) : 0;
     }
-    return 0;
+    if (!moves)
+        return;
+    measuring->out->shell = furthest_of(sides);
+    if (known)
+        measuring->out->shell = smaller(measuring->out->shell, sides[0].error + sides[1].error +
+                                   shell_difference(given, measuring->stride, measuring->components, threads));
 }
 
 static void add_up(struct measuring *measuring, unsigned threads)
@@ -600,7 +684,7 @@ static void add_up(struct measuring *measuring, unsigned threads)
     for (uint32_t t = 0; t < measuring->sides[0].mesh->tet_count; t++) {
         const struct difference_cell *cell = &out->cells[t];
         out->overlap += cell->volume;
-        out->max[1] = larger(out->max[1], cell->upper);
+        out->inner = larger(out->inner, cell->upper);
         for (int end = 0; end < 2; end++)
             out->squares[end] += cell->squares[end];
     }
@@ -613,9 +697,10 @@ static void add_up(struct measuring *measuring, unsigned threads)
         tet = worker->tet;
         memcpy(out->place, worker->place, sizeof out->place);
     }
+    out->max[1] = larger(out->inner, out->shell);
+    out->one_body = !measuring->bodies[0];
     out->squares[0] *= 1 - ROUNDING;
     out->squares[1] *= 1 + ROUNDING;
-    out->differing = differing(measuring, threads);
 }
 
 static void release(struct measuring *measuring, unsigned threads)
@@ -624,6 +709,7 @@ static void release(struct measuring *measuring, unsigned threads)
         free(measuring->usable[m]);
         free(measuring->bodies[m]);
         free(measuring->body_volumes[m]);
+        free(measuring->near[m]);
     }
     for (unsigned w = 0; w < threads && measuring->workers; w++) {
         free(measuring->workers[w].differences);
@@ -658,13 +744,12 @@ static void begin(struct measuring *measuring, int component)
         measuring->values[m] = mesh->fields[sides[m].field].values + (component < 0 ? 0 : component);
         measuring->bounds[m] = sides[m].bound == TETLOD_NONE ? NULL : mesh->fields[sides[m].bound].values;
     }
-    measuring->bin = bin_width(measuring);
 }
 
 enum tetlod_status difference_measure(struct difference *out, const struct difference_side sides[2], int component,
-                                      unsigned threads, struct tetlod_error *error)
+                                      const uint8_t *asked, unsigned threads, struct tetlod_error *error)
 {
-    struct measuring measuring = {.sides = sides, .out = out};
+    struct measuring measuring = {.sides = sides, .asked = asked, .out = out};
     const struct tetmesh *a = sides[0].mesh;
     enum tetlod_status status = TETLOD_OK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
@@ -675,6 +760,7 @@ enum tetlod_status difference_measure(struct difference *out, const struct diffe
     TETLOD_TRY_DONE(prepare(&measuring, threads, error));
     TETLOD_TRY_DONE(prepare_workers(&measuring, threads, error));
     TETLOD_TRY_DONE(pair_bodies(&measuring, threads, error));
+    compare_shell(&measuring, threads);
     parallel_for(threads, a->tet_count, CHUNK, compare_range, &measuring);
     add_up(&measuring, threads);
 done:
@@ -684,6 +770,8 @@ done:
 
 void difference_fini(struct difference *difference)
 {
+    for (int m = 0; m < 2; m++)
+        moved_boundary_fini(&difference->boundaries[m]);
     free(difference->cells);
     *difference = (struct difference){0};
 }

@@ -9,7 +9,7 @@ void diff_where(const struct diff_side *first, const struct diff_result *result,
     *out = (struct diff_where){0, {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}}};
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         const struct difference_cell *cell = &result->difference.cells[t];
-        if (!(cell->volume > 0) || cell->upper < result->bounds[DIFF_MAX][0])
+        if (!(cell->upper > 0) || cell->upper < result->bounds[DIFF_MAX][0])
             continue;
         out->tets++;
         for (int c = 0; c < 12; c++) {

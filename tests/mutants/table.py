@@ -204,14 +204,22 @@ mutant('diff: half a search', 'src/diff/difference.c',
        'cell.volumes[0] * (1 - COVERED)',
        'cell.volumes[0] * 0',
        'all that overlap are found', DIFF)
-mutant('diff: moved boundaries decide', 'src/diff/decide.c',
-       'bounds[1] = swept > 0 ? furthest : ',
-       'bounds[1] = ',
-       'places that a boundary has left are not known', DIFF)
-mutant('diff: nothing was swept', 'src/diff/difference.c',
-       'if (volume > swept)',
-       'if (volume > 0)',
-       'what was swept does not show a difference', DIFF)
+mutant('diff: moved boundaries decide', 'src/diff/difference.c',
+       'out->max[1] = larger(out->inner, out->shell);',
+       'out->max[1] = out->inner;',
+       'places that a boundary has left are compared apart', DIFF)
+mutant('diff: nothing has moved', 'src/diff/moved_boundary.c',
+       '<= boundary->moved * boundary->moved)',
+       '< 0)',
+       'places that the original has not do not show a difference', DIFF)
+mutant('diff: partners are one place', 'src/diff/shell.c',
+       'comparing.reach = sides[0].boundary->moved + sides[1].boundary->moved;',
+       'comparing.reach = 0;',
+       'partners are apart', DIFF)
+mutant('diff: only what is deep is left open', 'src/diff/open_parts.c',
+       'found->cells[tree->order[i]].upper > limit &&',
+       'false &&',
+       'what coarse levels leave open is compared again', DIFF)
 
 # ---- the overlay, which checks it: what rules pairs out (8)
 
