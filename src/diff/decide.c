@@ -18,8 +18,8 @@
 /* Levels that are tried before the finest ones are taken. */
 enum { MAX_TRIES = 4 };
 
-/* Builds whose limit knows nothing of partners keep the boundary to 1e-6 of the diagonal (PROOF.md 8), and a little that
- * its stored digits add. */
+/* Builds whose limit knows nothing of partners keep the boundary to 1e-6 of the diagonal (PROOF.md 8), and a little
+ * that its stored digits add. */
 static const double KEPT_OF_EXACT = 1.01e-6;
 
 static const struct form whole_mesh = {.level = TETLOD_NONE, .band = TETLOD_NONE};

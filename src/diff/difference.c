@@ -9,7 +9,7 @@
 #include "src/ask/clip.h"
 #include "src/diff/bodies.h"
 #include "src/diff/moved_boundary.h"
-#include "src/diff/shell.h"
+#include "src/diff/boundary_shell.h"
 #include "src/measure/weights_map.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/bvh.h"
@@ -660,10 +660,10 @@ static double furthest_of(const struct difference_side sides[2])
 static void compare_shell(struct measuring *measuring, unsigned threads)
 {
     const struct difference_side *sides = measuring->sides;
-    struct shell_side given[2];
+    struct boundary_shell_side given[2];
     bool moves = false, known = !measuring->bodies[0];
     for (int m = 0; m < 2; m++) {
-        given[m] = (struct shell_side){sides[m].mesh, &measuring->out->boundaries[m], measuring->usable[m],
+        given[m] = (struct boundary_shell_side){sides[m].mesh, &measuring->out->boundaries[m], measuring->usable[m],
                                        measuring->values[m]};
         moves = moves || sides[m].moved > 0;
         known = known && isfinite(sides[m].moved) && (sides[m].has_partners || !(sides[m].moved > 0));
@@ -674,7 +674,7 @@ static void compare_shell(struct measuring *measuring, unsigned threads)
     measuring->out->shell = furthest_of(sides);
     if (known)
         measuring->out->shell = smaller(measuring->out->shell, sides[0].error + sides[1].error +
-                                   shell_difference(given, measuring->stride, measuring->components, threads));
+                                   boundary_shell_difference(given, measuring->stride, measuring->components, threads));
 }
 
 static void add_up(struct measuring *measuring, unsigned threads)

@@ -9,7 +9,7 @@
  * at least. Cells thinner than 1e-9 of a tetrahedron's height are contacts.
  *
  * Where a boundary has moved, only places that are further from it count for what is there at least
- * (moved_boundary.h), and places that it has left are compared apart (shell.h).
+ * (moved_boundary.h), and places that it has left are compared apart (boundary_shell.h).
  *
  * Bodies, the parts that share no vertex, are compared with those that they are in the other mesh (bodies.h).
  * Tetrahedra that are degenerate, inverted or folded have no promise, and are left out.

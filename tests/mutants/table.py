@@ -181,8 +181,8 @@ mutant('diff: no bound above', 'src/diff/difference.c',
        'larger(cell->upper, fabs(d[i]));',
        'what the levels are off widens the upper end', DIFF)
 mutant('diff: no bound below', 'src/diff/difference.c',
-       'cell->lower = fabs(d[i]) - errors[i];',
-       'cell->lower = fabs(d[i]);',
+       '- (errors[i] + t * (error - errors[i]));',
+       ';',
        'and the lower one', DIFF)
 mutant('diff: a square without its bound', 'src/diff/difference.c',
        'high = own + by;',
@@ -212,7 +212,7 @@ mutant('diff: nothing has moved', 'src/diff/moved_boundary.c',
        '<= boundary->moved * boundary->moved)',
        '< 0)',
        'places that the original has not do not show a difference', DIFF)
-mutant('diff: partners are one place', 'src/diff/shell.c',
+mutant('diff: partners are one place', 'src/diff/boundary_shell.c',
        'comparing.reach = sides[0].boundary->moved + sides[1].boundary->moved;',
        'comparing.reach = 0;',
        'partners are apart', DIFF)

@@ -5,13 +5,13 @@
  * boundaries have moved (PROOF.md 14). So the faces of each boundary are compared with the tetrahedra of the other
  * level that are no further away.
  */
-#ifndef TETLOD_SHELL_H
-#define TETLOD_SHELL_H
+#ifndef TETLOD_BOUNDARY_SHELL_H
+#define TETLOD_BOUNDARY_SHELL_H
 
 #include "src/diff/moved_boundary.h"
 
 /* All is borrowed. */
-struct shell_side {
+struct boundary_shell_side {
     const struct tetmesh *mesh;
     const struct moved_boundary *boundary;
     const uint8_t *usable;  /* [tet] */
@@ -20,6 +20,7 @@ struct shell_side {
 
 /* The largest difference of the levels' values, over pairs of partners of such places; 0 if no boundary has moved. The
  * same on any number of threads. */
-double shell_difference(const struct shell_side sides[2], uint32_t stride, uint32_t components, unsigned threads);
+double boundary_shell_difference(const struct boundary_shell_side sides[2], uint32_t stride, uint32_t components,
+                                 unsigned threads);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/diff/shell.h"
+#include "src/diff/boundary_shell.h"
 
 #include <math.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 enum { CHUNK = 64, MAX_CORNERS = 3 + 4 };
 
 struct comparing {
-    const struct shell_side *faces, *tets; /* whose boundary, and whose tetrahedra */
+    const struct boundary_shell_side *faces, *tets; /* whose boundary, and whose tetrahedra */
     uint32_t stride, components;
     double reach;                          /* how far partners may be apart */
     double most[PARALLEL_MAX_THREADS];
@@ -73,7 +73,8 @@ static void clip(struct polygon *polygon, int k, double least)
     }
 }
 
-static const double *values_of(const struct comparing *comparing, const struct shell_side *side, uint32_t vertex)
+static const double *values_of(const struct comparing *comparing, const struct boundary_shell_side *side,
+                               uint32_t vertex)
 {
     return side->values + (size_t)vertex * comparing->stride;
 }
@@ -184,7 +185,8 @@ static void compare_range(void *context, unsigned worker, size_t begin, size_t e
     }
 }
 
-double shell_difference(const struct shell_side sides[2], uint32_t stride, uint32_t components, unsigned threads)
+double boundary_shell_difference(const struct boundary_shell_side sides[2], uint32_t stride, uint32_t components,
+                                 unsigned threads)
 {
     double most = 0;
     for (int m = 0; m < 2; m++) {
