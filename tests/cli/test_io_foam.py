@@ -174,7 +174,7 @@ def large_case():
 
 
 def decomposed_case():
-    """A mesh in a folder for each processor, which meet in the same points; a whole mesh of earlier results beside them
+    """A mesh in a folder for each processor, which meet in the same points, and may know their numbers; a whole mesh of earlier results beside them
     is not read, one of later results is."""
     must('sample', 'cube', '--size', '5', '-o', 'in.vtu')
     points, tets = read('in.vtu')[:2]
@@ -193,6 +193,17 @@ def decomposed_case():
         return len(p), len(points)
     if not np.array_equal(c['T'], wanted):
         return 'values'
+    for part in range(3):
+        mine = np.flatnonzero(part_of == part)
+        folder = 'parts/processor%d/constant/polyMesh/' % part
+        put(folder + 'pointProcAddressing', 'labelList', list_of(np.unique(tets[mine]), bool(part % 2)), bool(part % 2),
+            False)
+        put(folder + 'cellProcAddressing', 'labelList', list_of(mine, bool(part % 2)), bool(part % 2), False)
+    p, t, f, c = converted(path('parts/case.foam'))
+    wanted = wanted[np.argsort(np.concatenate([np.flatnonzero(part_of == part) for part in range(3)]))]
+    if not np.array_equal(p, points) or not np.array_equal(np.sort(t, axis=1), np.sort(tets, axis=1)) or \
+            not np.array_equal(c['T'], wanted):
+        return 'with numbers: another order than the whole'
     whole = os.path.dirname(foam_files(points, tets, TETRAHEDRON, False, False)[0])
     shutil.move(path(whole + '/constant'), path('parts/constant'))
     shutil.move(path(whole + '/1'), path('parts/0'))

@@ -5,6 +5,9 @@
  * time. "Small model" files hold all variables of nodes in one: vals_nod_var (step, variable, node). Variables become
  * vectors and tensors by their names, as VTK's reader joins them. The number of a block becomes the cell field
  * ObjectId, as VTK calls it. Sets of nodes and sides are skipped.
+ *
+ * Pieces that a parallel program has written are the files NAME.N.0 to NAME.N.(N-1): one of them stands for all. What
+ * numbers their nodes and elements have in the whole mesh is in node_num_map and elem_num_map.
  */
 #include <netcdf.h>
 #include <stdio.h>
@@ -26,6 +29,7 @@ struct exodus {
     struct tetlod_error *error;
     uint64_t blocks, step;
     bool has_steps;
+    bool is_piece; /* of several */
 };
 
 enum { MAX_NAME = 256, MAX_JOINED = 6 };
@@ -239,6 +243,47 @@ static enum tetlod_status read_block(struct exodus *e, uint64_t b, uint64_t *cou
     return status;
 }
 
+/* A map of all nodes or elements to the numbers of the whole mesh; NULL if there is none. */
+static enum tetlod_status read_map(const struct exodus *e, const char *name, uint64_t count, uint64_t **out)
+{
+    struct variable variable;
+    const size_t start = 0, size = (size_t)count;
+    if (!plausible(e, count) || !find_variable(e, name, &variable) || variable.rank != 1 || variable.dims[0] != count)
+        return TETLOD_OK;
+    long long *numbers = array_new(size, sizeof *numbers);
+    *out = array_new(size, sizeof **out);
+    enum tetlod_status status = numbers && *out ? TETLOD_OK : tetlodi_fail_nomem(e->error, name, count * 16);
+    if (status == TETLOD_OK && count && nc_get_vara_longlong(e->file, variable.id, &start, &size, numbers) != NC_NOERR)
+        status = tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s cannot be read; is the file damaged?", name);
+    for (size_t i = 0; i < size && status == TETLOD_OK; i++)
+        (*out)[i] = (uint64_t)numbers[i];
+    free(numbers);
+    return status;
+}
+
+/* The numbers of a piece's nodes, and of the elements of those blocks that were read. */
+static enum tetlod_status read_numbers(struct exodus *e, const uint64_t *counts)
+{
+    struct block *block = e->block;
+    uint64_t *all = NULL, first = 0, at = 0;
+    enum tetlod_status status = read_map(e, "node_num_map", block->mesh.vertex_count, &block->point_numbers);
+    if (status == TETLOD_OK)
+        status = read_map(e, "elem_num_map", dimension(e, "num_elem"), &all);
+    if (status == TETLOD_OK && all)
+        block->cell_numbers = array_new((size_t)block->cells.count, sizeof *all);
+    if (status == TETLOD_OK && all && !block->cell_numbers)
+        status = tetlodi_fail_nomem(e->error, "elem_num_map", block->cells.count * sizeof *all);
+    for (uint64_t b = 0; b < e->blocks && block->cell_numbers; b++) {
+        char name[40];
+        snprintf(name, sizeof name, "num_el_in_blk%llu", (unsigned long long)(b + 1));
+        for (uint64_t c = 0; c < counts[b]; c++)
+            block->cell_numbers[at++] = first + c < dimension(e, "num_elem") ? all[first + c] : 0;
+        first += dimension(e, name);
+    }
+    free(all);
+    return status;
+}
+
 /* The numbers by which a file calls its blocks. */
 static enum tetlod_status read_ids(const struct exodus *e, double *ids)
 {
@@ -309,7 +354,7 @@ static struct place place_of(const struct exodus *e, bool cell, uint64_t number,
 /* Whether there is any such variable in the blocks that were read. */
 static bool has_variable(const struct exodus *e, bool cell, uint64_t number, const uint64_t *counts)
 {
-    bool has = !cell;
+    bool has = !cell || e->is_piece; // another piece may have it
     for (uint64_t b = 0; b < e->blocks && !has; b++) {
         struct variable variable;
         has = counts[b] && find_variable(e, place_of(e, cell, number, b).name, &variable);
@@ -464,6 +509,8 @@ static enum tetlod_status read_all(struct exodus *e, const struct io_read_option
         status = read_ids(e, ids);
     if (status == TETLOD_OK)
         status = read_blocks(e, options ? options->block : NULL, ids, counts);
+    if (status == TETLOD_OK && e->is_piece)
+        status = read_numbers(e, counts);
     if (status == TETLOD_OK)
         status = choose_step(e, options);
     if (status == TETLOD_OK)
@@ -475,10 +522,31 @@ static enum tetlod_status read_all(struct exodus *e, const struct io_read_option
     return status;
 }
 
+/* ---- files */
+
+/* NAME.N.I, a piece of several: the length of NAME. N and I have as many digits. */
+static bool is_piece(const char *path, size_t *name, unsigned *count, unsigned *digits)
+{
+    static const char all_digits[] = "0123456789";
+    const char *end = path + strlen(path), *number = end, *total;
+    while (number > path && strchr(all_digits, number[-1]))
+        number--;
+    *digits = (unsigned)(end - number);
+    if (!*digits || *digits > 6 || number - path < (ptrdiff_t)*digits + 3 || number[-1] != '.')
+        return false;
+    total = number - 1 - *digits;
+    *name = (size_t)(total - 1 - path);
+    *count = (unsigned)strtoul(total, NULL, 10);
+    return total[-1] == '.' && strspn(total, all_digits) == *digits && *count > 1 && strtoul(number, NULL, 10) < *count;
+}
+
 static enum tetlod_status read_file(struct blocks *out, const struct io_input *input, struct io_report *report,
                                     struct tetlod_error *error)
 {
     struct exodus e = {.size = input->size, .report = report, .error = error};
+    size_t name;
+    unsigned count, digits;
+    e.is_piece = is_piece(input->path, &name, &count, &digits);
     int result = nc_open(input->path, NC_NOWRITE, &e.file);
     if (result != NC_NOERR)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is damaged or truncated: %s", nc_strerror(result));
@@ -486,6 +554,31 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     if (status == TETLOD_OK)
         status = read_all(&e, input->options);
     nc_close(e.file);
+    return status;
+}
+
+/* One piece, or all. */
+static enum tetlod_status read_pieces(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                      struct tetlod_error *error)
+{
+    size_t name;
+    unsigned count, digits;
+    enum tetlod_status status = TETLOD_OK;
+    is_piece(input->path, &name, &count, &digits);
+    for (unsigned i = 0; i < count && status == TETLOD_OK; i++) {
+        char path[4200];
+        struct tetlod_error inner = {0};
+        struct opened_input opened;
+        struct io_input piece = *input;
+        snprintf(path, sizeof path, "%.*s.%u.%0*u", (int)name, input->path, count, (int)digits, i);
+        status = io_input_open(&opened, &piece, path, &inner);
+        piece.path = path;
+        if (status == TETLOD_OK)
+            status = contain_read(read_file, out, &piece, report, &inner);
+        io_input_close(&opened);
+        if (status != TETLOD_OK)
+            tetlodi_fail(error, status, "piece %u of %u: %.400s", i, count, inner.message);
+    }
     return status;
 }
 
@@ -502,7 +595,10 @@ bool exodus_sniff(const unsigned char *bytes, size_t size)
 enum tetlod_status exodus_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                struct tetlod_error *error)
 {
+    size_t name;
+    unsigned count, digits;
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a netCDF file, which cannot be read from memory");
-    return contain_read(read_file, out, input, report, error);
+    return is_piece(input->path, &name, &count, &digits) ? read_pieces(out, input, report, error)
+                                                         : contain_read(read_file, out, input, report, error);
 }

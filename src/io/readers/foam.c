@@ -202,14 +202,45 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
-static enum tetlod_status read_mesh(struct blocks *out, const struct io_input *input, struct io_report *report,
-                                    struct tetlod_error *error)
+/* The numbers in the whole mesh, of points or of cells, which decomposePar leaves with a piece; NULL: there are none. */
+static enum tetlod_status read_addressing(const struct foam *f, const char *name, uint64_t count, uint64_t **out)
+{
+    struct foam_file file;
+    struct tetlod_error ignored;
+    uint32_t *labels = NULL;
+    uint64_t labels_count = 0;
+    enum tetlod_status status = foam_open(&file, f->input, name, &ignored);
+    file.error = f->error;
+    if (status != TETLOD_OK) {
+        foam_close(&file);
+        return TETLOD_OK;
+    }
+    status = foam_labels(&file, &labels, &labels_count);
+    if (status == TETLOD_OK)
+        status = foam_end(&file);
+    if (status == TETLOD_OK && labels_count != count)
+        status = foam_fail(&file, "it has another number of labels than there are points or cells");
+    if (status == TETLOD_OK && !(*out = array_new((size_t)count, sizeof **out)))
+        status = tetlodi_fail_nomem(f->error, name, count * sizeof **out);
+    for (uint64_t i = 0; i < count && status == TETLOD_OK; i++)
+        (*out)[i] = labels[i];
+    free(labels);
+    foam_close(&file);
+    return status;
+}
+
+static enum tetlod_status read_mesh(struct blocks *out, const struct io_input *input, bool is_piece,
+                                    struct io_report *report, struct tetlod_error *error)
 {
     struct foam f = {.input = input, .report = report, .error = error};
     TETLOD_TRY(blocks_add(out, &f.block, error));
     TETLOD_TRY(read_points(&f));
     TETLOD_TRY(foam_cells(&f.block->cells, input, error));
     f.cells = f.block->cells.count;
+    if (is_piece) {
+        TETLOD_TRY(read_addressing(&f, "constant/polyMesh/pointProcAddressing", f.points, &f.block->point_numbers));
+        TETLOD_TRY(read_addressing(&f, "constant/polyMesh/cellProcAddressing", f.cells, &f.block->cell_numbers));
+    }
     return read_time(&f);
 }
 
@@ -251,7 +282,8 @@ static struct contents look(const char *folder)
     return out;
 }
 
-/* The pieces meet in points that are the same bit for bit. */
+/* The pieces meet in points of the same number or, where these are not there, in points that are the same bit for
+ * bit. */
 static enum tetlod_status read_processors(struct blocks *out, const struct io_input *input, const char *folder,
                                           uint32_t count, struct io_report *report, struct tetlod_error *error)
 {
@@ -261,7 +293,7 @@ static enum tetlod_status read_processors(struct blocks *out, const struct io_in
         struct tetlod_error inner = {0};
         snprintf(path, sizeof path, "%.4096s/processor%u/case.foam", folder, p);
         piece.path = path;
-        enum tetlod_status status = read_mesh(out, &piece, report, &inner);
+        enum tetlod_status status = read_mesh(out, &piece, true, report, &inner);
         if (status != TETLOD_OK)
             return tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
     }
@@ -281,5 +313,5 @@ enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, s
     const struct contents whole = look(folder), piece = look(first);
     bool decomposed = whole.processors && piece.has_mesh && (!whole.has_mesh || piece.last > whole.last);
     return decomposed ? read_processors(out, input, folder, whole.processors, report, error)
-                      : read_mesh(out, input, report, error);
+                      : read_mesh(out, input, false, report, error);
 }

@@ -313,6 +313,8 @@ void block_fini(struct block *block)
     tetmesh_fini(&block->mesh);
     cells_fini(&block->cells);
     free(block->hidden);
+    free(block->point_numbers);
+    free(block->cell_numbers);
     *block = (struct block){0};
 }
 

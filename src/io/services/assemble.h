@@ -45,6 +45,8 @@ struct block {
     struct cells cells;
     uint32_t dims[3];      /* points along i, j, k of a structured grid, which has no other cells; or 0 */
     unsigned char *hidden; /* owned, by cell: not 0 for ghosts and blanked cells, which are left out; NULL: none */
+    /* Owned, of a piece: the numbers of its points and of its cells in the whole mesh (numbered.c); NULL: unknown */
+    uint64_t *point_numbers, *cell_numbers;
 };
 
 struct blocks {
@@ -132,8 +134,9 @@ struct point_field *block_find_like(struct block *block, bool cell, const struct
 /* Counts the fields that a block has and the first one lacks. */
 void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report);
 
-/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of
- * several blocks, and those of one block if the tolerance `weld` is not negative. */
+/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Points of several
+ * blocks become one by their numbers in the whole mesh where all blocks know them, else they are welded; those of one
+ * block are welded if the tolerance `weld` is not negative. */
 TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out,
                                                struct io_report *report,
                                                struct tetlod_error *error);
@@ -141,6 +144,23 @@ TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double wel
 /* Makes one of points that are no further apart than the tolerance and have the same values in all fields. */
 TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
                                              struct tetlod_error *error);
+
+/* Cells refer to target[point] in place of the point. */
+void block_redirect(struct block *block, const uint32_t *target);
+
+/* Whether two points have the same values in all fields. */
+bool mesh_same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b);
+
+/* The numbers that the points, or with `cell` the cells, of all blocks have in the whole mesh: their own, or those of a
+ * field that is known for that. *out, in the order of the blocks, is to be freed; NULL: a block does not say. */
+TETLOD_CHECKED enum tetlod_status blocks_numbers(struct blocks *blocks, bool cell, uint64_t **out,
+                                                 struct tetlod_error *error);
+
+/* Points of one number become one, in the order of their numbers; so do cells get into order, if they have numbers and
+ * each is another one's. *fits: points of one number are at one place; else only the field of these numbers goes. */
+TETLOD_CHECKED enum tetlod_status block_join_numbered(struct block *block, const uint64_t *points,
+                                                      const uint64_t *cells, bool *fits, struct io_report *report,
+                                                      struct tetlod_error *error);
 
 /* The hexahedra of a structured grid, in the order of its cells. */
 TETLOD_CHECKED enum tetlod_status cells_of_grid(const uint32_t dims[3], struct cells *out, struct tetlod_error *error);

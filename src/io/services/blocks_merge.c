@@ -259,6 +259,17 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
     return TETLOD_OK;
 }
 
+static enum tetlod_status merge_all(struct blocks *blocks, struct block *out, struct io_report *report,
+                                    struct tetlod_error *error)
+{
+    TETLOD_TRY(merge_points(blocks, out, error));
+    TETLOD_TRY(merge_cells(blocks, out, error));
+    TETLOD_TRY(merge_fields(blocks, out, false, report, error));
+    TETLOD_TRY(merge_fields(blocks, out, true, report, error));
+    blocks_fini(blocks);
+    return TETLOD_OK;
+}
+
 enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
                                 struct tetlod_error *error)
 {
@@ -269,10 +280,16 @@ enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block
         return weld < 0 ? TETLOD_OK : block_weld(out, weld, report, error);
     }
     report->blocks = blocks->count;
-    TETLOD_TRY(merge_points(blocks, out, error));
-    TETLOD_TRY(merge_cells(blocks, out, error));
-    TETLOD_TRY(merge_fields(blocks, out, false, report, error));
-    TETLOD_TRY(merge_fields(blocks, out, true, report, error));
-    blocks_fini(blocks);
-    return block_weld(out, weld < 0 ? 0 : weld, report, error);
+    uint64_t *points = NULL, *cells = NULL;
+    bool joined = false;
+    enum tetlod_status status = blocks_numbers(blocks, false, &points, error);
+    if (status == TETLOD_OK && points)
+        status = blocks_numbers(blocks, true, &cells, error);
+    if (status == TETLOD_OK)
+        status = merge_all(blocks, out, report, error);
+    if (status == TETLOD_OK && points)
+        status = block_join_numbered(out, points, cells, &joined, report, error);
+    free(points);
+    free(cells);
+    return status == TETLOD_OK && (!joined || weld >= 0) ? block_weld(out, weld < 0 ? 0 : weld, report, error) : status;
 }

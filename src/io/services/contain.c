@@ -87,7 +87,7 @@ struct field_head {
 struct block_head {
     uint64_t cell_count, connectivity_count, hidden_count;
     uint32_t vertex_count, field_count, cell_field_count, dims[3];
-    uint8_t position_type, has_types, has_connectivity;
+    uint8_t position_type, has_types, has_connectivity, has_point_numbers, has_cell_numbers;
 };
 
 static bool send_field(int fd, struct point_field *field, uint64_t rows)
@@ -108,7 +108,8 @@ static bool send_block(int fd, struct block *block)
     uint64_t rows = block_cell_count(block);
     struct block_head head = {cells->count, cells->connectivity_count, block->hidden ? rows : 0, mesh->vertex_count,
                               mesh->field_count, mesh->cell_field_count, {0}, (uint8_t)mesh->position_type,
-                              cells->types != NULL, cells->connectivity != NULL};
+                              cells->types != NULL, cells->connectivity != NULL, block->point_numbers != NULL,
+                              block->cell_numbers != NULL};
     memcpy(head.dims, block->dims, sizeof head.dims);
     bool good = send_bytes(fd, &head, sizeof head) && send_array(fd, mesh->positions,
                                                                  mesh->vertex_count * (uint64_t)24);
@@ -121,7 +122,20 @@ static bool send_block(int fd, struct block *block)
         good = send_array(fd, cells->types, cells->count) && send_array(fd, cells->offsets, (cells->count + 1) * 8);
     if (good && cells->connectivity)
         good = send_array(fd, cells->connectivity, cells->connectivity_count * 4);
+    if (good && block->point_numbers)
+        good = send_array(fd, block->point_numbers, mesh->vertex_count * sizeof *block->point_numbers);
+    if (good && block->cell_numbers)
+        good = send_array(fd, block->cell_numbers, rows * sizeof *block->cell_numbers);
     return good && (!block->hidden || send_array(fd, block->hidden, head.hidden_count));
+}
+
+static bool take_numbers(int fd, struct block *block, const struct block_head *head)
+{
+    if (head->has_point_numbers)
+        block->point_numbers = take_array(fd, head->vertex_count * sizeof *block->point_numbers);
+    if (head->has_cell_numbers)
+        block->cell_numbers = take_array(fd, block_cell_count(block) * sizeof *block->cell_numbers);
+    return (!head->has_point_numbers || block->point_numbers) && (!head->has_cell_numbers || block->cell_numbers);
 }
 
 static bool take_field(int fd, struct tetmesh *mesh, uint64_t rows)
@@ -182,6 +196,8 @@ static bool take_block(int fd, struct block *block)
     }
     if (head.has_connectivity)
         cells->connectivity = take_array(fd, cells->connectivity_count * 4);
+    if (!take_numbers(fd, block, &head))
+        return false;
     if (head.hidden_count)
         block->hidden = head.hidden_count == block_cell_count(block) ? take_array(fd, head.hidden_count) : NULL;
     return (!head.has_connectivity || cells->connectivity) && (!head.hidden_count || block->hidden) &&

@@ -37,6 +37,7 @@ struct io_report {
     /* numbers of cell fields that are NaN, and stay so: Exodus has variables that not all blocks have */
     uint64_t nan_cells;
     uint64_t welded_points;
+    uint64_t other_values; /* of those, joined by numbers: have other values in another piece */
     uint64_t dropped_tets; /* degenerate and duplicate tetrahedra that were dropped */
     uint64_t blocks;       /* merged, if there were several */
     bool names_blocks;     /* the file has blocks with names, one of which can be asked for */
@@ -45,7 +46,8 @@ struct io_report {
     double time;           /* of that step */
     uint32_t skipped_arrays; /* arrays that are not numbers */
     uint32_t partial_arrays; /* arrays that not all blocks have */
-    char left_out[256];      /* names of both kinds, as many as fit */
+    uint32_t own_numbers;    /* arrays of numbers of points that each piece has counted by itself */
+    char left_out[256];      /* names of these kinds, as many as fit */
     uint32_t averaged_fields; /* cell fields that became point fields */
 };
 

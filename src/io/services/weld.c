@@ -54,7 +54,7 @@ static size_t bucket_of(const struct weld *w, const double box[3], uint64_t valu
     return (size_t)mix(mix(mix(values, box[0]), box[1]), box[2]) & w->mask;
 }
 
-static bool same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b)
+bool mesh_same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b)
 {
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
@@ -82,7 +82,7 @@ static uint32_t find_in_box(const struct weld *w, const double box[3], uint64_t 
 {
     uint32_t found = TETLOD_NONE;
     for (uint32_t u = w->first[bucket_of(w, box, values)]; u != TETLOD_NONE; u = w->next[u])
-        if (u < found && is_near(w, u, v) && same_values(w->mesh, u, v))
+        if (u < found && is_near(w, u, v) && mesh_same_values(w->mesh, u, v))
             found = u;
     return found;
 }
@@ -122,7 +122,7 @@ static bool weld_point(struct weld *w, uint32_t v)
 }
 
 /* Cells refer to targets afterwards; the points that nothing uses any more are dropped like all such points. */
-static void redirect(struct block *block, const uint32_t *target)
+void block_redirect(struct block *block, const uint32_t *target)
 {
     struct cells *cells = &block->cells;
     for (uint64_t c = 0; c < cells->count; c++) {
@@ -157,7 +157,7 @@ enum tetlod_status block_weld(struct block *block, double tolerance, struct io_r
     memset(w.first, 0xff, (w.mask + 1) * sizeof *w.first); // TETLOD_NONE
     for (uint32_t v = 0; v < count; v++)
         report->welded_points += weld_point(&w, v);
-    redirect(block, w.target);
+    block_redirect(block, w.target);
 done:
     free(w.first);
     free(w.next);

@@ -1,0 +1,205 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Meshes in pieces that know the numbers of the whole one: what is read does not tell into which pieces it was cut."""
+import os
+
+import numpy as np
+import vtk
+
+from common import CONFIG, case, finish, must, path, report, tetlod, write
+from meshes import add_arrays, converted, tet_mesh, vtk_mesh
+
+PIECES = 3
+
+
+def cut(points, tets):
+    """Pieces in slices; each has its tetrahedra in another order."""
+    part = np.minimum((points[tets].mean(axis=1)[:, 1] * PIECES).astype(int), PIECES - 1)
+    return [np.flatnonzero(part == p)[::-1 if p % 2 else 1] for p in range(PIECES)]
+
+
+# ---- VTK
+
+def save_vtu(name, points, tets, fields, cells):
+    grid = vtk_mesh(points, tets, fields, cells)
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(path(name))
+    assert writer.Write()
+
+
+def save_pvtu(points, tets, fields, cells, pieces, ghosts=()):
+    for p, mine in enumerate(pieces):
+        others = ghosts[p] if len(ghosts) else []
+        take = np.concatenate([mine, others]).astype(int)
+        used, local = np.unique(tets[take], return_inverse=True)
+        marks = np.array([0] * len(mine) + [1] * len(others), np.uint8)
+        own = {n: v[p] if isinstance(v, list) else v for n, v in fields.items()}
+        save_vtu('piece_%d.vtu' % p, points[used], local.reshape(-1, 4), {n: v[used] for n, v in own.items()},
+                 {**{n: v[take] for n, v in cells.items()}, 'vtkGhostType': marks})
+    write('all.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid>%s</PUnstructuredGrid></VTKFile>' % ''.join(
+        '<Piece Source="piece_%d.vtu"/>' % p for p in range(len(pieces))))
+
+
+def numbered_mesh():
+    points, tets, fields, cells = tet_mesh(500)
+    used, tets = np.unique(tets, return_inverse=True)
+    points, tets = points[used], tets.reshape(-1, 4)
+    fields = {n: v[used] for n, v in fields.items()}
+    fields['GlobalPointIds'] = np.arange(len(points), dtype=np.int64) * 3 + 7
+    cells = {**cells, 'GlobalCellIds': np.arange(len(tets), dtype=np.int64)}
+    return points, tets, fields, cells
+
+
+def as_vtu(name, *options):
+    done = must('convert', path(name), '-o', path(name + '.out.vtu'), *options)
+    with open(path(name + '.out.vtu'), 'rb') as file:
+        return file.read(), done.stderr.decode()
+
+
+def vtk_case():
+    points, tets, fields, cells = mesh = numbered_mesh()
+    pieces = cut(points, tets)
+    save_vtu('whole.vtu', *mesh)
+    save_pvtu(*mesh, pieces, [pieces[(p + 1) % PIECES][:20] for p in range(PIECES)])
+    whole, (parts, said) = as_vtu('whole.vtu')[0], as_vtu('all.pvtu')
+    return None if parts == whole and '%d ghost' % (20 * PIECES) in said else said
+
+
+def stream_case():
+    """The tetrahedra of all levels are those of the whole file's stream."""
+    for name in 'whole.vtu', 'all.pvtu':
+        must('build', path(name), '-o', path(name + '.tetlod'), '--field', 'heat')
+        must('extract', path(name + '.tetlod'), '--error', '0.05', '-o', path(name + '.coarse.vtu'))
+        must('extract', path(name + '.tetlod'), '--error', '0', '-o', path(name + '.finest.vtu'))
+    for level in 'coarse', 'finest':
+        a, b = (converted(path('%s.%s.vtu' % (name, level))) for name in ('whole.vtu', 'all.pvtu'))
+        if not all(np.array_equal(x, y) for x, y in zip((*a[:2], a[2]['heat']), (*b[:2], b[2]['heat']))):
+            return level
+    return None
+
+
+def crack_case():
+    """Points at one place with two numbers stay two."""
+    points, tets, fields, cells = numbered_mesh()
+    pieces = cut(points, tets)
+    twice = np.intersect1d(tets[pieces[0]], np.concatenate([tets[p].ravel() for p in pieces[1:]]))[:3]
+    copies = {v: len(points) + i for i, v in enumerate(twice)}
+    points = np.concatenate([points, points[twice]])
+    fields = {n: np.concatenate([v, v[twice]]) for n, v in fields.items()}
+    fields['GlobalPointIds'] = np.arange(len(points), dtype=np.int64)
+    tets = tets.copy()
+    tets[pieces[0]] = np.vectorize(lambda v: copies.get(v, v))(tets[pieces[0]])
+    save_vtu('whole.vtu', points, tets, fields, cells)
+    save_pvtu(points, tets, fields, cells, pieces)
+    return None if as_vtu('all.pvtu')[0] == as_vtu('whole.vtu')[0] else 'the crack is closed, or numbers are others'
+
+
+def own_numbers_case():
+    """Pieces that each count from 0: they are joined by places, without these numbers, and that is said."""
+    points, tets, fields, cells = numbered_mesh()
+    del fields['GlobalPointIds'], cells['GlobalCellIds']
+    pieces = cut(points, tets)
+    save_pvtu(points, tets, fields, cells, pieces)
+    wanted = as_vtu('all.pvtu')[0]
+    for p, take in enumerate(pieces):
+        used, local = np.unique(tets[take], return_inverse=True)
+        save_vtu('piece_%d.vtu' % p, points[used], local.reshape(-1, 4),
+                 {**{n: v[used] for n, v in fields.items()}, 'GlobalPointIds': np.arange(len(used), dtype=np.int64)},
+                 {n: v[take] for n, v in cells.items()})
+    found, said = as_vtu('all.pvtu')
+    return None if found == wanted and 'by itself' in said and 'GlobalPointIds' in said else said
+
+
+def other_values_case():
+    """Points of one number with other values in another piece: the first piece's are kept, and they are counted."""
+    points, tets, fields, cells = numbered_mesh()
+    pieces = cut(points, tets)
+    heat = fields['heat']
+    save_pvtu(points, tets, {**fields, 'heat': [heat + p / 8 for p in range(PIECES)]}, cells, pieces)
+    found, said = converted(path('all.pvtu')), as_vtu('all.pvtu')[1]
+    first = np.full(len(points), PIECES)
+    for p in reversed(range(PIECES)):
+        first[np.unique(tets[pieces[p]])] = p
+    good = np.array_equal(found[0], points) and np.array_equal(found[2]['heat'], heat + first / 8)
+    return None if good and 'have other values' in said else said
+
+
+# ---- Exodus
+
+def exodus_file(name, points, blocks, heat, flux, maps=None):
+    """Element blocks of tetrahedra; a variable of nodes, and one of the elements of the second block alone. Blocks may
+    be empty."""
+    with netCDF4.Dataset(path(name), 'w', format='NETCDF3_64BIT_OFFSET') as file:
+        file.setncatts({'api_version': np.float32(5), 'version': np.float32(5), 'floating_point_word_size': np.int32(8),
+                        'file_size': np.int32(1), 'title': 'test'})
+        sizes = {'num_dim': 3, 'num_nodes': len(points), 'num_elem': sum(map(len, blocks)), 'num_el_blk': 2,
+                 'len_string': 33, 'time_step': None, 'num_nod_var': 1, 'num_elem_var': 1, 'num_nod_per_el1': 4}
+        sizes.update({'num_el_in_blk%d' % (b + 1): len(block) for b, block in enumerate(blocks) if len(block)})
+        for dim, size in sizes.items():
+            file.createDimension(dim, size)
+        for d in range(3):
+            file.createVariable('coord' + 'xyz'[d], 'f8', ('num_nodes',))[:] = points[:, d]
+        file.createVariable('eb_prop1', 'i4', ('num_el_blk',))[:] = [10, 20]
+        for b, block in enumerate(blocks):
+            if len(block):
+                connect = file.createVariable('connect%d' % (b + 1), 'i4', ('num_el_in_blk%d' % (b + 1),
+                                                                            'num_nod_per_el1'))
+                connect[:], connect.elem_type = block + 1, 'TETRA'
+        file.createVariable('time_whole', 'f8', ('time_step',))[:] = [0.5]
+        for kind, text in ('nod', 'heat'), ('elem', 'flux'):
+            file.createVariable('name_%s_var' % kind, 'S1', ('num_%s_var' % kind, 'len_string'))[:] = np.array(
+                [list(text.ljust(33, '\0'))], 'S1')
+        file.createVariable('vals_nod_var1', 'f8', ('time_step', 'num_nodes'))[:] = heat[None]
+        if len(blocks[1]):
+            file.createVariable('vals_elem_var1eb2', 'f8', ('time_step', 'num_el_in_blk2'))[:] = flux[None]
+        for kind, map_of in zip(('node', 'elem'), maps or ()):
+            rows = 'num_nodes' if kind == 'node' else 'num_elem'
+            file.createVariable(kind + '_num_map', 'i4', (rows,))[:] = map_of + 1
+
+
+def exodus_case(maps):
+    """Two element blocks; one of the pieces has nothing of the second."""
+    points, tets, fields, _ = tet_mesh(500)
+    used, tets = np.unique(tets, return_inverse=True)
+    points, tets, heat = points[used], tets.reshape(-1, 4), fields['heat'][used]
+    middles = points[tets].mean(axis=1)
+    blocks = [tets[middles[:, 1] < 0.5], tets[middles[:, 1] >= 0.5]]
+    flux = np.arange(len(blocks[1])) / 4
+    exodus_file('whole.exo', points, blocks, heat, flux)
+    for p in range(PIECES):
+        part = [(points[b].mean(axis=1)[:, 1] * PIECES).astype(int).clip(0, PIECES - 1) for b in blocks]
+        take = [np.flatnonzero(of == p) for of in part]
+        mine = [b[t] for b, t in zip(blocks, take)]
+        nodes = np.unique(np.concatenate(mine))
+        numbers = (nodes, np.concatenate([take[0], take[1] + len(blocks[0])])) if maps else None
+        exodus_file('in.e.3.%d' % p, points[nodes], [np.searchsorted(nodes, m) for m in mine], heat[nodes],
+                    flux[take[1]], numbers)
+    if maps:
+        return None if as_vtu('in.e.3.1')[0] == as_vtu('whole.exo')[0] else 'the pieces are another mesh'
+    found, wanted = converted(path('in.e.3.0')), converted(path('whole.exo'))
+    same = len(found[0]) == len(wanted[0]) and len(found[1]) == len(wanted[1])
+    return None if same and np.array_equal(np.sort(found[2]['heat']), np.sort(wanted[2]['heat'])) else 'another mesh'
+
+
+def missing_piece_case():
+    os.remove(path('in.e.3.2'))
+    done = tetlod('convert', path('in.e.3.0'), '-o', path('out.vtu'))
+    return None if done.returncode and b'piece 2 of 3' in done.stderr and done.stderr.count(b'\n') == 1 else done
+
+
+case('VTK: numbers of points and cells, with ghosts', vtk_case)
+if CONFIG == 'release':
+    case('VTK: the same levels', stream_case)
+case('VTK: a crack is not glued', crack_case)
+case('VTK: numbers that are no numbers of the whole', own_numbers_case)
+case('VTK: other values', other_values_case)
+try:
+    import netCDF4
+except ImportError as missing:
+    report('netCDF', True, skip='not installed: %s' % missing)
+    finish()
+case('Exodus: pieces with maps', exodus_case, True)
+case('Exodus: pieces without maps', exodus_case, False)
+case('Exodus: a piece that is not there', missing_piece_case)
+finish()
