@@ -51,10 +51,23 @@ struct source {
 
 #define NO_TET ((size_t)-1)
 
+enum { BATCH = 128 };
+
+/* Samples that are looked for together: what they need from all over memory is on its way before the first is looked
+ * for, and what is computed of each does not wait for the walk of the one before. */
+struct batch {
+    size_t count;
+    size_t samples[BATCH];
+    uint32_t begins[BATCH]; /* where their walks begin */
+    double points[BATCH][3];
+    double *own;            /* [BATCH][2 * width] as find_own makes it */
+};
+
 /* What one thread has found out. */
 struct worker {
     struct walker walker;
     struct source source;
+    struct batch batch;
     double *values;  /* of the level, as walk_gather makes them */
     struct stray *strays; /* that its walks have not found */
     size_t stray_count, stray_capacity;
@@ -157,33 +170,42 @@ static void find_point(const struct measure_levels *m, struct worker *worker, si
                     out->weights[2] * source->positions[2][d] + out->weights[3] * source->positions[3][d];
 }
 
-/* The original's values at the corners of a sample's tetrahedron, or at the vertex that it is. */
-static const double *source_values(const struct measure_levels *m, struct worker *worker, size_t sample)
+/* The original's values at a sample: own[i] at the first corner of its tetrahedron, own[width + i] what it is above
+ * that. */
+static void find_own(const struct measure_levels *m, struct worker *worker, size_t sample, const double u[4],
+                     double *own)
 {
     struct source *source = &worker->source;
-    uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
-    bool is_vertex = sample < m->original->vertex_count;
-    if (is_vertex || !source->has_values)
-        walk_gather(m->components, m->width, is_vertex ? alone : source->corners, source->values);
-    source->has_values = !is_vertex;
-    return source->values;
+    const double *values = source->values;
+    const size_t n = m->width;
+    if (sample < m->original->vertex_count) {
+        for (size_t i = 0; i < n; i++) {
+            own[i] = m->components[i].values[sample * m->components[i].stride];
+            own[n + i] = 0;
+        }
+        return;
+    }
+    if (!source->has_values)
+        walk_gather(m->components, n, source->corners, source->values);
+    source->has_values = true;
+    for (size_t i = 0; i < n; i++) {
+        own[i] = values[i];
+        own[n + i] = u[1] * values[n + i] + u[2] * values[2 * n + i] + u[3] * values[3 * n + i];
+    }
 }
 
 /* The difference from the original, largest over components, for each field: `level` as walk_gather makes it. What is
  * above the first corner's values is combined: rounding is then about what varies, not about how far from zero it
  * does. */
-static void file_error(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point,
-                       const double *level,
-                       const double weights[4])
+static void file_error(struct measure_levels *m, size_t sample, const double *own, const double *level,
+                       const double w[4])
 {
-    const double *original = source_values(m, worker, sample), *u = point->weights, *w = weights;
     size_t n = m->width, i = 0;
     for (uint32_t f = 0; f < m->field_count; f++) {
         double worst = 0;
         for (size_t end = i + m->original->fields[f].components; i < end; i++) {
             double there = w[1] * level[n + i] + w[2] * level[2 * n + i] + w[3] * level[3 * n + i];
-            double here = u[1] * original[n + i] + u[2] * original[2 * n + i] + u[3] * original[3 * n + i];
-            worst = larger(worst, fabs((level[i] - original[i]) + (there - here)));
+            worst = larger(worst, fabs((level[i] - own[i]) + (there - own[n + i])));
         }
         m->errors[f * m->samples + sample] = tally_keep(worst, m->scales[f]);
     }
@@ -199,17 +221,17 @@ static void stray(struct measure_levels *m, struct worker *worker, size_t sample
 }
 
 /* Looks for a sample from a tetrahedron near by, and returns the one that holds it or, for want of that, that one. */
-static uint32_t find_sample(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point,
-                            uint32_t from)
+static uint32_t find_sample(struct measure_levels *m, struct worker *worker, size_t sample, const double p[3],
+                            const double *own, uint32_t from)
 {
     double weights[4];
-    const struct walk_cell *cell = walk_to(&worker->walker, from, point->p, weights);
+    const struct walk_cell *cell = walk_to(&worker->walker, from, p, weights);
     if (!cell) {
         stray(m, worker, sample);
         return from;
     }
     m->hosts[sample] = cell->tet;
-    file_error(m, worker, sample, point, cell->values, weights);
+    file_error(m, sample, own, cell->values, weights);
     return cell->tet;
 }
 
@@ -248,31 +270,60 @@ static void file_rounding(struct measure_levels *m, struct worker *worker, size_
     struct point point;
     const uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
     find_point(m, worker, sample, &point);
+    find_own(m, worker, sample, point.weights, worker->batch.own);
     walk_gather(worker->walker.components, m->width,
                 sample < m->original->vertex_count ? alone : worker->source.corners, worker->values);
-    file_error(m, worker, sample, &point, worker->values, point.weights);
+    file_error(m, sample, worker->batch.own, worker->values, point.weights);
+}
+
+/* Lists samples to be looked for, from `sample` on, until the batch is full. Returns the first that it has not seen. */
+static size_t list_batch(const struct measure_levels *m, struct worker *worker, size_t sample, size_t end)
+{
+    struct batch *batch = &worker->batch;
+    for (batch->count = 0; sample < end && batch->count < BATCH; sample++) {
+        uint32_t begin = m->started ? begin_at(m, sample) : begin_first(m, sample);
+        batch->samples[batch->count] = sample;
+        batch->begins[batch->count] = begin;
+        batch->count += begin != TETLOD_NONE;
+        if (begin != TETLOD_NONE)
+            walk_expect(&worker->walker, begin);
+    }
+    return sample;
+}
+
+static void find_points(const struct measure_levels *m, struct worker *worker)
+{
+    struct batch *batch = &worker->batch;
+    for (size_t i = 0; i < batch->count; i++) {
+        struct point point;
+        walk_expect_corners(&worker->walker, batch->begins[i]);
+        find_point(m, worker, batch->samples[i], &point);
+        memcpy(batch->points[i], point.p, sizeof point.p);
+        find_own(m, worker, batch->samples[i], point.weights, batch->own + 2 * m->width * i);
+    }
 }
 
 /* What held a sample and its predecessor holds them close together: the second is looked for where the first was
  * found. */
 static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
 {
+    struct batch *batch = &worker->batch;
     size_t end = (chunk + 1) * TALLY_CHUNK < m->samples ? (chunk + 1) * TALLY_CHUNK : m->samples;
     uint32_t last_begun = TETLOD_NONE, last_found = TETLOD_NONE;
-    bool any = false;
-    for (size_t sample = chunk * TALLY_CHUNK; sample < end; sample++) {
-        uint32_t begin = m->started ? begin_at(m, sample) : begin_first(m, sample);
-        struct point point;
-        if (!m->started && m->rounded && m->hosts[sample] != HOST_NONE) {
+    bool first_rounded = !m->started && m->rounded, any = first_rounded;
+    for (size_t sample = chunk * TALLY_CHUNK; sample < end && first_rounded; sample++)
+        if (m->hosts[sample] != HOST_NONE)
             file_rounding(m, worker, sample);
-            any = true;
+    for (size_t next = chunk * TALLY_CHUNK; next < end;) {
+        next = list_batch(m, worker, next, end);
+        find_points(m, worker);
+        for (size_t i = 0; i < batch->count; i++) {
+            uint32_t begin = batch->begins[i];
+            last_found = find_sample(m, worker, batch->samples[i], batch->points[i], batch->own + 2 * m->width * i,
+                                     begin == last_begun ? last_found : begin);
+            last_begun = begin;
         }
-        if (begin == TETLOD_NONE)
-            continue;
-        find_point(m, worker, sample, &point);
-        last_found = find_sample(m, worker, sample, &point, begin == last_begun ? last_found : begin);
-        last_begun = begin;
-        any = true;
+        any |= batch->count > 0;
     }
     if (any)
         add_up(m, chunk);
@@ -320,13 +371,14 @@ static void find_stray(struct measure_levels *m, struct worker *worker, struct s
         start[d] = place_value(m->mesh->positions, 3, d, &closest);
     const struct walk_cell *cell = walk_along(&worker->walker, stray->face / 4, start, point.p, weights, &room);
     worker->failed |= !room;
+    find_own(m, worker, stray->sample, point.weights, worker->batch.own);
     if (cell) {
         m->hosts[stray->sample] = cell->tet;
-        file_error(m, worker, stray->sample, &point, cell->values, weights);
+        file_error(m, stray->sample, worker->batch.own, cell->values, weights);
         return;
     }
     walk_gather(worker->walker.components, m->width, closest.vertices, worker->values);
-    file_error(m, worker, stray->sample, &point, worker->values, closest.weights);
+    file_error(m, stray->sample, worker->batch.own, worker->values, closest.weights);
 }
 
 static void find_strays(void *context, unsigned number, size_t begin, size_t end)
@@ -651,7 +703,8 @@ static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_e
         struct worker *worker = &m->workers[i];
         worker->values = array_new(values, sizeof(double));
         worker->source = (struct source){.tet = NO_TET, .values = array_new(values, sizeof(double))};
-        if (!m->components || !worker->values || !worker->source.values)
+        worker->batch.own = array_new(BATCH, 2 * m->width * sizeof(double));
+        if (!m->components || !worker->values || !worker->source.values || !worker->batch.own)
             return tetlodi_fail_nomem(error, "the values", values * sizeof(double));
         TETLOD_TRY(walker_init(&worker->walker, m->mesh, error));
     }
@@ -767,6 +820,7 @@ void measure_levels_free(struct measure_levels *m)
         walker_fini(&m->workers[i].walker);
         free(m->workers[i].values);
         free(m->workers[i].source.values);
+        free(m->workers[i].batch.own);
         free(m->workers[i].strays);
     }
     mesh_surface_fini(&m->boundary);

@@ -45,6 +45,24 @@ void walker_fini(struct walker *walker);
 /* After a step the cells are not what they were. */
 void walker_reset(struct walker *walker);
 
+/* The tetrahedron may be walked from soon: what is known of it is on its way into the processor's cache; once it is
+ * there, what is known of its corners. */
+static inline void walk_expect(const struct walker *walker, uint32_t tet)
+{
+    if (walker->cells[tet % WALK_CELLS].tet == tet)
+        return;
+    __builtin_prefetch(walker->mesh->corners + 4 * (size_t)tet);
+    __builtin_prefetch(walker->mesh->neighbours + 4 * (size_t)tet);
+}
+
+static inline void walk_expect_corners(const struct walker *walker, uint32_t tet)
+{
+    if (walker->cells[tet % WALK_CELLS].tet == tet)
+        return;
+    for (size_t i = 4 * (size_t)tet; i < 4 * (size_t)tet + 4; i++)
+        __builtin_prefetch(walker->mesh->positions + 3 * (size_t)walker->mesh->corners[i]);
+}
+
 /* From `from` across the face that p is furthest behind. The cell that holds p (weights >= -1e-9), or NULL if the walk
  * leaves the mesh, comes to a flat tetrahedron, or does not end soon: that decides nothing. */
 const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const double p[3], double weights[4]);
