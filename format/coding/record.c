@@ -610,6 +610,7 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
         tetlodi_column_exchange(replay->columns, 1, record->vertex, --replay->records);
         replay->columns->records = replay->records;
     }
+    replay->stars[record->vertex].leaf = 0; // it may split yet
     tetlodi_replay_forget(replay);
     return status;
 }
@@ -691,6 +692,19 @@ int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
 int tetlodi_level_next(struct tetlodi_recorder *recorder)
 {
     return step_inline(recorder, walk_end(recorder), 0, 0);
+}
+
+enum tetlod_status tetlodi_record_decode(struct tetlodi_recorder *recorder, struct tetlod_error *error)
+{
+    const uint32_t whole = recorder->log ? recorder->log->count : 0;
+    struct tetlodi_record record = {.children = 2};
+    if (!tetlodi_level_next(recorder))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
+    record.vertex = recorder->walk;
+    enum tetlod_status status = tetlodi_record_code(recorder, &record, error);
+    if (status != TETLOD_OK && recorder->log)
+        recorder->log->count = whole; // it has no room in the columns
+    return status;
 }
 
 enum tetlod_status tetlodi_check_ends(const struct tetlodi_recorder *recorder, struct tetlod_error *error)

@@ -52,4 +52,7 @@ enum tetlod_status tetlodi_fail_field(int bad, struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
                                                       struct tetlod_error *error);
 
+/* Decodes the record of the next vertex that splits. Of one that fails the fields' log has nothing. */
+TETLOD_CHECKED enum tetlod_status tetlodi_record_decode(struct tetlodi_recorder *recorder, struct tetlod_error *error);
+
 #endif

@@ -27,9 +27,14 @@ static void free_frames(struct tetlod_cursor *cursor)
     cursor->frame_bytes = 0;
 }
 
-/* What decoding a level needs. */
+/* What decoding a level needs; of a level that failed, also what fields were to be decoded from. */
 static void end_level(struct tetlod_cursor *cursor)
 {
+    struct tetlodi_recorder *recorder = &cursor->recorder;
+    for (uint32_t c = 0; c < cursor->replay.column_count && recorder->coders; c++)
+        recorder->coders[c].bad = 0;
+    for (int i = 0; i < 2; i++)
+        tetlodi_field_log_clear(&recorder->logs[i]);
     free_frames(cursor);
     tetlodi_page_lists_fini(&cursor->lists, &cursor->memory);
     cursor->decoding_level = 0;
@@ -290,10 +295,14 @@ static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, uint32_t
         struct tetlodi_field_log *log = cursor->recorder.log;
         if (log && log->count == FIELD_RECORDS)
             TETLOD_TRY(begin_fields(cursor, error));
-        if (!tetlodi_level_next(&cursor->recorder))
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
-        struct tetlodi_record record = {.vertex = cursor->recorder.walk, .children = 2};
-        TETLOD_TRY(tetlodi_record_code(&cursor->recorder, &record, error));
+        struct tetlod_error later = {0};
+        enum tetlod_status status = tetlodi_record_decode(&cursor->recorder, &later);
+        if (status == TETLOD_OK)
+            continue;
+        TETLOD_TRY(begin_fields(cursor, error));
+        TETLOD_TRY(end_fields(cursor, error)); // of records before: that failure is the first
+        *error = later;
+        return status;
     }
     return begin_fields(cursor, error);
 }
@@ -308,19 +317,16 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
     }
     if (cursor->group && !cursor->recorder.paged) // before its first page, which it may not have
         TETLOD_TRY(list_pages(cursor, level, error));
-    struct tetlod_error later = {0};
-    enum tetlod_status status = decode_geometry(cursor, level, most, &later);
-    TETLOD_TRY(end_fields(cursor, error)); // of records before: that failure is the first
-    if (status != TETLOD_OK) {
-        *error = later;
-        return status;
-    }
+    TETLOD_TRY(decode_geometry(cursor, level, most, error));
+    TETLOD_TRY(end_fields(cursor, error));
     if (cursor->replay.vertices < cursor->vertices[level])
         return TETLOD_MORE;
+    if (cursor->group)
+        TETLOD_TRY(end_page(cursor, error));
     if (cursor->replay.tets != cursor->tets[level])
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", cursor->replay.tets,
                             cursor->tets[level]);
-    return TETLOD_OK;
+    return cursor->group ? TETLOD_OK : check_ends(cursor, error);
 }
 
 /* Does the tail give this column exact values? */
@@ -349,7 +355,8 @@ static enum tetlod_status decode_tail(struct tetlod_cursor *cursor, struct tetlo
             !TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
             return tetlodi_no_room(&cursor->memory, error);
     }
-    return for_columns(cursor, decode_exact, error);
+    TETLOD_TRY(for_columns(cursor, decode_exact, error));
+    return check_ends(cursor, error);
 }
 
 /* Exchanges the values on the grid and the exact ones. All records are applied. */
@@ -434,8 +441,6 @@ static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *mo
         status = is_tail(cursor, level) ? decode_tail(cursor, &inner) : decode_records(cursor, level, most, &inner);
     if (status == TETLOD_MORE)
         return TETLOD_MORE;
-    if (status == TETLOD_OK)
-        status = cursor->group ? end_page(cursor, &inner) : check_ends(cursor, &inner);
     if (status != TETLOD_OK)
         return abandon(cursor, level, status, &inner, error);
     end_level(cursor);

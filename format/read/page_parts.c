@@ -308,20 +308,10 @@ static enum tetlod_status decode_records(struct tetlodi_recorder *recorder, uint
     while (replay->vertices < recorder->most_vertices) {
         if (recorder->log && recorder->log->count == RECORDS)
             TETLOD_TRY(decode_fields(recorder, error));
-        const uint32_t whole = recorder->log ? (uint32_t)recorder->log->count : 0;
         struct tetlod_error later = {0};
-        struct tetlodi_record record = {.children = 2};
-        enum tetlod_status status = TETLOD_OK;
-        if (tetlodi_level_next(recorder)) {
-            record.vertex = recorder->walk;
-            status = tetlodi_record_code(recorder, &record, &later);
-        } else {
-            status = tetlodi_fail(&later, TETLOD_ERR_STREAM, "it has fewer records than its index says");
-        }
+        enum tetlod_status status = tetlodi_record_decode(recorder, &later);
         if (status == TETLOD_OK)
             continue;
-        if (recorder->log)
-            recorder->log->count = whole; // the record that failed has no room in the columns
         TETLOD_TRY(decode_fields(recorder, error)); // of records before: that failure is the first
         *error = later;
         return status;
