@@ -142,18 +142,25 @@ static void visit_piece(struct visit *visit, struct piece *piece)
     visit_bytes(visit, piece->predicted, n * k * sizeof(double));
     visit_bytes(visit, piece->moved, n * sizeof(double));
     visit_bytes(visit, piece->most, n * sizeof(double));
-    VISIT(visit, piece->nodes, n);
 }
 
 static void visit_cell(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
     visit_piece(visit, &cell->piece);
+    VISIT(visit, cell->piece.nodes, cell->piece.mesh.vertex_count);
     for (int stage = 0; stage < CELL_STAGES; stage++)
         visit_log(visit, &cell->logs[stage], counts, stage, &cell->piece);
     if (counts->has_vertices)
         VISIT(visit, cell->vertices, counts->vertices);
     if (counts->has_nodes)
         VISIT(visit, cell->nodes, counts->nodes);
+}
+
+static void visit_start(struct visit *visit, struct cell *cell, const struct counts *counts)
+{
+    (void)counts;
+    visit_piece(visit, &cell->piece);
+    VISIT(visit, cell->vertices, cell->piece.mesh.vertex_count);
 }
 
 static struct counts count(const struct cell *cell)
@@ -187,8 +194,20 @@ enum tetlod_status cell_pack(const struct cell *cell, struct buffer *out, struct
     return visit.status == TETLOD_OK ? TETLOD_OK : tetlodi_fail_nomem(error, "a cell", out->size);
 }
 
-enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
-                               struct tetlod_error *error)
+enum tetlod_status cell_pack_start(const struct cell *cell, struct buffer *out, struct tetlod_error *error)
+{
+    struct visit visit = {.out = out};
+    struct counts counts = count(cell);
+    struct cell copy = *cell;
+    visit_bytes(&visit, &counts, sizeof counts);
+    visit_start(&visit, &copy, &counts);
+    return visit.status == TETLOD_OK ? TETLOD_OK : tetlodi_fail_nomem(error, "a cell", out->size);
+}
+
+/* The other way, by `rest` behind the counts. */
+static enum tetlod_status unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
+                                 void (*rest)(struct visit *visit, struct cell *cell, const struct counts *counts),
+                                 struct tetlod_error *error)
 {
     struct visit visit = {.bytes = bytes, .left = size};
     struct counts counts = {0};
@@ -197,7 +216,7 @@ enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const
     if (visit.status == TETLOD_OK && counts.left_tets <= size / 16 && counts.left_vertices <= size / 24) {
         TETLOD_TRY(piece_new(&out->piece, like, counts.left_vertices, counts.left_tets, error));
         out->tets = counts.tets;
-        visit_cell(&visit, out, &counts);
+        rest(&visit, out, &counts);
     } else {
         visit.status = TETLOD_ERR_IO;
     }
@@ -206,4 +225,16 @@ enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const
     return visit.status == TETLOD_OK && !visit.left
                ? TETLOD_OK
                : tetlodi_fail(error, TETLOD_ERR_IO, "a cell of the phase is not as it was written");
+}
+
+enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
+                               struct tetlod_error *error)
+{
+    return unpack(out, like, bytes, size, visit_cell, error);
+}
+
+enum tetlod_status cell_unpack_start(struct cell *out, const struct piece *like, const unsigned char *bytes,
+                                     size_t size, struct tetlod_error *error)
+{
+    return unpack(out, like, bytes, size, visit_start, error);
 }

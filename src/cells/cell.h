@@ -27,6 +27,13 @@ void cell_drop(struct cell *cell);
 /* Appends all that a cell is but `firsts`, status and error. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status cell_pack(const struct cell *cell, struct buffer *out, struct tetlod_error *error);
 
+/* The same of a cell that is to be contracted: its piece and its vertices. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status cell_pack_start(const struct cell *cell, struct buffer *out,
+                                                  struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cell_unpack_start(struct cell *out, const struct piece *like,
+                                                    const unsigned char *bytes, size_t size,
+                                                    struct tetlod_error *error);
+
 /* The cell again: `like` is a piece of the same mesh. ERR_NOMEM; ERR_IO: the bytes are of something else. Then *out is
  * to be freed. */
 TETLOD_CHECKED enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes,

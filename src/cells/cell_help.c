@@ -48,34 +48,18 @@ static void pass_whole(struct channel *channel, struct piece_whole *whole, uint3
         CHANNEL_ARRAY(channel, whole->limits, about.controlled_count);
 }
 
-static void pass_piece(struct channel *channel, struct piece *piece, uint32_t components)
+/* What all cells are like: the fields, and how far contracting has come. The cells come one by one. */
+static void pass_like(struct channel *channel, struct piece *piece, uint32_t components)
 {
-    struct piece_state *state = &piece->state;
-    mesh_pass(channel, &piece->mesh, NULL);
-    size_t n = piece->mesh.vertex_count, m = piece->mesh.tet_count, k = components;
-    CHANNEL_ARRAY(channel, piece->frozen, n);
-    CHANNEL_ARRAY(channel, piece->flags, n);
-    CHANNEL_ARRAY(channel, piece->boundary_faces, m);
-    CHANNEL_ARRAY(channel, piece->bounds, 2 * n * k);
-    CHANNEL_ARRAY(channel, piece->predicted, n * k);
-    CHANNEL_ARRAY(channel, piece->moved, n);
-    CHANNEL_ARRAY(channel, piece->most, n);
-    CHANNEL_ARRAY(channel, state->certified, k);
-    CHANNEL_ARRAY(channel, state->predicted, k);
-    CHANNEL_VALUE(channel, state->moved);
+    struct tetmesh none = piece->mesh, *like = channel->share->leads ? &none : &piece->mesh;
+    none.vertex_count = none.tet_count = 0;
+    mesh_pass(channel, like, NULL);
+    CHANNEL_ARRAY(channel, piece->state.certified, components);
+    CHANNEL_ARRAY(channel, piece->state.predicted, components);
+    CHANNEL_VALUE(channel, piece->state.moved);
 }
 
-/* The cells alone: their tree is for the stream. */
-static void pass_partition(struct channel *channel, struct partition *partition, const struct tetmesh *mesh)
-{
-    CHANNEL_VALUE(channel, partition->cells);
-    CHANNEL_ARRAY(channel, partition->boxes, partition->cells);
-    CHANNEL_ARRAY(channel, partition->begins, partition->cells + (size_t)1);
-    CHANNEL_ARRAY(channel, partition->tets, mesh->tet_count);
-    CHANNEL_ARRAY(channel, partition->seams, mesh->vertex_count);
-}
-
-/* All that contracting the cells of a stage takes. */
+/* What contracting any cell of a stage takes. */
 static void pass_stage(struct channel *channel, struct cell_run *run, struct simplify_options *options,
                        uint32_t **order, uint32_t *count)
 {
@@ -85,8 +69,9 @@ static void pass_stage(struct channel *channel, struct cell_run *run, struct sim
     pass_options(channel, options);
     CHANNEL_VALUE(channel, values);
     pass_whole(channel, &run->whole, values);
-    pass_piece(channel, &run->state, run->whole.component_count);
-    pass_partition(channel, &run->partition, &run->state.mesh);
+    pass_like(channel, &run->state, run->whole.component_count);
+    CHANNEL_VALUE(channel, run->partition.cells);
+    CHANNEL_ARRAY(channel, run->partition.boxes, run->partition.cells);
     CHANNEL_VALUE(channel, *count);
     CHANNEL_ARRAY(channel, *order, *count);
     CHANNEL_VALUE(channel, run->from);
@@ -121,7 +106,7 @@ static enum tetlod_status prepare(struct help *help)
     run->pool = pool_new(help->options.threads ? help->options.threads : parallel_cores());
     run->numbers = run->pool ? array_zero(pool_size(run->pool), sizeof *run->numbers) : NULL;
     run->cells = array_zero(help->count, sizeof *run->cells);
-    return run->numbers && run->cells ? cells_make_scratch(run) : TETLOD_ERR_NOMEM;
+    return run->numbers && run->cells ? TETLOD_OK : TETLOD_ERR_NOMEM;
 }
 
 /* Also a helper that has no room takes part in the stage: it says so at the end. */
@@ -134,8 +119,6 @@ static enum tetlod_status take_if_ready(void *opaque)
 static void release(struct help *help)
 {
     struct cell_run *run = &help->run;
-    for (unsigned w = 0; run->numbers && w < pool_size(run->pool); w++)
-        free(run->numbers[w]);
     free(run->numbers);
     cells_free(run);
     partition_fini(&run->partition);
@@ -155,8 +138,8 @@ enum tetlod_status cells_help(const struct work_share *share, unsigned threads, 
     help.status = channel.status;
     help.status = prepare(&help);
     help.run.store = (struct cell_store){share->put, share->get, share->opaque};
-    enum tetlod_status status = work_share_run(share, help.count, help.run.tries ? NULL : help.order, take_if_ready,
-                                               &help, error);
+    enum tetlod_status status = work_share_run(share, help.count, help.run.tries ? NULL : help.order, NULL,
+                                               take_if_ready, &help, error);
     cells_leave_store(&help.run);
     release(&help);
     return status;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Cells that helpers contract (src/util/work_share.h): they get what is left, and which cells it is cut into. */
+/* Cells that helpers contract (src/util/work_share.h): a helper gets those that it takes, one by one. */
 #ifndef TETLOD_CELL_HELP_H
 #define TETLOD_CELL_HELP_H
 

@@ -404,7 +404,7 @@ static enum tetlod_status take_root(void *opaque)
     const struct root_work *work = opaque;
     const struct work_share *share = work->run->share;
     uint32_t part;
-    if (!share->take(share->opaque, &part))
+    if (!share->take(share->opaque, &part, NULL))
         return TETLOD_OK;
     TETLOD_TRY(contract_rest(work->run, work->root, work->options));
     return give_root(work->run, work->root);
@@ -416,7 +416,7 @@ static enum tetlod_status share_root(struct cell_run *run, struct cell *root, co
     const struct work_share *share = run->share;
     struct root_work work = {run, root, options};
     run->store = (struct cell_store){share->put, share->get, share->opaque};
-    enum tetlod_status status = work_share_run(share, 1, NULL, take_root, &work, run->error);
+    enum tetlod_status status = work_share_run(share, 1, NULL, NULL, take_root, &work, run->error);
     if (status == TETLOD_OK && !root->logs[CELL_GO_ON].mark_count)
         status = cells_bring_back(run, root, 0);
     cells_leave_store(run);
@@ -470,7 +470,7 @@ static enum tetlod_status begin(struct cell_run *run, const uint32_t *controlled
 {
     const struct simplify_options *options = run->options;
     run->pool = pool_new(options->threads ? options->threads : parallel_cores());
-    run->numbers = run->pool ? array_zero(pool_size(run->pool), sizeof *run->numbers) : NULL;
+    run->numbers = run->pool ? array_zero(pool_size(run->pool) + (size_t)1, sizeof *run->numbers) : NULL;
     run->nodes = array_new(run->mesh->vertex_count, sizeof *run->nodes);
     if (!run->pool || !run->numbers || !run->nodes)
         return cells_no_memory(run);
@@ -508,7 +508,7 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
     TETLOD_TRY_DONE(run_phases(&run));
     log_finish(out);
 done:
-    for (unsigned w = 0; run.numbers && w < pool_size(run.pool); w++)
+    for (unsigned w = 0; run.numbers && w <= pool_size(run.pool); w++)
         free(run.numbers[w]);
     free(run.numbers);
     free(run.nodes);

@@ -19,7 +19,7 @@ struct cell_run {
     const struct simplify_options *options;
     uint32_t cell_tets;
     struct pool *pool;
-    uint32_t **numbers; /* [worker] scratch of piece_part */
+    uint32_t **numbers; /* [worker, and one more] scratch of piece_part */
     struct piece_whole whole;
     struct piece state; /* what is left */
     uint32_t *nodes;    /* [vertex of it] in the whole log */

@@ -29,7 +29,7 @@ enum tetlod_status cells_no_memory(const struct cell_run *run)
 
 enum tetlod_status cells_make_scratch(struct cell_run *run)
 {
-    for (unsigned w = 0; w < pool_size(run->pool); w++) {
+    for (unsigned w = 0; w < pool_size(run->pool) + work_has_helpers(run->share); w++) {
         free(run->numbers[w]);
         run->numbers[w] = array_new(run->state.mesh.vertex_count, sizeof **run->numbers);
         if (!run->numbers[w])
@@ -73,16 +73,26 @@ static enum tetlod_status keep_nodes(struct cell *cell)
     return TETLOD_OK;
 }
 
-static enum tetlod_status contract_cell(const struct cell_run *run, struct cell *cell, uint32_t number,
-                                        uint32_t *numbers)
+/* Cuts the cell of that number out of what is left. */
+static enum tetlod_status cut_cell(const struct cell_run *run, struct cell *cell, uint32_t number, uint32_t *numbers)
 {
     const struct partition *partition = &run->partition;
-    uint32_t begin = partition->begins[number], count = partition->begins[number + 1] - begin;
+    uint32_t begin = partition->begins[number];
+    cell->tets = partition->begins[number + 1] - begin;
+    return piece_part(&cell->piece, &run->state, partition->tets + begin, cell->tets, partition->seams, numbers,
+                      &cell->vertices, &cell->error);
+}
+
+/* The number of a part's cell: parts are cells, or places among those tried. */
+static uint32_t number_of(const struct cell_run *run, uint32_t part)
+{
+    return run->tries ? run->order[part] : part;
+}
+
+static enum tetlod_status contract_cell(const struct cell_run *run, struct cell *cell, uint32_t number)
+{
     bool named;
-    TETLOD_TRY(piece_part(&cell->piece, &run->state, partition->tets + begin, count, partition->seams, numbers,
-                          &cell->vertices, &cell->error));
-    cell->tets = count;
-    struct simplify_options options = options_of(run, cell, &partition->boxes[number]);
+    struct simplify_options options = options_of(run, cell, &run->partition.boxes[number]);
     double from = run->from > 0 ? run->from : FIRST_LIMIT;
     if (run->tries)
         return rounds_contract(&cell->logs[CELL_GO_ON], &cell->piece, from, &options, &cell->error);
@@ -136,16 +146,22 @@ enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cel
     return status == TETLOD_OK ? check_back(run, cell) : status;
 }
 
-/* Contracts a cell, and puts it away where it is to wait elsewhere. Parts are cells, or places among those tried. */
-static void do_cell(struct cell_run *run, unsigned worker, uint32_t part)
+/* Contracts a cell, which comes as bytes (NULL: it is to be cut), and puts it away where it is to wait elsewhere. */
+static void do_cell(struct cell_run *run, unsigned worker, uint32_t part, const struct buffer *input)
 {
     struct cell *cell = &run->cells[part];
-    cell->status = contract_cell(run, cell, run->tries ? run->order[part] : part, run->numbers[worker]);
+    uint32_t number = number_of(run, part);
+    cell->status = input ? cell_unpack_start(cell, &run->state, input->bytes, input->size, &cell->error)
+                         : cut_cell(run, cell, number, run->numbers[worker]);
+    if (cell->status == TETLOD_OK)
+        cell->status = contract_cell(run, cell, number);
     if (run->store.put && cell->status == TETLOD_OK)
         cell->status = put_away(run, cell, part);
     double done = (double)(atomic_fetch_add(&run->done, 1) + 1) / run->cell_count;
+    if (!run->options->progress)
+        return;
     done = (run->log->count + TAKEN * done * run->state.mesh.vertex_count) / run->mesh->vertex_count;
-    if (worker == 0 && run->options->progress && !run->options->progress(run->options->progress_opaque, done))
+    if (worker == 0 && !run->options->progress(run->options->progress_opaque, done))
         atomic_store(&run->cancelled, true);
 }
 
@@ -153,18 +169,37 @@ static void contract_range(void *context, unsigned worker, size_t begin, size_t 
 {
     struct cell_run *run = context;
     for (size_t i = begin; i < end && !atomic_load(&run->cancelled); i++)
-        do_cell(run, worker, run->tries ? (uint32_t)i : run->order[i]);
+        do_cell(run, worker, run->tries ? (uint32_t)i : run->order[i], NULL);
 }
 
 /* The same of the cells that other programs have not taken. */
 static void contract_taken(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct cell_run *run = context;
+    const struct work_share *share = run->share;
+    bool helps = work_helps(share);
+    struct buffer input = {0};
     uint32_t part;
     (void)begin;
     (void)end;
-    while (!atomic_load(&run->cancelled) && run->share->take(run->share->opaque, &part))
-        do_cell(run, worker, part);
+    while (!atomic_load(&run->cancelled) && share->take(share->opaque, &part, helps ? &input : NULL)) {
+        do_cell(run, worker, part, helps ? &input : NULL);
+        buffer_fini(&input);
+    }
+}
+
+/* A cell as a helper gets it. */
+static enum tetlod_status pack_input(void *opaque, uint32_t part, struct buffer *out, struct tetlod_error *error)
+{
+    const struct cell_run *run = opaque;
+    struct cell cell = {0};
+    enum tetlod_status status = cut_cell(run, &cell, number_of(run, part), run->numbers[pool_size(run->pool)]);
+    if (status == TETLOD_OK)
+        status = cell_pack_start(&cell, out, error);
+    else
+        tetlodi_fail(error, status, "%s", cell.error.message);
+    cell_fini(&cell);
+    return status;
 }
 
 /* What the cells of this program have come to. */
@@ -206,7 +241,9 @@ static enum tetlod_status share_cells(struct cell_run *run)
     run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
     if (work_has_helpers(share))
         TETLOD_TRY(cells_pass(run));
-    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, cells_take, run, run->error));
+    const struct work_input input = {pack_input, run};
+    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, &input, cells_take, run,
+                              run->error));
     return fetch_marks(run);
 }
 

@@ -171,8 +171,10 @@ static enum tetlod_status agree(const struct folder_share *share, struct tetlod_
                                path);
 }
 
-static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, struct tetlod_error *error)
+static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, const struct work_input *input,
+                                struct tetlod_error *error)
 {
+    (void)input; // all members have the mesh
     struct folder_share *share = opaque;
     char path[4096];
     uint8_t *states = array_zero(parts, 1);
@@ -191,8 +193,9 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     return agree(share, error);
 }
 
-static bool take(void *opaque, uint32_t *out_part)
+static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
 {
+    (void)out_input;
     struct folder_share *share = opaque;
     bool found = false;
     pthread_mutex_lock(&share->lock);

@@ -50,7 +50,7 @@ static bool take_parts(struct sweep *sweep)
     uint32_t members = share->members ? share->members : 1, most = (MEASURE_PARTS + members - 1) / members, part;
     uint32_t count = 0;
     memset(sweep->mine, 0, sizeof sweep->mine);
-    for (; count < most && share->take(share->opaque, &part); count++)
+    for (; count < most && share->take(share->opaque, &part, NULL); count++)
         sweep->mine[part] = true;
     return count > 0;
 }
@@ -238,7 +238,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
                           .error = error};
     bool ready = channel.status == TETLOD_OK && sweep.parts && sweep.scratch;
     enum tetlod_status status =
-        work_share_run(share, MEASURE_PARTS, NULL, ready ? do_parts : fail_parts, &sweep, error);
+        work_share_run(share, MEASURE_PARTS, NULL, NULL, ready ? do_parts : fail_parts, &sweep, error);
     share->end(share->opaque);
     end_sweep(&sweep);
     free_parts(&sweep);
@@ -266,7 +266,7 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
         return tetlodi_fail_nomem(error, "the levels", MEASURE_PARTS * sizeof *sweep.parts);
     if (work_has_helpers(share))
         TETLOD_TRY_DONE(call_helpers(levels, error));
-    TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, do_parts, &sweep, error));
+    TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, NULL, do_parts, &sweep, error));
     if (share->leads) {
         TETLOD_TRY_DONE(begin_sweep(&sweep));
         TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));

@@ -19,10 +19,10 @@ enum { PIECE = 1 << 30 };
 /* What is passed to helpers goes in such pieces: what one has no room for it drops, piece by piece. */
 enum { PASS_PIECE = 1 << 18 };
 
-enum { TAG_PART, TAG_ASK };
+enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT };
 
-/* Seconds between looks at whether others have come. */
-static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02;
+/* Seconds between looks at whether others have come, or want a part. */
+static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 1e-3;
 
 struct result {
     unsigned char *bytes;
@@ -39,11 +39,16 @@ struct stage_time {
 struct mpi_share {
     MPI_Comm comm;
     int rank, ranks;
-    MPI_Win window;      /* rank 0's: places that are taken */
-    uint32_t *counter;
+    pthread_mutex_t asking; /* on other ranks: one thread at a time wants a part */
     pthread_mutex_t lock; /* of MPI, and what follows */
     uint32_t parts;
     const uint32_t *order;
+    uint32_t next;       /* on rank 0: places that are taken */
+    const struct work_input *input; /* on rank 0 */
+    pthread_t server;    /* on rank 0: gives parts to the other ranks in a stage */
+    bool serves, stops;
+    enum tetlod_status served; /* what it has come to, and why */
+    struct tetlod_error why;
     struct result *results; /* [part] */
     bool over, told;     /* a rank has failed, as all know; it was another one */
     bool ended;          /* all have done well, and know it */
@@ -66,13 +71,21 @@ static struct stage_time *this_stage(const struct mpi_share *share)
     return &share->stages[share->stage_count - 1];
 }
 
-/* Waits without keeping a core busy that another rank may need. */
-static void wait_for(MPI_Request *request)
+static void sleep_for(double seconds)
+{
+    nanosleep(&(struct timespec){.tv_nsec = (long)(seconds * 1e9)}, NULL);
+}
+
+/* Waits without keeping a core busy that another rank may need, nor the lock. */
+static void wait_for(struct mpi_share *share, MPI_Request *request, double longest)
 {
     int done = 0;
-    for (double wait = FIRST_WAIT; MPI_Test(request, &done, MPI_STATUS_IGNORE) == MPI_SUCCESS && !done;) {
-        nanosleep(&(struct timespec){.tv_nsec = (long)(wait * 1e9)}, NULL);
-        wait = 2 * wait < LONGEST_WAIT ? 2 * wait : LONGEST_WAIT;
+    for (double wait = FIRST_WAIT; !done; wait = fmin(2 * wait, longest)) {
+        pthread_mutex_lock(&share->lock);
+        MPI_Test(request, &done, MPI_STATUS_IGNORE);
+        pthread_mutex_unlock(&share->lock);
+        if (!done)
+            sleep_for(wait);
     }
 }
 
@@ -81,8 +94,10 @@ static bool agree(struct mpi_share *share, bool good)
 {
     int bad = !good, any = 0;
     MPI_Request request;
+    pthread_mutex_lock(&share->lock);
     MPI_Iallreduce(&bad, &any, 1, MPI_INT, MPI_MAX, share->comm, &request);
-    wait_for(&request);
+    pthread_mutex_unlock(&share->lock);
+    wait_for(share, &request, LONGEST_WAIT);
     share->over |= any;
     share->told |= good && any;
     return !any;
@@ -102,43 +117,141 @@ static void drop_results(struct mpi_share *share)
     share->parts = 0;
 }
 
-static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, struct tetlod_error *error)
+/* ---- parts */
+
+/* The next part, on rank 0; false if there is none. */
+static bool next_part(struct mpi_share *share, uint32_t *out)
+{
+    pthread_mutex_lock(&share->lock);
+    bool any = share->next < share->parts;
+    if (any)
+        *out = share->order ? share->order[share->next] : share->next;
+    share->next += any;
+    pthread_mutex_unlock(&share->lock);
+    return any;
+}
+
+/* What a rank that wants a part is told. */
+struct given {
+    uint64_t is_part, part, size; /* size: of the input that follows */
+};
+
+/* Gives the rank a part with its input. A failure is known when the stage is settled: until then there is no part. */
+static void give_part(struct mpi_share *share, int rank)
+{
+    struct buffer input = {0};
+    uint32_t part = 0;
+    struct given given = {.is_part = share->served == TETLOD_OK && next_part(share, &part), .part = part};
+    if (given.is_part && share->input)
+        share->served = share->input->pack(share->input->opaque, part, &input, &share->why);
+    given.is_part &= share->served == TETLOD_OK;
+    given.size = given.is_part ? input.size : 0;
+    pthread_mutex_lock(&share->lock);
+    MPI_Send(&given, (int)sizeof given, MPI_BYTE, rank, TAG_GIVEN, share->comm);
+    for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
+        MPI_Send(input.bytes + at, (int)(given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE), MPI_BYTE, rank,
+                 TAG_INPUT, share->comm);
+    pthread_mutex_unlock(&share->lock);
+    buffer_fini(&input);
+}
+
+/* Until the stage is settled. */
+static void *serve(void *opaque)
 {
     struct mpi_share *share = opaque;
-    const uint32_t none = 0;
-    uint32_t before;
+    bool stops = false;
+    while (!stops) {
+        MPI_Status status;
+        int wanted = 0;
+        pthread_mutex_lock(&share->lock);
+        MPI_Iprobe(MPI_ANY_SOURCE, TAG_WANT, share->comm, &wanted, &status);
+        if (wanted)
+            MPI_Recv(NULL, 0, MPI_BYTE, status.MPI_SOURCE, TAG_WANT, share->comm, MPI_STATUS_IGNORE);
+        stops = share->stops;
+        pthread_mutex_unlock(&share->lock);
+        if (wanted)
+            give_part(share, status.MPI_SOURCE);
+        else if (!stops)
+            sleep_for(SERVE_WAIT);
+    }
+    return NULL;
+}
+
+static bool start_serving(struct mpi_share *share)
+{
+    share->stops = false;
+    share->served = TETLOD_OK;
+    share->serves = share->rank == 0 && share->ranks > 1 &&
+                    pthread_create(&share->server, NULL, serve, share) == 0;
+    return share->serves || share->rank || share->ranks == 1;
+}
+
+static void stop_serving(struct mpi_share *share)
+{
+    if (!share->serves)
+        return;
+    pthread_mutex_lock(&share->lock);
+    share->stops = true;
+    pthread_mutex_unlock(&share->lock);
+    pthread_join(share->server, NULL);
+    share->serves = false;
+}
+
+static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, const struct work_input *input,
+                                struct tetlod_error *error)
+{
+    struct mpi_share *share = opaque;
     struct stage_time *stages = array_resize(share->stages, share->stage_count + (size_t)1, sizeof *stages);
     share->stages = stages ? stages : share->stages;
     share->results = stages ? array_zero(parts, sizeof *share->results) : NULL;
     share->parts = share->results ? parts : 0;
     share->order = order;
-    if (!agree(share, share->results != NULL))
+    share->input = input;
+    share->next = 0;
+    if (!agree(share, share->results && start_serving(share))) {
+        stop_serving(share);
         return share->told ? other_failed(error)
                            : tetlodi_fail_nomem(error, "the parts", parts * sizeof(struct result));
-    if (share->rank == 0) { // nobody takes a part before
-        MPI_Fetch_and_op(&none, &before, MPI_UINT32_T, 0, 0, MPI_REPLACE, share->window);
-        MPI_Win_flush(0, share->window);
     }
-    if (!agree(share, true))
-        return other_failed(error);
     share->stages[share->stage_count++] = (struct stage_time){.parts = parts, .begun = process_seconds()};
     return TETLOD_OK;
 }
 
-static bool take(void *opaque, uint32_t *out_part)
+/* A part from rank 0. One thread asks at a time. */
+static bool want_part(struct mpi_share *share, uint32_t *out_part, struct buffer *out_input)
+{
+    struct given given;
+    MPI_Request request;
+    pthread_mutex_lock(&share->lock);
+    MPI_Irecv(&given, (int)sizeof given, MPI_BYTE, 0, TAG_GIVEN, share->comm, &request);
+    MPI_Send(NULL, 0, MPI_BYTE, 0, TAG_WANT, share->comm);
+    pthread_mutex_unlock(&share->lock);
+    wait_for(share, &request, SERVE_WAIT);
+    unsigned char *to = out_input && given.size ? buffer_extend(out_input, given.size) : NULL;
+    pthread_mutex_lock(&share->lock);
+    for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
+        MPI_Recv(to ? to + at : share->dropped, (int)(given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE),
+                 MPI_BYTE, 0, TAG_INPUT, share->comm, MPI_STATUS_IGNORE);
+    share->moved += given.size;
+    pthread_mutex_unlock(&share->lock);
+    *out_part = (uint32_t)given.part;
+    return given.is_part;
+}
+
+static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
 {
     struct mpi_share *share = opaque;
-    const uint32_t one = 1;
-    uint32_t place;
-    pthread_mutex_lock(&share->lock);
-    MPI_Fetch_and_op(&one, &place, MPI_UINT32_T, 0, 0, MPI_SUM, share->window);
-    MPI_Win_flush(0, share->window);
-    pthread_mutex_unlock(&share->lock);
-    if (place >= share->parts)
-        return false;
-    *out_part = share->order ? share->order[place] : place;
-    share->results[*out_part].begun = thread_seconds();
-    return true;
+    bool any;
+    if (share->rank == 0) {
+        any = next_part(share, out_part);
+    } else {
+        pthread_mutex_lock(&share->asking);
+        any = want_part(share, out_part, out_input);
+        pthread_mutex_unlock(&share->asking);
+    }
+    if (any)
+        share->results[*out_part].begun = thread_seconds();
+    return any;
 }
 
 static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, size_t size, struct tetlod_error *error)
@@ -211,7 +324,7 @@ static void move_parts(struct mpi_share *share, const uint64_t *list, int owner)
         MPI_Send(NULL, 0, MPI_BYTE, owner, TAG_ASK, share->comm);
     } else {
         MPI_Irecv(NULL, 0, MPI_BYTE, 0, TAG_ASK, share->comm, &request);
-        wait_for(&request);
+        wait_for(share, &request, LONGEST_WAIT);
     }
     for (uint32_t part = 0; part < share->parts; part++)
         if (list[2 * (size_t)part] == (uint64_t)owner)
@@ -224,14 +337,18 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     uint64_t *list = NULL;
     *out_again = false;
     this_stage(share)->all = process_seconds() - this_stage(share)->begun;
-    if (!agree(share, status == TETLOD_OK))
+    bool good = agree(share, status == TETLOD_OK); // until then others may want parts
+    stop_serving(share);
+    if (!good)
         return status == TETLOD_OK ? other_failed(error) : status;
-    bool room = list_results(share, &list) && make_room(share, list);
+    bool room = list_results(share, &list) && make_room(share, list) && share->served == TETLOD_OK;
     if (agree(share, room))
         for (int owner = 1; owner < share->ranks; owner++) {
             if (share->rank == 0 || share->rank == owner)
                 move_parts(share, list, owner);
         }
+    else if (share->served != TETLOD_OK)
+        status = tetlodi_fail(error, share->served, "%s", share->why.message);
     else
         status = share->told ? other_failed(error) : tetlodi_fail_nomem(error, "the parts", share->parts);
     free(list);
@@ -309,10 +426,8 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     MPI_Comm_dup(comm, &share->comm);
     MPI_Comm_rank(share->comm, &share->rank);
     MPI_Comm_size(share->comm, &share->ranks);
-    MPI_Win_allocate(share->rank ? 0 : sizeof *share->counter, sizeof *share->counter, MPI_INFO_NULL, share->comm,
-                     &share->counter, &share->window);
-    MPI_Win_lock_all(0, share->window);
     pthread_mutex_init(&share->lock, NULL);
+    pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
     *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end,
                                spent_alone, call, pass, share};
@@ -327,10 +442,9 @@ void mpi_share_free(struct work_share *share)
     drop_results(mpi);
     free(mpi->stages);
     free(mpi->dropped);
-    MPI_Win_unlock_all(mpi->window);
-    MPI_Win_free(&mpi->window);
     MPI_Comm_free(&mpi->comm);
     pthread_mutex_destroy(&mpi->lock);
+    pthread_mutex_destroy(&mpi->asking);
     free(mpi);
     *share = (struct work_share){0};
 }

@@ -4,10 +4,11 @@
 #include "format/fail.h"
 
 enum tetlod_status work_share_run(const struct work_share *share, uint32_t parts, const uint32_t *order,
-                                  enum tetlod_status (*work)(void *opaque), void *opaque, struct tetlod_error *error)
+                                  const struct work_input *input, enum tetlod_status (*work)(void *opaque),
+                                  void *opaque, struct tetlod_error *error)
 {
     bool again = true;
-    TETLOD_TRY(share->begin(share->opaque, parts, order, error));
+    TETLOD_TRY(share->begin(share->opaque, parts, order, input, error));
     while (again)
         TETLOD_TRY(share->settle(share->opaque, work(opaque), &again, error));
     return TETLOD_OK;

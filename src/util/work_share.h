@@ -16,6 +16,14 @@
 #include <stdint.h>
 
 #include "format/tetlod.h"
+#include "src/util/buffer.h"
+
+/* What a part works on, where that is the part's own: for a helper that takes it. Of the program that leads; one thread
+ * beside those that work calls it. ERR_NOMEM. */
+struct work_input {
+    enum tetlod_status (*pack)(void *opaque, uint32_t part, struct buffer *out, struct tetlod_error *error);
+    void *opaque;
+};
 
 /* What a helper is called for. */
 enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES };
@@ -23,11 +31,14 @@ enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES };
 struct work_share {
     uint32_t members; /* about: it may be more or fewer that work */
     bool leads;       /* this one goes on alone when nothing is left to share, and writes the stream */
-    /* The next stage begins. Its parts are taken in that order (NULL: ascending), which is borrowed until the end.
-     * ERR_IO, ERR_NOMEM, or with what another member has failed. */
-    enum tetlod_status (*begin)(void *opaque, uint32_t parts, const uint32_t *order, struct tetlod_error *error);
-    /* A part that nobody has begun; false if there is none. Any thread may call it, and put. */
-    bool (*take)(void *opaque, uint32_t *out_part);
+    /* The next stage begins. Its parts are taken in that order (NULL: ascending); the order and the input (NULL: there
+     * is none, or this one helps) are borrowed until the end. ERR_IO, ERR_NOMEM, or with what another member has
+     * failed. */
+    enum tetlod_status (*begin)(void *opaque, uint32_t parts, const uint32_t *order, const struct work_input *input,
+                                struct tetlod_error *error);
+    /* A part that nobody has begun; false if there is none. A helper also gets its input, in a buffer that is empty, or
+     * NULL for a stage without. Any thread may call it, and put. */
+    bool (*take)(void *opaque, uint32_t *out_part, struct buffer *out_input);
     enum tetlod_status (*put)(void *opaque, uint32_t part, const void *bytes, size_t size, struct tetlod_error *error);
     /* Waits until all parts are done. `status` is what this member's have come to, and *error why. *out_again: a member
      * has died, and take() gives what it has left. What one member fails with, all do. */
@@ -50,6 +61,7 @@ struct work_share {
 /* A stage from its begin until it is settled: `work` does what parts it can take, and is called again for those that a
  * member which died has left. The caller ends the stage in any case. */
 TETLOD_CHECKED enum tetlod_status work_share_run(const struct work_share *share, uint32_t parts, const uint32_t *order,
+                                                 const struct work_input *input,
                                                  enum tetlod_status (*work)(void *opaque), void *opaque,
                                                  struct tetlod_error *error);
 

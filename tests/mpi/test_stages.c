@@ -51,9 +51,35 @@ static enum tetlod_status pass_on(struct work_share *share)
     return TETLOD_OK;
 }
 
+/* The input of a part, of more than one piece for the first ones; that of the part `opaque` cannot be made. */
+static enum tetlod_status pack(void *opaque, uint32_t part, struct buffer *out, struct tetlod_error *error)
+{
+    const uint32_t *broken = opaque;
+    unsigned char bytes[BYTES];
+    fill(bytes, part + 1);
+    for (int i = 0; i < (part < 3 ? 600 : 1); i++)
+        TETLOD_TRY(buffer_append(out, bytes, BYTES));
+    return part == *broken ? tetlodi_fail(error, TETLOD_ERR_NOMEM, "it broke") : TETLOD_OK;
+}
+
+static void check_input(const struct work_share *share, uint32_t part, struct buffer *input)
+{
+    unsigned char bytes[BYTES];
+    size_t size = BYTES * (size_t)(part < 3 ? 600 : 1);
+    fill(bytes, part + 1);
+    if (!share->leads)
+        expect(input->size == size && memcmp(input->bytes + size - BYTES, bytes, BYTES) == 0,
+               "an input is another one");
+    buffer_fini(input);
+    *input = (struct buffer){0};
+}
+
 /* A stage in which a rank fails once it has done its parts, or -1: none. */
 static enum tetlod_status stage(struct work_share *share, int fails)
 {
+    uint32_t none = PARTS;
+    const struct work_input input = {pack, &none};
+    struct buffer got = {0};
     struct tetlod_error error = {0};
     unsigned char bytes[BYTES], *back;
     uint32_t part, order[PARTS];
@@ -61,9 +87,11 @@ static enum tetlod_status stage(struct work_share *share, int fails)
     bool again = true;
     for (uint32_t i = 0; i < PARTS; i++)
         order[i] = PARTS - 1 - i;
-    enum tetlod_status status = share->begin(share->opaque, PARTS, order, &error);
-    while (status == TETLOD_OK && share->take(share->opaque, &part) && fill(bytes, part))
+    enum tetlod_status status = share->begin(share->opaque, PARTS, order, share->leads ? &input : NULL, &error);
+    while (status == TETLOD_OK && share->take(share->opaque, &part, share->leads ? NULL : &got) && fill(bytes, part)) {
+        check_input(share, part, &got);
         status = share->put(share->opaque, part, bytes, part % 2 ? BYTES : 0, &error);
+    }
     if (status == TETLOD_OK)
         status = share->settle(share->opaque, rank == fails ? TETLOD_ERR_LIMIT : TETLOD_OK, &again, &error);
     for (part = 0; part < PARTS && status == TETLOD_OK && share->leads; part++) {
@@ -99,6 +127,32 @@ static void go_through(int fails, int fails_behind)
     mpi_share_free(&share);
 }
 
+/* An input that cannot be made: rank 0 is blamed, if another rank wanted it. Rank 0 takes nothing here. */
+static void go_without_input(void)
+{
+    struct work_share share;
+    struct tetlod_error error = {0};
+    uint32_t broken = 5;
+    const struct work_input input = {pack, &broken};
+    struct buffer got = {0};
+    unsigned char bytes[BYTES] = {0};
+    uint32_t part;
+    bool again;
+    char *text = NULL;
+    int who = -1;
+    expect(mpi_share_new(&share, MPI_COMM_WORLD, &error) == TETLOD_OK, "there is no share");
+    expect(share.begin(share.opaque, PARTS, NULL, share.leads ? &input : NULL, &error) == TETLOD_OK, "no stage");
+    while (!share.leads && share.take(share.opaque, &part, &got)) {
+        check_input(&share, part, &got);
+        expect(share.put(share.opaque, part, bytes, BYTES, &error) == TETLOD_OK, "a part cannot be put");
+    }
+    expect(share.settle(share.opaque, TETLOD_OK, &again, &error) != TETLOD_OK, "a stage without an input is settled");
+    share.end(share.opaque);
+    expect(!mpi_share_finish(&share, false, "it broke", &who, &text) && who == 0, "another rank is blamed");
+    free(text);
+    mpi_share_free(&share);
+}
+
 int main(int argc, char **argv)
 {
     int provided, any;
@@ -108,6 +162,7 @@ int main(int argc, char **argv)
     go_through(1, -1);
     go_through(0, -1);
     go_through(-1, 1);
+    go_without_input();
     MPI_Allreduce(&bad, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
     if (rank == 0)
         puts(any ? "bad" : "good");
