@@ -812,6 +812,13 @@ void measure_levels_result(const struct measure_levels *m, struct measured *out)
         tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
 }
 
+bool measure_levels_sample(const struct measure_levels *m, size_t sample, double *out)
+{
+    for (uint32_t f = 0; f < m->field_count; f++)
+        out[f] = (double)m->errors[f * m->samples + sample] / m->scales[f];
+    return m->hosts[sample] != HOST_OUTSIDE;
+}
+
 void measure_levels_free(struct measure_levels *m)
 {
     if (!m)

@@ -32,6 +32,10 @@ TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *mea
                                                       double *io_domain,
                                                       struct tetlod_error *error);
 
+/* What a sample (sample_points.h) was found to be off by at the last level: out [field_count], in the fields' units,
+ * rounded up as said above. False: the level does not hold it, and the closest point of its boundary was taken. */
+bool measure_levels_sample(const struct measure_levels *measure, size_t sample, double *out);
+
 /* ---- samples in parts, of which each program measures some (measure_shared.h) */
 
 /* The samples, and the points of boundaries, are in so many parts, whatever their number. */

@@ -19,6 +19,7 @@
 #include "src/measure/exact_cell.h"
 #include "src/measure/tally.h"
 #include "src/measure/walk.h"
+#include "src/measure/weights_map.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/sample_points.h"
 #include "src/mesh/tet_geom.h"
@@ -29,6 +30,9 @@
 
 /* Samples are located to that in doubles, as a weight (walk.c, locate.c). */
 static const double ON_FACE = 2e-9;
+
+/* Of a weight in doubles: so little that 113 bits would not tell more. */
+static const double SMALL_DOUBT = 1e-12;
 
 enum { CHUNK = 1024 };
 
@@ -43,6 +47,7 @@ struct worker {
     uint32_t *near;
     size_t room;
     double *errors; /* [2 * field] of the sample at hand: the least and the greatest */
+    double *measured; /* [field] of the sample; in the room of `errors` */
     bool failed;
 };
 
@@ -57,6 +62,9 @@ struct ranges {
     bool within; /* samples that a tetrahedron holds take its values only */
     /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
     bool in_place;
+    const struct measure_levels *measured; /* or NULL */
+    uint32_t *unclear_corners; /* [4 * ] of tetrahedra near which a sample may be in several, if there is `measured` */
+    struct bvh unclear;
     struct sums *sums; /* [chunk][field] */
     double *scales;    /* [field] so that no square is too large or too small (tally.h) */
     struct worker *workers;
@@ -120,14 +128,35 @@ static bool is_own(const struct ranges *r, const struct sample *sample, const ui
     return true;
 }
 
-/* Is the point so far outside that no rounding can have put it there? `doubt`: what the weights may be off by. Most
- * tetrahedra near a sample are, and need no weights in 113 bits. */
-static bool is_far_outside(const double *const q[4], const double p[3], double volume6, double doubt)
+/* What a weight in a tetrahedron may be wrong by: heights are at least the volume by the square of the longest edge. */
+static double doubt_of(double volume6, double size2)
 {
-    const double least = -2 * doubt * fabs(volume6);
-    const double sign = volume6 < 0 ? -1 : 1;
-    return sign * tet_volume6(p, q[1], q[2], q[3]) < least || sign * tet_volume6(q[0], p, q[2], q[3]) < least ||
-           sign * tet_volume6(q[0], q[1], p, q[3]) < least || sign * tet_volume6(q[0], q[1], q[2], p) < least;
+    return ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / fabs(volume6);
+}
+
+/* The weights of a point in doubles. False: it is so far outside that no rounding can have put it there, as most
+ * tetrahedra near a sample are. */
+static bool weigh_roughly(const double *const q[4], const double p[3], double volume6, double doubt, double weights[4])
+{
+    for (int c = 0; c < 4; c++) {
+        const double *corners[4] = {q[0], q[1], q[2], q[3]};
+        corners[c] = p;
+        weights[c] = tet_volume6(corners[0], corners[1], corners[2], corners[3]) / volume6;
+        if (weights[c] < -2 * doubt)
+            return false;
+    }
+    return true;
+}
+
+/* The same in 113 bits, for tetrahedra in which doubles say little. */
+static void weigh_exactly(const double *const q[4], const double p[3], double weights[4])
+{
+    struct exact_map map;
+    quad exact[4];
+    exact_map_set(&map, q);
+    exact_weights(&map, (const quad[3]){p[0], p[1], p[2]}, exact);
+    for (int c = 0; c < 4; c++)
+        weights[c] = (double)exact[c];
 }
 
 /* The tetrahedra that may hold the sample. */
@@ -136,8 +165,6 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
     for (uint32_t i = 0; i < count; i++) {
         struct place place;
         const double *q[4];
-        struct exact_map map;
-        quad weights[4];
         memcpy(place.vertices, r->level->corners + 4 * (size_t)worker->near[i], sizeof place.vertices);
         if (r->bodies[place.vertices[0]] != sample->body)
             continue;
@@ -155,14 +182,15 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         }
         double volume6 = tet_volume6(q[0], q[1], q[2], q[3]), size2 = tet_size_squared(q[0], q[1], q[2], q[3]),
                least = INFINITY;
-        // heights are at least the volume by the square of the longest edge
-        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / fabs(volume6);
-        if (volume6 == 0 || is_far_outside(q, sample->p, volume6, doubt))
+        double doubt = doubt_of(volume6, size2);
+        if (volume6 == 0 || !weigh_roughly(q, sample->p, volume6, doubt, place.weights))
             continue;
-        exact_map_set(&map, q);
-        exact_weights(&map, (const quad[3]){sample->p[0], sample->p[1], sample->p[2]}, weights);
+        if (doubt - ON_FACE > SMALL_DOUBT)
+            weigh_exactly(q, sample->p, place.weights);
+        else
+            doubt += doubt - ON_FACE;
         for (int c = 0; c < 4; c++)
-            least = smaller(least, place.weights[c] = (double)weights[c]);
+            least = smaller(least, place.weights[c]);
         if (!(least >= -doubt))
             continue;
         add_place(r, worker, sample, &place, doubt);
@@ -252,6 +280,19 @@ static bool find_near(const struct bvh *bvh, struct worker *worker, const double
     return !worker->failed && bvh_find_box(bvh, box, worker->near, (uint32_t)worker->room) == *out_count;
 }
 
+/* What was measured is what it is: no other tetrahedron may hold the sample with another value. */
+static bool is_clear(const struct ranges *r, struct worker *worker, const struct sample *sample, size_t number,
+                     double *measured)
+{
+    uint32_t count = 0;
+    if (!r->measured || !measure_levels_sample(r->measured, number, measured) ||
+        (r->unclear.count && (!find_near(&r->unclear, worker, sample->p, 1e-7 * r->size, &count) || count)))
+        return false;
+    for (uint32_t f = 0; f < r->original->field_count; f++) // rounded up to a float
+        add_choice(worker, f, measured[f] * (1 - FLT_EPSILON), measured[f]);
+    return true;
+}
+
 static void find_errors(const struct ranges *r, struct worker *worker, size_t number)
 {
     struct sample sample = {.held = false};
@@ -269,6 +310,8 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
         add_place(r, worker, &sample, &sample.place, 0);
         return;
     }
+    if (is_clear(r, worker, &sample, number, worker->measured))
+        return;
     if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size, &count))
         return;
     try_tets(r, worker, &sample, count);
@@ -342,14 +385,43 @@ static bool is_in_place(const struct tetmesh *original, const struct tetmesh *le
            memcmp(original->corners, level->corners, original->tet_count * 4 * sizeof *level->corners) == 0;
 }
 
+/* Tetrahedra of the level that are flat, or too thin for exact weights, or that lie over others: these are turned over,
+ * or lie at one that is. */
+static enum tetlod_status find_unclear(struct ranges *r, struct tetlod_error *error)
+{
+    const struct tetmesh *level = r->level;
+    uint32_t count = 0, positive = 0;
+    double *volumes = array_new(level->tet_count, sizeof *volumes);
+    r->unclear_corners = array_new(level->tet_count, 4 * sizeof *r->unclear_corners);
+    if (!volumes || !r->unclear_corners) {
+        free(volumes);
+        return tetlodi_fail_nomem(error, "the samples", level->tet_count * (uint64_t)24);
+    }
+    for (uint32_t t = 0; t < level->tet_count; t++) {
+        volumes[t] = tet_volume6(mesh_corner(level, t, 0), mesh_corner(level, t, 1), mesh_corner(level, t, 2),
+                                 mesh_corner(level, t, 3));
+        positive += volumes[t] > 0;
+    }
+    double sign = 2 * (uint64_t)positive >= level->tet_count ? 1 : -1;
+    for (uint32_t t = 0; t < level->tet_count; t++) {
+        double size2 = tet_size_squared(mesh_corner(level, t, 0), mesh_corner(level, t, 1), mesh_corner(level, t, 2),
+                                        mesh_corner(level, t, 3));
+        if (!(sign * volumes[t] > 0) || doubt_of(volumes[t], size2) > 2 * ON_FACE)
+            memcpy(r->unclear_corners + 4 * (size_t)count++, level->corners + 4 * (size_t)t, 4 * sizeof(uint32_t));
+    }
+    free(volumes);
+    return count ? bvh_build(&r->unclear, level->positions, r->unclear_corners, count, 4, BVH_LEAF, error) : TETLOD_OK;
+}
+
 enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t *bodies, const struct tetmesh *level,
-                                 bool within, unsigned threads, struct measured_range *out, struct tetlod_error *error)
+                                 bool within, const struct measure_levels *measured, unsigned threads,
+                                 struct measured_range *out, struct tetlod_error *error)
 {
     uint32_t fields = original->field_count;
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level),
-                       .within = within, .in_place = is_in_place(original, level)};
+                       .within = within, .in_place = is_in_place(original, level), .measured = measured};
     uint8_t *counts = array_new(original->tet_count, 1);
     enum tetlod_status status = TETLOD_OK;
     r.vertex_counts = array_zero(original->vertex_count, 1);
@@ -358,9 +430,13 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
     r.scales = array_new(fields, sizeof *r.scales);
     bool room = r.scales && counts && r.vertex_counts && r.sums && r.workers;
     for (unsigned i = 0; i < threads && room; i++)
-        room = (r.workers[i].errors = array_new(2 * (size_t)fields, sizeof(double))) != NULL;
+        room = (r.workers[i].errors = array_new(3 * (size_t)fields, sizeof(double))) != NULL;
     if (!room)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", chunks * fields * sizeof *r.sums));
+    for (unsigned i = 0; i < threads; i++)
+        r.workers[i].measured = r.workers[i].errors + 2 * (size_t)fields;
+    if (measured)
+        TETLOD_TRY_DONE(find_unclear(&r, error));
     for (uint32_t f = 0; f < fields; f++) {
         double ranges[2][2];
         point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
@@ -386,6 +462,8 @@ done:
         free(r.workers[i].near);
     }
     locator_fini(&r.locator);
+    bvh_fini(&r.unclear);
+    free(r.unclear_corners);
     free(counts);
     free(r.vertex_counts);
     free(r.sums);

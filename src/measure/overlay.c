@@ -40,6 +40,8 @@ struct overlay {
     int finer;                       /* which has more tetrahedra; a where each tetrahedron of b is asked for its own */
     const struct clusters *clusters; /* of those */
     struct clusters own_clusters;    /* if none were given */
+    bool one_body;                   /* as far as is known */
+    uint8_t *asked;                  /* [cluster] some of it are looked at */
     double *boxes;                   /* [6 * tet of b] */
     uint8_t *usable[2];              /* [tet] it has an interpolant, and may be looked at */
     const uint32_t *neighbours;      /* of b (adjacency.h), where it may overlap itself */
@@ -63,7 +65,7 @@ struct cell {
 static bool same_body(const struct overlay *overlay, uint32_t tet_a, uint32_t tet_b)
 {
     const uint32_t *const *bodies = overlay->options->bodies;
-    return !bodies[0] || bodies[0][overlay->meshes[0]->corners[4 * (size_t)tet_a]] ==
+    return overlay->one_body || bodies[0][overlay->meshes[0]->corners[4 * (size_t)tet_a]] ==
                              bodies[1][overlay->meshes[1]->corners[4 * (size_t)tet_b]];
 }
 
@@ -525,7 +527,8 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
         reach_set(&reach, overlay->meshes[coarser], (uint32_t)tet);
         struct bvh_walk walk = bvh_walk_begin(&overlay->clusters->tree);
         while (bvh_next_leaf_where(&walk, reaches, &reach, &first, &last))
-            compare_cluster(overlay, worker, &reach, (uint32_t)tet, first, last);
+            if (overlay->asked[first / CLUSTER_TETS])
+                compare_cluster(overlay, worker, &reach, (uint32_t)tet, first, last);
     }
 }
 
@@ -560,6 +563,29 @@ static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_e
         return TETLOD_OK;
     overlay->clusters = &overlay->own_clusters;
     return clusters_build(&overlay->own_clusters, fine, error);
+}
+
+/* Most meshes are one body, of which nothing has to be asked. */
+static bool is_one_body(const struct overlay *overlay)
+{
+    const uint32_t *const *bodies = overlay->options->bodies;
+    bool one = true;
+    for (int m = 0; m < 2 && bodies[0]; m++)
+        for (size_t i = 0; i < 4 * (size_t)overlay->meshes[m]->tet_count && one; i++)
+            one = bodies[m][overlay->meshes[m]->corners[i]] == bodies[0][overlay->meshes[0]->corners[0]];
+    return one;
+}
+
+/* Near the boundary alone most clusters are not asked about. */
+static enum tetlod_status prepare_asked(struct overlay *overlay, struct tetlod_error *error)
+{
+    uint32_t count = overlay->meshes[overlay->finer]->tet_count;
+    overlay->asked = array_zero(count / CLUSTER_TETS + 1, 1);
+    if (!overlay->asked)
+        return tetlodi_fail_nomem(error, "the overlay", count / CLUSTER_TETS + 1);
+    for (uint32_t i = 0; i < count; i++)
+        overlay->asked[i / CLUSTER_TETS] |= looked_at(overlay, overlay->finer, overlay->clusters->tree.order[i]);
+    return TETLOD_OK;
 }
 
 static enum tetlod_status prepare_cover(struct overlay *overlay, struct tetlod_error *error)
@@ -618,6 +644,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
+    free(overlay->asked);
     free(overlay->covered);
     free(overlay->own_neighbours);
     clusters_fini(&overlay->own_clusters);
@@ -656,6 +683,8 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
     TETLOD_TRY_DONE(prepare_fields(&overlay, a_fields, b_fields, error));
     TETLOD_TRY_DONE(prepare_workers(&overlay, threads, error));
     TETLOD_TRY_DONE(prepare_boxes(&overlay, error));
+    overlay.one_body = is_one_body(&overlay);
+    TETLOD_TRY_DONE(prepare_asked(&overlay, error));
     TETLOD_TRY_DONE(prepare_cover(&overlay, error));
     parallel_for(threads, overlay.meshes[!overlay.finer]->tet_count, CHUNK, compare_range, &overlay);
     gather(&overlay, threads, out, report);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/measure/overlay_levels.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +13,11 @@
 #include "src/mesh/mesh_surface.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
+
+/* A depth of what is near the boundary. */
+static const double NEAR = -1;
 
 struct overlay_levels {
     const struct tetmesh *original;
@@ -27,7 +32,9 @@ struct overlay_levels {
     uint32_t *numbers;        /* [field] */
     double *most;             /* [field] */
     struct clusters clusters; /* of the original */
-    float *depths;            /* [tet of the original] no point of it is nearer to the boundary; NULL: not asked yet */
+    struct mesh_surface boundary; /* of the original; empty until it is asked for */
+    double *depths;           /* [tet of the original] it is further than that from the boundary; or NEAR */
+    double reach;             /* the largest that was asked for: which are NEAR */
     uint8_t *near;            /* [tet of the original] promised, and near enough to the boundary */
 };
 
@@ -45,6 +52,7 @@ void overlay_levels_free(struct overlay_levels *levels)
                            levels->fields, levels->numbers,  levels->most,    levels->depths,
                            levels->near,   levels};
     clusters_fini(&levels->clusters);
+    mesh_surface_fini(&levels->boundary);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
 }
@@ -110,48 +118,92 @@ static void take_level(struct overlay_levels *levels, const struct coarsening *m
                                                  .values = mesh->fields[f].values};
 }
 
-static enum tetlod_status fill_depths(struct overlay_levels *levels, const struct mesh_surface *surface,
-                                      struct tetlod_error *error)
+static enum tetlod_status need_boundary(struct overlay_levels *levels, struct tetlod_error *error)
 {
     const struct tetmesh *mesh = levels->original;
-    double *distances = array_new(mesh->vertex_count, sizeof *distances);
-    if (!distances)
-        return tetlodi_fail_nomem(error, "the overlay", mesh->vertex_count * (uint64_t)sizeof *distances);
-    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        struct place place;
-        uint32_t face;
-        distances[v] = mesh_surface_closest(surface, 0, mesh->positions + 3 * (size_t)v, &place, &face);
-    }
-    for (uint32_t t = 0; t < mesh->tet_count; t++) {
-        double depth = 0, size = sqrt(tet_size_squared(mesh_corner(mesh, t, 0), mesh_corner(mesh, t, 1),
-                                                       mesh_corner(mesh, t, 2), mesh_corner(mesh, t, 3)));
-        for (int c = 0; c < 4; c++)
-            depth = larger(depth, distances[mesh->corners[4 * (size_t)t + (size_t)c]] - size);
-        levels->depths[t] = (float)(depth * (1 - 1e-6));
-    }
-    free(distances);
-    return TETLOD_OK;
-}
-
-/* A lower bound of how far each tetrahedron of the original is from its boundary. */
-static enum tetlod_status find_depths(struct overlay_levels *levels, struct tetlod_error *error)
-{
-    const struct tetmesh *mesh = levels->original;
-    struct mesh_surface surface = {0};
+    if (levels->depths)
+        return TETLOD_OK;
     uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     enum tetlod_status status = TETLOD_OK;
-    levels->depths = array_new(mesh->tet_count, sizeof *levels->depths);
+    levels->depths = array_zero(mesh->tet_count, sizeof *levels->depths);
     levels->near = array_new(mesh->tet_count, 1);
     if (!neighbours || !levels->depths || !levels->near)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the overlay", 21 * (uint64_t)mesh->tet_count));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the overlay", 25 * (uint64_t)mesh->tet_count));
     TETLOD_TRY_DONE(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
-    TETLOD_TRY_DONE(mesh_surface_init(&surface, mesh->positions, mesh->corners, neighbours, mesh->tet_count, NULL, 0,
-                                      0, error));
-    status = fill_depths(levels, &surface, error);
+    status = mesh_surface_init(&levels->boundary, mesh->positions, mesh->corners, neighbours, mesh->tet_count, NULL, 0,
+                               0, error);
 done:
-    mesh_surface_fini(&surface);
     free(neighbours);
     return status;
+}
+
+/* Are three points further than `reach` in front of a face of the tetrahedron, rounding aside? */
+static bool is_beyond(const double *const corners[4], const double *const points[3], double reach)
+{
+    for (int f = 0; f < 4; f++) {
+        const double *q = corners[tet_faces[f][0]];
+        double u[3], v[3], normal[3], inwards[3], nearest = INFINITY, farthest2 = 0;
+        subtract(corners[tet_faces[f][1]], q, u);
+        subtract(corners[tet_faces[f][2]], q, v);
+        subtract(corners[f], q, inwards);
+        cross(u, v, normal);
+        bool positive = dot(normal, inwards) > 0;
+        for (int i = 0; i < 3; i++) {
+            double r[3];
+            subtract(points[i], q, r);
+            nearest = smaller(nearest, positive ? -dot(normal, r) : dot(normal, r));
+            farthest2 = larger(farthest2, dot(r, r));
+        }
+        farthest2 = larger(farthest2, dot(inwards, inwards));
+        if (nearest > reach * sqrt(dot(normal, normal)) + 64 * DBL_EPSILON * sqrt(dot(u, u) * dot(v, v) * farthest2))
+            return true;
+    }
+    return false;
+}
+
+/* May a face of the surface be within `reach` of the tetrahedron? */
+static bool is_within(const struct mesh_surface *surface, const struct tetmesh *mesh, uint32_t tet, double reach)
+{
+    const double *corners[4], wide = reach * (1 + 1e-6);
+    double box[6];
+    uint32_t first, end;
+    tet_box(mesh, tet, box);
+    for (int i = 0; i < 4; i++)
+        corners[i] = mesh_corner(mesh, tet, i);
+    for (int d = 0; d < 3; d++) {
+        box[d] -= wide;
+        box[d + 3] += wide;
+    }
+    struct bvh_walk walk = bvh_walk_begin(&surface->boxes);
+    while (bvh_next_leaf(&walk, box, &first, &end))
+        for (uint32_t i = first; i < end; i++) {
+            const uint32_t *triangle = surface->triangles + 3 * (size_t)surface->boxes.order[i];
+            const double *points[3];
+            bool meets = true;
+            for (int k = 0; k < 3; k++)
+                points[k] = surface->positions + 3 * (size_t)triangle[k];
+            for (int d = 0; d < 3; d++)
+                meets &= smaller(smaller(points[0][d], points[1][d]), points[2][d]) <= box[d + 3] &&
+                         larger(larger(points[0][d], points[1][d]), points[2][d]) >= box[d];
+            if (meets && !is_beyond(corners, points, wide))
+                return true;
+        }
+    return false;
+}
+
+/* Those of the original that may come within `reach` of its boundary. What is further away is asked about again only
+ * when the reach has grown to twice that. */
+static void find_near(struct overlay_levels *levels, double reach)
+{
+    const struct tetmesh *mesh = levels->original;
+    levels->reach = larger(levels->reach, reach);
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        double *depth = &levels->depths[t];
+        if (*depth != NEAR && *depth <= levels->reach && levels->promised[t])
+            *depth = !is_within(&levels->boundary, mesh, t, 2 * levels->reach) ? 2 * levels->reach :
+                is_within(&levels->boundary, mesh, t, levels->reach) ? NEAR : levels->reach;
+        levels->near[t] = levels->promised[t] && *depth == NEAR;
+    }
 }
 
 /* Of the wanted tetrahedra, those that may come within `reach` of the boundary stay wanted. The original's boundary is
@@ -162,20 +214,11 @@ static enum tetlod_status keep_near_boundary(struct overlay_levels *levels, cons
     struct mesh_surface surface;
     TETLOD_TRY(mesh_surface_init(&surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored,
                                  mesh->states, COARSE_SAME, COARSE_CHANGED, error));
-    for (uint32_t t = 0; t < level->tet_count; t++) {
-        double box[6];
-        tet_box(level, t, box);
-        for (int d = 0; d < 3; d++) {
-            box[d] -= reach;
-            box[d + 3] += reach;
-        }
-        levels->wanted[t] = levels->wanted[t] && bvh_find_box(&surface.boxes, box, NULL, 0) > 0;
-    }
+    for (uint32_t t = 0; t < level->tet_count; t++)
+        levels->wanted[t] = levels->wanted[t] && is_within(&surface, level, t, reach);
     mesh_surface_fini(&surface);
-    if (!levels->depths)
-        TETLOD_TRY(find_depths(levels, error));
-    for (uint32_t t = 0; t < levels->original->tet_count; t++)
-        levels->near[t] = levels->promised[t] && levels->depths[t] <= 2 * reach;
+    TETLOD_TRY(need_boundary(levels, error));
+    find_near(levels, 2 * reach);
     return TETLOD_OK;
 }
 

@@ -287,10 +287,16 @@ mutant('what rounding positions changes has no exact maximum', 'src/pipeline/qua
        'overlay_levels_next(overlay, &finest, INFINITY, io_most, error)', 'TETLOD_OK',
        'max has what rounded positions change, at the tail too', ATTACK)
 mutant('overlay: of the level nothing is near the boundary', 'src/measure/overlay_levels.c',
-       'box[d] -= reach;\n            box[d + 3] += reach;', '',
+       'levels->wanted[t] && is_within(&surface, level, t, reach)', 'false',
        'what is unproved near the boundary is looked at', 'unit/test_overlay')
 mutant('overlay: of the original nothing is near the boundary', 'src/measure/overlay_levels.c',
-       'levels->depths[t] <= 2 * reach', 'levels->depths[t] <= 0 * reach', 'the same', 'unit/test_overlay')
+       'find_near(levels, 2 * reach)', 'find_near(levels, 0 * reach)', 'the same', 'unit/test_overlay')
+mutant('overlay: clusters that are asked about are passed over', 'src/measure/overlay.c',
+       'overlay->asked[i / CLUSTER_TETS] |= looked_at', 'overlay->asked[i / CLUSTER_TETS] &= looked_at',
+       'a cluster counts if any of it does', 'unit/test_overlay')
+mutant('overlay: all is one body', 'src/measure/overlay.c',
+       'return overlay->one_body || bodies', 'return true || bodies',
+       'each body is compared with itself', 'unit/test_overlay')
 mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c',
        'if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'

@@ -413,7 +413,8 @@ static void test_near_boundary(void)
     level.fields[0].values[vertex_at(&mesh, 4, 4, 4)] += 0.5;
     CHECK(finest_within(&mesh, &level, 0) == 0);
     CHECK(finest_within(&mesh, &level, 0.16) == 0);
-    CHECK_NEAR(finest_within(&mesh, &level, 2.4), 0.5, 1e-12);
+    CHECK(finest_within(&mesh, &level, 2.9) == 0); // its tetrahedra end 3 from the boundary
+    CHECK_NEAR(finest_within(&mesh, &level, 3.1), 0.5, 1e-12);
     level.fields[0].values[vertex_at(&mesh, 4, 4, 8)] += 0.25;
     level.fields[0].values[vertex_at(&mesh, 4, 4, 6)] += 0.375;
     CHECK(finest_within(&mesh, &level, 0.16) >= 0.25 - 1e-12);
@@ -421,6 +422,31 @@ static void test_near_boundary(void)
     CHECK_NEAR(finest(&mesh, &level), 0.5, 1e-12);
     coarsening_fini(&level);
     tetmesh_fini(&mesh);
+}
+
+/* Two bodies at one place: each is compared with itself, though the other one has its values. */
+static void test_bodies(void)
+{
+    static const double points[8][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1},
+                                        {0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    static const uint32_t tets[2][4] = {{0, 1, 2, 3}, {4, 5, 6, 7}}, bodies[8] = {0, 0, 0, 0, 1, 1, 1, 1};
+    static const uint32_t only[1] = {0};
+    struct tetmesh meshes[2];
+    struct overlay_report report;
+    struct overlay_options options = {.threads = 1};
+    double most;
+    for (int m = 0; m < 2; m++) {
+        REQUIRE(make_mesh(&meshes[m], points, 8, tets, 2));
+        for (int i = 0; i < 4; i++)
+            meshes[m].fields[0].values[4 * m + i] = 1;
+    }
+    REQUIRE(overlay_max(&meshes[0], only, &meshes[1], only, 1, &options, &most, &report, NULL) == TETLOD_OK);
+    CHECK(most == 0);
+    options.bodies[0] = options.bodies[1] = bodies;
+    REQUIRE(overlay_max(&meshes[0], only, &meshes[1], only, 1, &options, &most, &report, NULL) == TETLOD_OK);
+    CHECK(most == 1);
+    tetmesh_fini(&meshes[0]);
+    tetmesh_fini(&meshes[1]);
 }
 
 /* A finest level that is the original has no difference; one with a position, a value or a diagonal of its own has. */
@@ -457,6 +483,7 @@ int main(void)
     RUN(test_jump);
     RUN(test_common_plane);
     RUN(test_overlap);
+    RUN(test_bodies);
     RUN(test_against_sampling);
     RUN(test_against_all_pairs);
     RUN(test_rounding);
