@@ -141,7 +141,7 @@ WASM := build/wasm/tetlod.wasm
 REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter-out $(WRITING),$(FORMAT_SRC)) \
     src/stream/forest.c src/stream/region.c src/mesh/mixed_cells.c src/mesh/tetmesh.c src/util/array.c src/util/room.c \
     $(filter-out %/quadrature.c,$(wildcard src/ask/*.c)) $(patsubst %,format/read/%.c,summary box_sums) \
-    src/cut/line.c $(patsubst %,src/mesh/%.c,adjacency locate) \
+    src/cut/line.c $(patsubst %,src/mesh/%.c,adjacency hilbert locate) \
     $(patsubst %,src/stream/%.c,selection series_time) $(patsubst %,src/util/%.c,number_text)
 REFINE := build/wasm/refine.wasm
 CLIENT := build/client

@@ -15,6 +15,7 @@ enum { KEY_CAPACITY = 128 };
 /* A level's arrays, one behind the other in one block. */
 struct kept {
     struct form_mesh mesh;
+    struct ask_blocks blocks;
     double numbers[];
 };
 
@@ -43,17 +44,20 @@ static bool take(void *opaque, uint32_t level, const char *field, struct form_me
 
 static size_t size_of(const struct form_mesh *mesh, uint32_t components)
 {
-    const size_t columns = 3 + (mesh->values ? components : 0) + (mesh->bounds ? 1 : 0);
-    return sizeof(struct kept) + columns * mesh->vertices * sizeof(double) + 4 * (size_t)mesh->tets * sizeof(uint32_t);
+    const size_t columns = 3 + (mesh->values ? components : 0) + (mesh->bounds ? 1 : 0), blocks = mesh->blocks->count;
+    return sizeof(struct kept) + columns * mesh->vertices * sizeof(double) +
+        blocks * (sizeof(struct ask_block) + components * sizeof(struct ask_block_values)) +
+        (size_t)mesh->tets * 5 * sizeof(uint32_t);
 }
 
-static const double *copy_column(double **at, const double *values, size_t count)
+/* The next one of the arrays; NULL where there is none. */
+static const void *copy_array(uint8_t **at, const void *values, size_t size)
 {
-    double *out = *at;
+    uint8_t *out = *at;
     if (!values)
         return NULL;
-    memcpy(out, values, count * sizeof *values);
-    *at += count;
+    memcpy(out, values, size);
+    *at += size;
     return out;
 }
 
@@ -62,13 +66,19 @@ static struct kept *copy(const struct form_mesh *mesh, uint32_t components)
     struct kept *out = malloc(size_of(mesh, components));
     if (!out)
         return NULL;
-    const size_t vertices = mesh->vertices;
-    double *at = out->numbers;
+    const size_t column = mesh->vertices * sizeof(double), blocks = mesh->blocks->count;
+    uint8_t *at = (uint8_t *)out->numbers;
     out->mesh = *mesh;
-    out->mesh.positions = copy_column(&at, mesh->positions, 3 * vertices);
-    out->mesh.values = copy_column(&at, mesh->values, components * vertices);
-    out->mesh.bounds = copy_column(&at, mesh->bounds, vertices);
-    out->mesh.corners = memcpy(at, mesh->corners, 4 * (size_t)mesh->tets * sizeof *mesh->corners);
+    out->blocks = *mesh->blocks;
+    out->mesh.positions = copy_array(&at, mesh->positions, 3 * column);
+    out->mesh.values = copy_array(&at, mesh->values, components * column);
+    out->mesh.bounds = copy_array(&at, mesh->bounds, column);
+    out->blocks.blocks = copy_array(&at, mesh->blocks->blocks, blocks * sizeof *out->blocks.blocks);
+    out->blocks.values = copy_array(&at, mesh->blocks->values,
+                                    mesh->values ? blocks * components * sizeof *out->blocks.values : 0);
+    out->mesh.corners = copy_array(&at, mesh->corners, (size_t)mesh->tets * 4 * sizeof *mesh->corners);
+    out->mesh.numbers = copy_array(&at, mesh->numbers, (size_t)mesh->tets * sizeof *mesh->numbers);
+    out->mesh.blocks = &out->blocks;
     return out;
 }
 

@@ -18,7 +18,7 @@
 #include "src/util/array.h"
 #include "src/util/hash.h"
 
-enum { TEXT_CAPACITY = 512 };
+enum { TEXT_CAPACITY = 512, BLOCK_BYTES = 64 }; // of a tetrahedron that is put into blocks
 
 struct ask_context {
     struct dataset *dataset;
@@ -110,7 +110,7 @@ static enum outcome answer(struct exchange *exchange, struct ask_context *contex
     const struct tetlod_info *info = dataset_info(dataset);
     const enum coding coding = context->coding;
     char key[TEXT_CAPACITY + 192], step[64] = "", etag[128];
-    uint64_t bytes = forest_estimate(info, info->level_count - 1);
+    uint64_t bytes = forest_estimate(info, info->level_count - 1) + BLOCK_BYTES * info->tets;
     if (context->of_step)
         snprintf(step, sizeof step, "%d %.17g %llu", context->step.by_time, context->step.time,
                  (unsigned long long)context->step.step);

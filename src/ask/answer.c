@@ -192,6 +192,7 @@ static void add_side(struct pass *pass, double planes[][4], unsigned count, int 
 static bool box_planes(const struct ask_question *question, const double *const corners[4], double planes[][4],
                        unsigned *count)
 {
+    const bool extreme = question->function == ASK_MIN || question->function == ASK_MAX;
     *count = 0;
     for (int i = 0; i < 3 && question->in_box; i++)
         for (int side = 0; side < 2; side++) {
@@ -201,19 +202,20 @@ static bool box_planes(const struct ask_question *question, const double *const 
                 least = smaller(least, plane[c]);
                 most = larger(most, plane[c]);
             }
-            if (most < 0)
+            if (most < 0 || (most == 0 && !extreme)) // what touches the box has no volume in it
                 return false;
             *count += least < 0;
         }
     return true;
 }
 
-static void add_volumes(struct pass *pass, const double *const corners[4])
+static void add_volumes(struct pass *pass, uint32_t tet, const double *const corners[4])
 {
     double planes[MAX_CLIP_PLANES][4];
     unsigned count;
     if (!box_planes(pass->question, corners, planes, &count))
         return;
+    enclose(pass, tet);
     pass->volume = fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6;
     if (pass->side == ASK_NO_LIMIT && !count && pass->question->quantity.component != ASK_LENGTH) {
         add_tetrahedron(pass);
@@ -232,43 +234,186 @@ static void add_point(struct pass *pass, uint32_t tet)
 {
     const struct locator mesh = {.positions = pass->level->positions, .corners = pass->level->corners};
     double weights[4];
-    if (locator_contains(&mesh, tet, pass->question->place[0], weights))
-        add_extremes(pass, weights);
+    if (!locator_contains(&mesh, tet, pass->question->place[0], weights))
+        return;
+    enclose(pass, tet);
+    add_extremes(pass, weights);
 }
 
-static void add_stretch(struct pass *pass, const double *const corners[4])
+static void add_stretch(struct pass *pass, uint32_t tet, const double *const corners[4])
 {
     double at[2], weights[2][4];
     if (!cut_stretch(corners, pass->question->place[0], pass->question->place[1], at, weights))
         return;
+    enclose(pass, tet);
     add_extremes(pass, weights[0]);
     add_extremes(pass, weights[1]);
 }
 
-static void run(struct pass *pass)
+/* Is the tetrahedron in another region than the one that is asked about? */
+static bool is_elsewhere(const struct pass *pass, uint32_t tet)
 {
     const struct ask_level *level = pass->level;
+    return pass->question->over_region && level->regions[level->numbers[tet]] != pass->question->region;
+}
+
+static void add_tet(struct pass *pass, uint32_t tet)
+{
+    const struct ask_level *level = pass->level;
+    const double *corners[4];
+    if (is_elsewhere(pass, tet))
+        return;
+    for (int c = 0; c < 4; c++)
+        corners[c] = level->positions + 3 * (size_t)level->corners[4 * (size_t)tet + (size_t)c];
+    if (pass->question->function == ASK_AT)
+        add_point(pass, tet);
+    else if (pass->question->function == ASK_ALONG)
+        add_stretch(pass, tet, corners);
+    else
+        add_volumes(pass, tet, corners);
+}
+
+/* ---- blocks */
+
+enum block_place { OUTSIDE, ACROSS, INSIDE };
+
+/* Can a box hold a part of the line, or the point? With room for what counts as inside of a tetrahedron. */
+static bool is_on_way(const struct ask_question *question, const double box[6])
+{
+    static const double ROOM = 1e-6;
+    const double *from = question->place[0], *to = question->place[question->function == ASK_ALONG];
+    double least = 0, most = 1, size = larger(box[3] - box[0], larger(box[4] - box[1], box[5] - box[2]));
+    for (int i = 0; i < 3; i++) {
+        double low = box[i] - ROOM * size, high = box[i + 3] + ROOM * size, way = to[i] - from[i];
+        double a = (low - from[i]) / way, b = (high - from[i]) / way;
+        if (way == 0 && (from[i] < low || from[i] > high))
+            return false;
+        least = way == 0 ? least : larger(least, smaller(a, b) - ROOM);
+        most = way == 0 ? most : smaller(most, larger(a, b) + ROOM);
+    }
+    return least <= most;
+}
+
+static enum block_place place_of(const struct ask_question *question, const struct ask_block *block)
+{
+    enum block_place place = INSIDE;
+    if (question->function == ASK_AT || question->function == ASK_ALONG)
+        return is_on_way(question, block->box) ? ACROSS : OUTSIDE;
+    for (int i = 0; i < 3 && question->in_box; i++) {
+        if (block->box[i + 3] < question->box[0][i] || block->box[i] > question->box[1][i])
+            return OUTSIDE;
+        if (block->box[i] < question->box[0][i] || block->box[i + 3] > question->box[1][i])
+            place = ACROSS;
+    }
+    return place;
+}
+
+/* Do a block's sums say what is asked? Not of lengths, regions and errors that differ from point to point. */
+static bool has_sums(const struct pass *pass)
+{
+    return !pass->question->over_region && !pass->level->bounds &&
+        !(pass->level->values && pass->question->quantity.component == ASK_LENGTH);
+}
+
+static struct ask_block_values values_of(const struct pass *pass, uint32_t block)
+{
+    const struct ask_level *level = pass->level;
+    int component = pass->question->quantity.component;
+    if (!level->values)
+        return (struct ask_block_values){0, 0, 0, 0};
+    return level->blocks->values[(size_t)level->components * block + (component < 0 ? 0 : (uint32_t)component)];
+}
+
+/* The sums of a block inside of what is asked about. */
+static void add_sums(struct pass *pass, const struct ask_block *block, const struct ask_block_values *values)
+{
+    double error = pass->level->error;
+    pass->whole += block->volume;
+    for (int e = 0; e < 2; e++) {
+        double shift = e == LOWER ? -error : error;
+        pass->least[e] = smaller(pass->least[e], values->least + shift);
+        pass->most[e] = larger(pass->most[e], values->most + shift);
+        pass->integral[e] += values->integral + shift * block->volume;
+        pass->absolute += values->absolute + error * block->volume;
+    }
+}
+
+/* The volume at the asked side of a threshold: -1 where some of the block is at either. */
+static int side_of(const struct pass *pass, const struct ask_block_values *values, int which)
+{
+    bool above = pass->side == ASK_GREATER || pass->side == ASK_AT_LEAST;
+    double shift = above == (which == UPPER) ? pass->level->error : -pass->level->error;
+    double least = values->least + shift, most = values->most + shift, threshold = pass->thresholds[which];
+    if (most < threshold || least > threshold)
+        return above == (least > threshold);
+    return -1;
+}
+
+/* False: its tetrahedra are to be asked one by one. */
+static bool add_by_sides(struct pass *pass, enum block_place place, const struct ask_block *block,
+                         const struct ask_block_values *values)
+{
+    int sides[2] = {0, 0};
+    for (int which = LOWER; which <= UPPER; which++) {
+        sides[which] = pass->skip[which] ? 0 : side_of(pass, values, which);
+        if (sides[which] < 0 || (sides[which] > 0 && place == ACROSS))
+            return false;
+    }
+    for (int which = LOWER; which <= UPPER; which++) {
+        pass->part[which] += sides[which] ? block->volume : 0;
+        pass->touched[which] += sides[which] ? block->volume : 0;
+    }
+    return true;
+}
+
+/* Can a block have a greater, or a lesser, value than was found? */
+static bool may_be_extreme(const struct pass *pass, const struct ask_block_values *values)
+{
+    double error = pass->level->error;
+    if (pass->question->function == ASK_MAX)
+        return values->most - error > pass->most[LOWER] || values->most + error > pass->most[UPPER];
+    return pass->question->function != ASK_MIN || values->least - error < pass->least[LOWER] ||
+        values->least + error < pass->least[UPPER];
+}
+
+/* As a whole, if that can be. */
+static bool add_block(struct pass *pass, uint32_t number, enum block_place place)
+{
+    const struct ask_block *block = &pass->level->blocks->blocks[number];
+    struct ask_block_values values = values_of(pass, number);
+    if (pass->side != ASK_NO_LIMIT)
+        return add_by_sides(pass, place, block, &values);
+    if (place == INSIDE)
+        add_sums(pass, block, &values);
+    return place == INSIDE || !may_be_extreme(pass, &values);
+}
+
+/* Blocks inside of what is asked about come first: the largest value in them rules others out. */
+static void run_blocks(struct pass *pass)
+{
+    const struct ask_level *level = pass->level;
+    const bool sums = has_sums(pass);
+    for (enum block_place turn = INSIDE; turn > OUTSIDE; turn--)
+        for (uint32_t b = 0; b < level->blocks->count; b++) {
+            if (place_of(pass->question, &level->blocks->blocks[b]) != turn || (sums && add_block(pass, b, turn)))
+                continue;
+            for (uint32_t i = 0; i < BLOCK_TETS && b * BLOCK_TETS + i < level->tets; i++)
+                add_tet(pass, b * BLOCK_TETS + i);
+        }
+}
+
+static void run(struct pass *pass)
+{
     pass->whole = pass->absolute = 0;
     for (int e = 0; e < 2; e++) {
         pass->integral[e] = pass->part[e] = pass->touched[e] = 0;
         pass->least[e] = INFINITY;
         pass->most[e] = -INFINITY;
     }
-    for (uint32_t i = 0; i < (pass->subset ? pass->subset_count : level->tets); i++) {
-        const uint32_t t = pass->subset ? pass->subset[i] : i;
-        const double *corners[4];
-        if (pass->question->over_region && level->regions[t] != pass->question->region)
-            continue;
-        for (int c = 0; c < 4; c++)
-            corners[c] = level->positions + 3 * (size_t)level->corners[4 * (size_t)t + (size_t)c];
-        enclose(pass, t);
-        if (pass->question->function == ASK_AT)
-            add_point(pass, t);
-        else if (pass->question->function == ASK_ALONG)
-            add_stretch(pass, corners);
-        else
-            add_volumes(pass, corners);
-    }
+    if (!pass->subset)
+        run_blocks(pass);
+    for (uint32_t i = 0; pass->subset && i < pass->subset_count; i++)
+        add_tet(pass, pass->subset[i]);
 }
 
 /* The part of the domain that is asked about is all of it where nothing else is said. */
@@ -317,13 +462,12 @@ static double volume_asked(const struct pass *pass, uint32_t tet)
  * of those in which it is below. */
 static long double narrow(struct pass *pass, int function, double low, double high)
 {
-    const struct ask_level *level = pass->level;
     long double below = 0;
     uint32_t kept = 0;
     for (uint32_t i = 0; i < pass->subset_count; i++) {
         const uint32_t t = pass->subset[i];
         const double *ends = pass->ends[function];
-        if (pass->question->over_region && level->regions[t] != pass->question->region)
+        if (is_elsewhere(pass, t))
             continue;
         enclose(pass, t);
         double least = smaller(smaller(ends[0], ends[1]), smaller(ends[2], ends[3]));
@@ -337,48 +481,127 @@ static long double narrow(struct pass *pass, int function, double low, double hi
     return below;
 }
 
-/* All tetrahedra that may lie in the box, to be narrowed down. No memory: all it is, each time. */
-static void begin_subset(struct pass *pass)
+/* A search for the threshold below which a function has a wanted volume. */
+struct search {
+    int function;
+    double low, high;
+    long double below, at_low, at_high, wanted; /* below: the volume that is no longer asked about */
+};
+
+static double shift_of(const struct pass *pass, int function)
 {
+    return function == LOWER ? -pass->level->error : pass->level->error;
+}
+
+/* What blocks say as they are. */
+static void search_blocks(const struct pass *pass, struct search *search)
+{
+    enum { MAX_HALVINGS = 16 };
+    const struct ask_blocks *blocks = pass->level->blocks;
+    double shift = shift_of(pass, search->function);
+    for (int k = 0; k < MAX_HALVINGS; k++) {
+        double middle = search->low + (search->high - search->low) / 2;
+        long double least = 0, most = 0;
+        for (uint32_t b = 0; b < blocks->count; b++) {
+            struct ask_block_values values = values_of(pass, b);
+            enum block_place place = place_of(pass->question, &blocks->blocks[b]);
+            most += place != OUTSIDE && values.least + shift <= middle ? blocks->blocks[b].volume : 0;
+            least += place == INSIDE && values.most + shift <= middle ? blocks->blocks[b].volume : 0;
+        }
+        if (most < search->wanted)
+            search->low = middle;
+        else if (least >= search->wanted)
+            search->high = middle;
+        else
+            return;
+    }
+}
+
+/* The tetrahedra of a block that are searched, but for those that are all below or above. */
+static void begin_block(struct pass *pass, struct search *search, uint32_t number)
+{
+    const struct ask_block *block = &pass->level->blocks->blocks[number];
+    enum block_place place = place_of(pass->question, block);
+    struct ask_block_values values = values_of(pass, number);
+    double shift = shift_of(pass, search->function);
+    if (place == OUTSIDE || values.least + shift > search->high)
+        return;
+    if (place == INSIDE && values.most + shift <= search->low) {
+        search->below += block->volume;
+        return;
+    }
+    for (uint32_t t = number * BLOCK_TETS; t < (number + 1) * BLOCK_TETS && t < pass->level->tets; t++)
+        if (place == INSIDE || volume_asked(pass, t) > 0)
+            pass->subset[pass->subset_count++] = t;
+}
+
+/* All tetrahedra that may lie in the box, to be narrowed down. No memory: all it is, each time. */
+static void begin_subset(struct pass *pass, struct search *search)
+{
+    const bool by_blocks = has_sums(pass);
     pass->subset = array_new(pass->level->tets, sizeof *pass->subset);
     pass->subset_count = 0;
-    for (uint32_t t = 0; t < pass->level->tets && pass->subset; t++)
+    if (!pass->subset)
+        return;
+    if (by_blocks)
+        search_blocks(pass, search);
+    for (uint32_t b = 0; by_blocks && b < pass->level->blocks->count; b++)
+        begin_block(pass, search, b);
+    for (uint32_t t = 0; t < pass->level->tets && !by_blocks; t++)
         if (!pass->question->in_box || volume_asked(pass, t) > 0)
             pass->subset[pass->subset_count++] = t;
+}
+
+/* Where to look next: a little below and a little above what is expected, or in the middle. `first`: the width of the
+ * whole search; volumes are the straighter, the narrower it has become. */
+static double next_threshold(const struct search *search, int step, double first)
+{
+    double width = search->high - search->low, middle = search->low + width / 2;
+    double share = (double)((search->wanted - search->at_low) / (search->at_high - search->at_low));
+    double margin = fmin(fmax(4 * width / first, 0x1p-20), 0x1p-6);
+    if (step % 3 == 2 || !(share >= 0 && share <= 1))
+        return middle;
+    double at = search->low + width * (share + (step % 3 ? margin : -margin));
+    return at > search->low && at < search->high ? at : middle;
 }
 
 /* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
  * upper. */
 static double quantile(struct pass *pass, int which, double share)
 {
-    enum { MAX_HALVINGS = 100 };
+    enum { MAX_STEPS = 150 };
     struct ask_interval volume = volume_range(pass);
-    double low = fmin(pass->least[which], pass->level->range[0]), high = fmax(pass->most[which], pass->level->range[1]);
     long double slack = ROUNDING * pass->whole + pass->level->swept;
-    long double wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
+    struct search search = {.function = which, .at_low = NAN, .at_high = NAN,
+                            .low = fmin(pass->least[which], pass->level->range[0]),
+                            .high = fmax(pass->most[which], pass->level->range[1])};
+    search.wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
     // of the volume at most a threshold, the upper end is that of the lower function
     const int end = which == LOWER ? UPPER : LOWER;
     // of what the level's error leaves open, or of rounding
-    const double enough = fmax(1e-6 * pass->level->error, 1e-13 * (high - low));
-    long double below = 0;
+    const double enough = fmax(1e-6 * pass->level->error, 1e-13 * (search.high - search.low));
     pass->side = ASK_AT_MOST;
     pass->skip[which] = true;
-    begin_subset(pass);
-    for (int k = 0; k < MAX_HALVINGS; k++) {
-        double middle = low + (high - low) / 2;
-        if (!(middle > low && middle < high) || high - low <= enough)
+    begin_subset(pass, &search);
+    const double first = search.high - search.low;
+    for (int k = 0; k < MAX_STEPS && search.high - search.low > enough; k++) {
+        double threshold = pass->thresholds[end] = next_threshold(&search, k, first);
+        if (!(threshold > search.low && threshold < search.high))
             break;
-        pass->thresholds[end] = middle;
         run(pass);
-        if (below + pass->part[end] >= wanted)
-            high = middle;
-        else
-            low = middle;
-        below += narrow(pass, which, low, high);
+        long double found = search.below + pass->part[end];
+        if (found >= search.wanted) {
+            search.high = threshold;
+            search.at_high = found;
+        } else {
+            search.low = threshold;
+            search.at_low = found;
+        }
+        search.below += narrow(pass, which, search.low, search.high);
     }
     free(pass->subset);
     pass->subset = NULL;
-    return which == LOWER ? low : high;
+    return which == LOWER ? search.low : search.high;
 }
 
 static struct ask_interval find_quantile(struct pass *pass)

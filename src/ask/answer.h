@@ -10,6 +10,7 @@
 #ifndef TETLOD_ANSWER_H
 #define TETLOD_ANSWER_H
 
+#include "src/ask/blocks.h"
 #include "src/ask/question.h"
 
 /* A level as a question sees it; all is borrowed. */
@@ -22,6 +23,8 @@ struct ask_level {
     const double *bounds;     /* [vertices] the field's local bound (SPEC 3.3), or NULL */
     double error;             /* of the worst component at any point, in the field's units */
     const double *regions;    /* [tets] numbers of regions, or NULL */
+    const uint32_t *numbers;  /* [tets] where a tetrahedron's region is */
+    const struct ask_blocks *blocks; /* of its tetrahedra */
     double range[2];          /* of the quantity in the original */
     /* volume that the boundary has swept between the original and the level; 0: it kept its place */
     double swept;

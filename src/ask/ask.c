@@ -17,6 +17,7 @@ struct asking {
     const struct ask_question *question;
     uint32_t region_field; /* a cell field */
     double *regions;
+    struct blocked blocked; /* the form that was taken last */
 };
 
 bool ask_parse_within(const char *text, struct ask_options *out)
@@ -106,6 +107,7 @@ static enum tetlod_status answer(const struct asking *asking, const struct form_
     const struct forms *forms = asking->forms;
     struct ask_level level = {.positions = mesh->positions, .corners = mesh->corners, .tets = mesh->tets,
                               .components = 1, .error = form->error, .regions = asking->regions,
+                              .numbers = mesh->numbers, .blocks = mesh->blocks,
                               .swept = form->swept, .volume = forms->summary.level_count ? forms->summary.volume : NAN};
     if (forms->field != TETLOD_NONE && question->quantity.name[0]) {
         level.values = mesh->values;
@@ -196,23 +198,29 @@ static bool may_be_enough(const struct asking *asking, const struct ask_options 
     return 2 * bound * (1 - 3e-9) <= options->width * (options->relative ? scale_of(asking, 0) : 1);
 }
 
-/* A form as a mesh: a level may be on the shelf, and is put there if it is not. */
-static enum tetlod_status take_form(const struct asking *asking, const struct ask_options *options, uint32_t number,
+/* A form as a mesh in blocks: a level may be on the shelf, and is put there if it is not. */
+static enum tetlod_status take_form(struct asking *asking, const struct ask_options *options, uint32_t number,
                                     struct form_mesh *out, struct tetlod_error *error)
 {
     const struct ask_shelf *shelf = asking->forms->series ? NULL : options->shelf;
     const uint32_t level = asking->forms->forms[number].level, field = asking->forms->field;
     const char *name = asking->question->quantity.name;
+    const uint32_t components = field == TETLOD_NONE ? 0 : asking->info->fields[field].components;
+    struct blocked *blocked = &asking->blocked;
     if (shelf && shelf->take(shelf->opaque, level, name, out))
         return TETLOD_OK;
     TETLOD_TRY(forms_take(asking->forms, number, out, error));
+    blocked_fini(blocked);
+    TETLOD_TRY(blocked_make(blocked, out->positions, out->corners, out->tets, out->values, components, error));
+    out->corners = blocked->corners;
+    out->numbers = blocked->order;
+    out->blocks = &blocked->blocks;
     if (shelf)
-        shelf->put(shelf->opaque, level, name, out,
-                   field == TETLOD_NONE ? 0 : asking->info->fields[field].components);
+        shelf->put(shelf->opaque, level, name, out, components);
     return TETLOD_OK;
 }
 
-static enum tetlod_status ask_levels(const struct asking *asking, const struct ask_options *options,
+static enum tetlod_status ask_levels(struct asking *asking, const struct ask_options *options,
                                      struct ask_result *out, struct tetlod_error *error)
 {
     struct forms *forms = asking->forms;
@@ -229,12 +237,12 @@ static enum tetlod_status ask_levels(const struct asking *asking, const struct a
         if (options->wanted && !options->wanted(options->opaque))
             return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
         TETLOD_TRY(take_form(asking, options, i, &mesh, error));
-        if (volume < 0)
+        if (volume < 0 && options->relative)
             TETLOD_TRY(measure_volume(asking, &mesh, form, &volume, error));
         TETLOD_TRY(answer(asking, &mesh, form, asking->question, &out->interval, error));
         used = i;
-        if (is_enough(asking, options, volume, form, &out->interval))
-            break;
+        if ((form->error == 0 && form->swept == 0) || is_enough(asking, options, volume, form, &out->interval))
+            break; // of the original only rounding is left
         most = worthwhile(asking, options, volume, form, &out->interval);
     }
     const struct form *form = &forms->forms[used];
@@ -395,6 +403,7 @@ enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const s
     if (status == TETLOD_OK)
         status = ask_forms(&asking, options, out, error);
     forms_fini(&forms);
+    blocked_fini(&asking.blocked);
     free(asking.regions);
     return status;
 }

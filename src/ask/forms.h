@@ -5,6 +5,7 @@
 
 #include "format/read/box_sums.h"
 #include "format/read/summary.h"
+#include "src/ask/blocks.h"
 #include "src/stream/selection.h"
 
 /* `error`: what a value at any point differs from the original's at most, in the field's units. `moved`: no point of
@@ -38,6 +39,8 @@ struct form_mesh {
     uint32_t vertices, tets;
     const double *positions, *values, *bounds; /* values: NULL without a field; bounds: NULL if there are none */
     const uint32_t *corners;
+    const uint32_t *numbers;         /* of its tetrahedra in the level, where it is in blocks */
+    const struct ask_blocks *blocks; /* NULL: it is not */
 };
 
 /* `name`: NULL or "" for the mesh alone. `step`: NULL for the stream's own values. Levels up to `finest` are there

@@ -3,10 +3,17 @@
 """Questions over HTTP: the same answers as `tetlod ask`, statuses, conditions."""
 import json
 import os
+import re
 import subprocess
 import urllib.parse
 from concurrent.futures import ThreadPoolExecutor
 
+try:
+    import numpy as np
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+except ImportError:
+    vtk = None
 from served import SCRATCH, TETLOD, Server, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
@@ -56,6 +63,62 @@ def test_kept_levels():
             assert answer(server.get(path(question, within='1e-9'))[2]) == answer(said.stdout), question
 
 
+def test_exact():
+    """Exact answers look into few blocks of the original: held against its tetrahedra, cut by VTK."""
+    box = ' in box(2.5,3,1, 9,7.25,10)'
+    asked = [kind % ('xyz', where) for kind in ('mean(%s)%s', 'min(%s)%s', 'max(%s)%s', 'integral(%s)%s')
+             for where in (box, ' in box(3,3,3, 4,4,4)')]
+    asked += ['volume(xyz > %d)%s' % (limit, where) for limit in (50, 400) for where in ('', box)]
+    asked += ['quantile(xyz, 0.7)', 'quantile(xyz, 0.2)' + box, 'xyz at (3.3,4.4,5.5)', 'xyz along line(1,1,1, 9,8,7)',
+              'volume()' + box]
+    with Server(FOLDER) as server:
+        for question in asked:
+            body = server.get('/v1/meshes/cube/ask?within=0&q=' + urllib.parse.quote(question))[2]
+            found = json.loads(body)
+            said = subprocess.run([TETLOD, 'ask', os.path.join(FOLDER, 'cube.tetlod'), question, '--within', '0',
+                                   '--json'], stdout=subprocess.PIPE).stdout
+            assert answer(body) == answer(said), (question, body, said)
+            truth = truth_of(question)
+            if truth is not None:
+                slack = 1e-5 * max(abs(value) for value in truth)
+                off = abs(found['lower'] - truth[0]), abs(found['upper'] - truth[1])
+                assert max(off) <= slack, (found, truth)
+
+
+def truth_of(question):
+    """From all tetrahedra of the mesh file, one by one; None: see tests/cli/test_ask.py."""
+    match = re.match(r'(mean|min|max|integral)\(xyz\) in box\((.*)\)', question)
+    if not match or not vtk:
+        return None
+    box = np.array([float(x) for x in match[2].split(',')]).reshape(2, 3)
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(os.path.join(SCRATCH, 'cube.vtu'))
+    reader.Update()
+    clipped = reader.GetOutput()
+    for axis in range(3):
+        for side in range(2):
+            plane = vtk.vtkPlane()
+            plane.SetOrigin(*box[side])
+            plane.SetNormal(*((1 - 2 * side) * np.eye(3)[axis]))
+            clip = vtk.vtkClipDataSet()
+            clip.SetInputData(clipped)
+            clip.SetClipFunction(plane)
+            clip.Update()
+            clipped = clip.GetOutput()
+    tets = vtk.vtkDataSetTriangleFilter()
+    tets.SetInputData(clipped)
+    tets.Update()
+    points = vtk_to_numpy(tets.GetOutput().GetPoints().GetData()).astype(float)
+    values = vtk_to_numpy(tets.GetOutput().GetPointData().GetArray('xyz')).astype(float)
+    corners = vtk_to_numpy(tets.GetOutput().GetCells().GetConnectivityArray()).reshape(-1, 4)
+    places = points[corners]
+    volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1])) / 6
+    integral = (volumes * values[corners].mean(axis=1)).sum()
+    found = {'mean': integral / volumes.sum(), 'integral': integral, 'min': values[corners].min(),
+             'max': values[corners].max()}[match[1]]
+    return found, found
+
+
 def test_steps():
     with Server(FOLDER) as server:
         for name, value in (('time', '0.5'), ('step', '1'), ('step', '2')):
@@ -92,4 +155,7 @@ subprocess.run([TETLOD, 'sample', 'fin', '--size', '10', '-o', os.path.join(SCRA
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'fin.vtu'), '-o', STREAM, '--summary', '--quiet'], check=True)
 subprocess.run([TETLOD, 'sample', 'wake', '--steps', '3', '--size', '5', '-o', os.path.join(SCRATCH, 'wake.pvd')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'wake.pvd'), '-o', SERIES, '--quiet'], check=True)
-run([test_answers, test_kept_levels, test_steps, test_refusals])
+subprocess.run([TETLOD, 'sample', 'cube', '--size', '12', '-o', os.path.join(SCRATCH, 'cube.vtu')], check=True)
+subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'cube.vtu'), '-o', os.path.join(FOLDER, 'cube.tetlod'),
+                '--quiet'], check=True)
+run([test_answers, test_kept_levels, test_exact, test_steps, test_refusals])
