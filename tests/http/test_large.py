@@ -171,6 +171,8 @@ def sparse_stream(path):
 
 
 def test_five_gigabytes():
+    if os.environ.get('CONFIG') != 'release':
+        return 'it is about sizes, and nobody else writes there: the release alone'
     path = os.path.join(SCRATCH, 'huge.tetlod')
     front, total = sparse_stream(path)
     with Server(path, '--scan', '1000') as server:
