@@ -25,7 +25,8 @@ def random_fields():
     for seed in SEEDS + TEETH:
         answers, problems, false, _ = attack.attack(seed, SCRATCH)
         asked, wrong, caught = asked + answers, wrong + problems, caught + false
-    report('%d answers about random fields are those of the original' % asked, not wrong and asked > 5 * len(SEEDS), wrong)
+    report('%d answers about random fields are those of the original' % asked,
+           not wrong and asked > 5 * len(SEEDS), wrong)
     report('with errors halved some are false', caught > 0 or not TEETH, caught)
 
 

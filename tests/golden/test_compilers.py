@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""`make amalgamation`: tetlod.c compiles as a stranger would compile it, as C and as C++, by other compilers and for another
-machine, without the tree and the project's flags. Golden streams decode to the same arrays, or it refuses; the example
-in tetlod.h is true."""
+"""`make amalgamation`: tetlod.c compiles as a stranger would compile it, as C and as C++, by other compilers and for
+another machine, without the tree and the project's flags. Golden streams decode to the same arrays, or it refuses; the
+example in tetlod.h is true."""
 import glob
 import os
 import platform
@@ -57,7 +57,7 @@ def decodes(what, compiler, flags, emulator=()):
 def other_compilers():
     decodes('clang -O3 -march=native', 'clang', ['-O3', '-march=native'])
     if platform.machine() == 'x86_64' and shutil.which('gcc'):
-        # what -march=native means on newer machines: FLT_EVAL_METHOD is 16 (compiled only: it does not run on older ones)
+        # what -march=native means on newer machines: FLT_EVAL_METHOD is 16 (only compiled: older ones do not run it)
         ran('gcc -mavx512fp16', 'gcc', '-mavx512fp16', '-fsyntax-only', 'tetlod.c')
     else:
         report('gcc -mavx512fp16', True, skip='no gcc, or not an x86-64 machine')
@@ -71,7 +71,8 @@ def other_compilers():
     if not shutil.which('clang') or 'fma' not in open('/proc/cpuinfo').read():
         return report('clang -ffp-contract=fast', True, skip='no clang, or no fused multiply-add here')
     # this option overrides what the sources ask for: the probe finds it when a stream is opened
-    built = run('clang', '-O1', '-mfma', '-ffp-contract=fast', '-I', ROOT, GOLDEN, 'tetlod.c', *LIBRARIES, '-o', 'fused')
+    fused = ['-O1', '-mfma', '-ffp-contract=fast']
+    built = run('clang', *fused, '-I', ROOT, GOLDEN, 'tetlod.c', *LIBRARIES, '-o', 'fused')
     done = run('./fused')
     return report('clang -ffp-contract=fast: right, or refused', built.returncode == 0 and 'hashes' not in done.stdout,
                   built.stdout + done.stdout)

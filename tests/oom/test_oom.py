@@ -11,7 +11,8 @@ from tap import finish, report
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 PRELOAD = os.path.join(ROOT, 'build/release/tests/oom/failmalloc.so')
-MAX_RUNS = int(os.environ.get('ALLOCATIONS', 50))  # of one command; where it allocates more often, evenly spread ones fail
+# Allocations of one command that fail; where it makes more, these are evenly spread
+MAX_RUNS = int(os.environ.get('ALLOCATIONS', 50))
 
 
 def path(name):
