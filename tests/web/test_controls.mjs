@@ -274,6 +274,43 @@ async function the_camera_and_the_background() {
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
+// Also in a view from near, where edges are many times as long as the picture and foreshortened: few numbers, each beside
+// the place of an edge that it names.
+async function axes_have_few_numbers_where_they_belong() {
+  await open('');
+  const labels = () => page.evaluate(() => {
+    const { scene, stream: { info: { bounds } } } = window.tetlod;
+    const distances = (value) => [0, 1, 2].flatMap((axis) => [0, 1, 2, 3].map((k) => {
+      const point = [0, 1, 2].map((i) => bounds[k >> ((i - axis + 2) % 3) & 1][i]);
+      point[axis] = value;
+      const { x, y } = scene.toScreen(point.map((c, i) => c - scene.centre[i]));
+      return { x, y };
+    }));
+    return [...document.querySelectorAll('.axes text:not(.name)')].map((node) => {
+      const [x, y] = ['x', 'y'].map((name) => Number(node.getAttribute(name)));
+      const value = Number(node.textContent.replaceAll('\u2212', '-').replaceAll('\u202f', ''));
+      return Math.min(...distances(value).map((at) => Math.abs(Math.hypot(at.x - x, at.y - y) - 16)));
+    });
+  });
+  const [low, high] = await page.evaluate(() => window.tetlod.scene.bounds);
+  const reach = high.map((h, i) => h - low[i]);
+  for (const [from, to] of [
+    [[0, -2, 0.1], [0, 1, 0]],
+    [[0.1, -0.51, 0.05], [0.4, 0.5, -0.3]],
+    [[-0.49, -0.505, -0.45], [0.5, 0.1, 0.2]],
+  ]) {
+    const camera = [from, to].flatMap((p) => p.map((c, i) => c * reach[i]));
+    await page.evaluate((at) => {
+      window.tetlod.scene.setCamera([...at, 0, 0, 1]);
+      window.tetlod.scene.interactor.render();
+    }, camera);
+    const off = await labels();
+    assert.ok(off.length <= 60, `${off.length} numbers`);
+    assert.ok(off.every((pixels) => pixels < 1), `${Math.max(...off)} pixels off`);
+    if (from[1] === -2) assert.ok(off.length > 5);
+  }
+}
+
 // Until somebody moves the camera the volume fills the picture, whatever the window becomes.
 async function the_volume_fits_the_window() {
   await open('');
@@ -631,7 +668,7 @@ await run([
   the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
   units_are_typed, back_undoes, slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
   logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
-  the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
+  axes_have_few_numbers_where_they_belong, the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
   surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
   values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of,
 ]);
