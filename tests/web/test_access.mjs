@@ -214,6 +214,79 @@ async function letters_of_the_element() {
   await page.context().close();
 }
 
+// What a screen reader is given: the browser's own tree of roles and names, without what it ignores.
+async function treeOf(page, cdp) {
+  const { nodes } = await cdp.send('Accessibility.getFullAXTree');
+  return nodes
+    .filter(({ ignored }) => !ignored)
+    .map(({ role, name, description, value, properties = [], backendDOMNodeId }) => ({
+      role: role.value, name: name?.value ?? '', description: description?.value ?? '', value: value?.value,
+      live: properties.find((property) => property.name === 'live')?.value.value, backendDOMNodeId,
+    }));
+}
+
+const controls = ['button', 'checkbox', 'combobox', 'link', 'slider', 'textbox', 'searchbox', 'spinbutton', 'switch'];
+const structure = ['main', 'complementary', 'region', 'toolbar', 'heading', 'application', 'image', 'DisclosureTriangle'];
+
+// Every control has a name of its own, every slider says what its number means, and the picture is there in words, which
+// are told when they change.
+async function a_screen_reader_is_told_everything() {
+  const everything = '&pins=0.5,0.3,0.1;0.2,0.2,0.2&line=0,0.1,0.2,1,0.9,0.8&box=0,0,0,1,1,0.9&threshold=0,0.9&zone=1';
+  for (const url of [server.url, `${viewer}${everything}`, `${server.url}view/cells#cells=material&regions=material`,
+    `${server.url}view/series_moving#step=3`]) {
+    const page = await open(url);
+    const cdp = await page.context().newCDPSession(page);
+    const isView = url.includes('/view/');
+    if (isView) await page.locator('#spoken').waitFor({ state: 'attached' });
+    if (url.includes('pins')) await page.locator('#line-drawing .line').waitFor({ state: 'attached' });
+    if (url.includes('regions=')) await page.locator('#region-list label').first().waitFor();
+    for (const details of await page.locator('details').all()) await details.evaluate((e) => { e.open = true; });
+    const tree = await treeOf(page, cdp);
+    const used = tree.filter(({ role }) => controls.includes(role));
+    assert.ok(used.length > (isView ? 50 : 20), `${used.length} controls of ${url}`);
+    const unnamed = tree.filter(({ role, name }) => [...controls, ...structure].includes(role) && !name.trim() && role !== 'main');
+    assert.deepEqual(unnamed, [], `without a name: ${url}`);
+    for (const { name, backendDOMNodeId } of used.filter(({ role }) => role === 'slider')) {
+      const { object } = await cdp.send('DOM.resolveNode', { backendNodeId: backendDOMNodeId });
+      const { result } = await cdp.send('Runtime.callFunctionOn', {
+        objectId: object.objectId, functionDeclaration: 'function () { return this.ariaValueText ?? ""; }',
+      });
+      assert.ok(result.value, `the slider '${name}' says nothing but its number`);
+    }
+    if (isView) {
+      // 'add' four times, 'CSV' twice would tell nobody what for: what is named alike is described
+      const alike = used.filter(({ role, name, description }, i) => role !== 'link' && used.some((other, k) =>
+        k !== i && other.role === role && other.name === name && other.description === description));
+      assert.deepEqual(alike.map(({ name }) => name), [], url);
+      assert.deepEqual(['main', 'complementary', 'toolbar'].filter((role) => !tree.some((node) => node.role === role)), []);
+      const picture = tree.find(({ role }) => role === 'application');
+      assert.match(picture.description, /^.+: .*\. .+[%t] .*tetrahedra\.$/);
+    }
+    await page.context().close();
+  }
+  await what_changes_is_told();
+}
+
+async function what_changes_is_told() {
+  const page = await open(viewer);
+  const cdp = await page.context().newCDPSession(page);
+  const words = () => page.locator('#spoken').innerText();
+  await page.waitForFunction(() => /tetrahedra\.$/.test(document.getElementById('spoken')?.textContent));
+  const before = await words();
+  assert.match(before, /^Pressure: the far walls, 1 slice, 1 isosurface, clipped\. Pressure ≤ [\d.]+\s%/);
+  const live = (await treeOf(page, cdp)).filter(({ live: is }) => is === 'polite');
+  assert.ok(live.length >= 2, `${live.length} live regions`);
+  await page.locator('#error-percent').fill('2');
+  await page.keyboard.press('Enter');
+  await page.waitForFunction((was) => document.getElementById('spoken').textContent !== was, before);
+  const { error, tets } = await page.evaluate(() => {
+    const level = window.tetlod.viewer.info.levels[window.tetlod.level];
+    return { error: level.errors.Pressure.max, tets: level.tets };
+  });
+  assert.ok(error <= 0.02 && (await words()).replace(/[^\d]/g, '').endsWith(String(tets)), await words());
+  await page.context().close();
+}
+
 async function a_small_screen_is_enough() {
   for (const url of [server.url, viewer]) {
     const page = await open(url, { viewport: { width: 360, height: 640 }, hasTouch: true });
@@ -289,7 +362,7 @@ async function levels_jump_where_motion_is_unwanted() {
 }
 
 await run([every_control_is_reached_by_tab, text_has_contrast, letters_are_large_enough, letters_of_saved_pictures, letters_of_the_element,
-  a_small_screen_is_enough, figures_do_not_overlap, the_picture_keeps_most_of_the_screen, layers_are_above_the_fold,
+  a_screen_reader_is_told_everything, a_small_screen_is_enough, figures_do_not_overlap, the_picture_keeps_most_of_the_screen, layers_are_above_the_fold,
   levels_jump_where_motion_is_unwanted]);
 await browser.close();
 await server.stop();

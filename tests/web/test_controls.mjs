@@ -579,6 +579,10 @@ async function a_line_is_plotted() {
   const curve = await page.locator('#line-drawing .line').getAttribute('d');
   await page.locator('.knob.along').last().press('ArrowUp');
   await page.waitForFunction((was) => document.querySelector('#line-drawing .line').getAttribute('d') !== was, curve);
+  await page.setViewportSize({ width: 360, height: 640 }); // on a phone the picture stays free
+  const [over, below] = await Promise.all(['#picture', '#line-plot'].map((id) => page.locator(id).boundingBox()));
+  assert.ok(below.y >= over.y + over.height && below.y + below.height <= 640, JSON.stringify([over, below]));
+  await page.setViewportSize(size);
   await page.locator('#line-close').click();
   assert.equal((await state()).line, null);
   await page.locator('#line-plot').waitFor({ state: 'hidden' });

@@ -241,7 +241,10 @@ export class Controls {
     store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component', 'formula'], (state) => this.listIsosurfaces(state.isosurfaces));
     const opacity = byId('isosurface-opacity');
     opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
-    store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
+    store.watch(['isosurfaceOpacity'], (state) => {
+      opacity.value = 100 * state.isosurfaceOpacity;
+      opacity.ariaValueText = percent(state.isosurfaceOpacity, 2);
+    });
   }
 
   // At first through the middle, along the longest side; far walls do not hide it.
@@ -295,6 +298,7 @@ export class Controls {
       options(axis, [['x', 'x'], ['y', 'y'], ['z', 'z'], ['view', 'view'], ...(at ? [] : negative ? [['now', `−${negative}`]] : [['now', 'free']])]);
       axis.value = at ?? 'now';
       slider.value = 1000 * planes[i].at;
+      slider.ariaValueText = `${percent(planes[i].at, 3)}, ${place.value}`;
       if (!flips && document.activeElement !== third) third.value = `${plain(100 * planes[i].at, 3)} %`;
     });
   }
@@ -326,6 +330,7 @@ export class Controls {
       const [slider, number] = row.children;
       slider.value = (1000 * (values[i] - span().least)) / span().length;
       if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
+      slider.ariaValueText = number.value;
     });
   }
 

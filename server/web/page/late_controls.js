@@ -3,7 +3,7 @@
 
 import { bindNumber, byId, element, options } from './dom.js';
 import { vectorFields, vectorsOf } from './levels.js';
-import { bytes, clamp, plain, significant } from './numbers.js';
+import { bytes, clamp, percent, plain, significant } from './numbers.js';
 import { thresholdRange } from './spec.js';
 import { mostVectors } from './state.js';
 import { row } from './rows.js';
@@ -76,6 +76,7 @@ function bindThreshold(controls) {
     return () => {
       slider.value = 1000 * store.state.threshold[end];
       number();
+      slider.ariaValueText = byId(`threshold-${end ? 'most' : 'least'}`).value;
     };
   });
   controls.follow(['threshold', 'field', 'cells', 'component', 'formula'], ({ threshold, cells }) => {
@@ -116,6 +117,8 @@ function bindBox(controls) {
     body.hidden = !state.box;
     state.box?.forEach((x, i) => {
       sliders[i].value = 1000 * x;
+      const [low, high] = controls.info.bounds.map((corner) => corner[i % 3]);
+      sliders[i].ariaValueText = `${percent(x, 3)}, ${significant(low + x * (high - low), 4)}`;
     });
   });
 }

@@ -29,8 +29,8 @@ export class LookControls {
       'details',
       { id: 'look' },
       element('summary', {}, 'Detail where one looks'),
-      row(on, 'More where the picture is near'),
-      row(pixels, 'Error on the screen, pixels'),
+      row('More where the picture is near', on),
+      row('Error on the screen, pixels', pixels),
       words,
     );
     byId('max-tets').closest('details').after(details);

@@ -17,6 +17,7 @@ import { bindUnits } from './units.js';
 import { bindWarp } from './warp.js';
 import { bindCompare } from './compare.js';
 import { bindSecondView } from './second_view.js';
+import { bindSpoken } from './spoken.js';
 
 export { Compass } from './compass.js';
 export { Handles } from './handles.js';
@@ -46,6 +47,7 @@ export class Tools {
     bindFilm(viewer, { picture, save });
     bindSecondView(viewer, canOpenAnother);
     bindCompare(viewer);
+    bindSpoken(viewer);
   }
 
   /** What a saved picture has over it. */
