@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Flying through a stream in pages in headless Chromium: node fly.mjs TETLOD FOLDER [SIDE]. The cube of SIDE^3 · 6
 // tetrahedra (119: 10 million) is made in FOLDER once. Prints what is held and fetched beside the uniform level of the
-// same error, how the frames come meanwhile, and the longest task of the page's thread: its processor time, and how long
-// it took where the browser waits for what draws, which is the processor here.
+// same error, how the frames come meanwhile, and the longest task of the page's thread: its processor time, and how
+// long it took where the browser waits for what draws, which is the processor here.
 import { execFileSync } from 'node:child_process';
 import { existsSync, mkdirSync } from 'node:fs';
 import { join } from 'node:path';

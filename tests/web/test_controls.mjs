@@ -274,8 +274,8 @@ async function the_camera_and_the_background() {
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
-// Also in a view from near, where edges are many times as long as the picture and foreshortened: few numbers, each beside
-// the place of an edge that it names.
+// Also in a view from near, where edges are many times as long as the picture and foreshortened: few numbers, each
+// beside the place of an edge that it names.
 async function axes_have_few_numbers_where_they_belong() {
   await open('');
   const labels = () => page.evaluate(() => {
@@ -672,7 +672,8 @@ await run([
   the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
   units_are_typed, back_undoes, slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
   logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
-  axes_have_few_numbers_where_they_belong, the_volume_fits_the_window, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page,
+  axes_have_few_numbers_where_they_belong, the_volume_fits_the_window, a_second_view_turns_along,
+  a_link_shows_the_same, what_leaves_the_page,
   surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
   values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of,
 ]);

@@ -39,8 +39,8 @@ export class Axes {
   }
 
   /**
-   * Numbers and names { x, y, text, name } where a projection of the scene's points has their places, as far as they are
-   * in a picture of this size.
+   * Numbers and names { x, y, text, name } where a projection of the scene's points has their places, as far as these
+   * are in a picture of this size.
    */
   labels(project, size) {
     return this.shown ? names.flatMap((name, axis) => this.along(axis, name, project, size)) : [];
@@ -107,7 +107,8 @@ export class Axes {
     const [low, high] = this.bounds.map((corner) => corner[axis]);
     const [first, last] = part.map((f) => low + f * (high - low));
     const values = ticks(first, last, Math.max(1, Math.min(long, Math.hypot(...size)) / between));
-    const numbers = values.map((value) => ({ ...at((value - low) / (high - low || 1), away), text: significant(value, 4) }));
+    const fraction = (value) => (value - low) / (high - low || 1);
+    const numbers = values.map((value) => ({ ...at(fraction(value), away), text: significant(value, 4) }));
     return [...numbers, { ...at((part[0] + part[1]) / 2, 2.4 * away), text: name, name }];
   }
 }

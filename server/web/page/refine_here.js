@@ -55,7 +55,8 @@ export class RefineHere {
   #build() {
     const error = element('input', { id: 'refine-error', className: 'number', inputMode: 'decimal' });
     const title = 'What is in the middle of the picture; the key R takes what is under the pointer';
-    const here = element('button', { type: 'button', id: 'refine-here', className: 'small', title, ariaLabel: 'Add a box' }, 'add');
+    const named = { id: 'refine-here', title, ariaLabel: 'Add a box' };
+    const here = element('button', { type: 'button', className: 'small', ...named }, 'add');
     const list = element('div', { id: 'refine-list' });
     const words = element('p', { id: 'refine-words', className: 'hint' });
     const details = element(

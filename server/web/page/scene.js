@@ -282,7 +282,8 @@ export class Scene extends EventTarget {
     const style = surfaceStyles[state.surface];
     this.surface.visible = Boolean(style);
     this.surface.showLines = state.edges;
-    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip || state.box || state.threshold || state.hidden.length));
+    const cut = state.clip || state.box || state.threshold || state.hidden.length;
+    this.box.setVisibility(state.surface !== 'solid' || Boolean(cut));
     this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The picture in words, for who does not see it: its description, and told whenever it has become what was asked for.
+// The picture in words, for screen readers: its description, told whenever it has become what was asked for.
 
 import { byId, coalesced, element } from './dom.js';
 import { count } from './numbers.js';
