@@ -186,6 +186,7 @@ def decomposed_case():
         used, corners = np.unique(tets[part_of == part], return_inverse=True)
         made = foam_files(points[used], corners.reshape(-1, 4), TETRAHEDRON, bool(part % 2), False)[0]
         shutil.move(path(os.path.dirname(made)), path('parts/processor%d' % part))
+        os.remove(path('parts/processor%d/case.foam' % part)) # there is none in a piece's folder
     write('parts/case.foam', '')
     p, t, f, c = converted(path('parts/case.foam'))
     wanted = np.concatenate([np.arange((part_of == part).sum()) / 7 for part in range(3)])
@@ -216,6 +217,48 @@ def decomposed_case():
     os.remove(path('parts/processor1/constant/polyMesh/owner'))
     done = tetlod('convert', path('parts/case.foam'), '-o', path('out.vtu'))
     return None if done.returncode == 3 and b'processor1: ' in done.stderr and b'owner' in done.stderr else done
+
+
+def collated_case(binary, packed):
+    """The files of all pieces as one, each with the bytes of the pieces, of which the first has a header for all."""
+    must('sample', 'cube', '--size', '5', '-o', 'in.vtu')
+    points, tets = read('in.vtu')[:2]
+    tets = tets.astype(np.int64)
+    part_of = np.digitize(points[tets].mean(axis=1)[:, 0], [1.3, 3.1])
+    shutil.rmtree(path('parts'), ignore_errors=True)
+    os.makedirs(path('parts'))
+    for part in range(3):
+        mine = np.flatnonzero(part_of == part)
+        used, corners = np.unique(tets[mine], return_inverse=True)
+        made = foam_files(points[used], corners.reshape(-1, 4), TETRAHEDRON, binary, False)[0]
+        for name, numbers in ('pointProcAddressing', used), ('cellProcAddressing', mine):
+            name = '%s/constant/polyMesh/%s' % (os.path.dirname(made), name)
+            put(name, 'labelList', list_of(numbers, binary), binary, False)
+        shutil.move(path(os.path.dirname(made)), path('parts/processor%d' % part))
+    write('parts/case.foam', '')
+    wanted = converted(path('parts/case.foam'))
+    files = [os.path.relpath(os.path.join(folder, name), path('parts/processor0'))
+             for folder, _, names in os.walk(path('parts/processor0')) for name in names if name != 'case.foam']
+    for name in files:
+        blocks = [open(path('parts/processor%d/%s' % (part, name)), 'rb').read() for part in range(3)]
+        blocks[1:] = [block[block.index(b'}\n') + 2:] for block in blocks[1:]]
+        put('parts/processors3/' + name, 'decomposedBlockData', b''.join(
+            b'// Processor%d\n\n%d\n(%s)\n\n' % (part, len(block), block) for part, block in enumerate(blocks)), True,
+            packed)
+    for part in range(3):
+        shutil.rmtree(path('parts/processor%d' % part))
+    found = converted(path('parts/case.foam'))
+    if not all(np.array_equal(a, b) for a, b in zip((*found[:2], found[3]['T']), (*wanted[:2], wanted[3]['T']))):
+        return 'another mesh'
+    write('parts/processors3/one.foam', '')
+    done = tetlod('convert', path('parts/processors3/one.foam'), '-o', path('out.vtu'))
+    if done.returncode != 3 or b'several pieces' not in done.stderr:
+        return done
+    name = path('parts/processors3/constant/polyMesh/points' + ('.gz' if packed else ''))
+    data = (gzip.open if packed else open)(name, 'rb').read()
+    (gzip.open if packed else open)(name, 'wb').write(data[:len(data) // 2])
+    done = tetlod('convert', path('parts/case.foam'), '-o', path('out.vtu'))
+    return None if done.returncode == 3 and done.stderr.count(b'\n') == 1 and b'points' in done.stderr else done
 
 
 def damaged_gzip_case():
@@ -275,6 +318,8 @@ def main():
         case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)
     case('longer files', large_case)
     case('a decomposed case', decomposed_case)
+    case('a collated case', collated_case, False, False)
+    case('a collated case, binary, packed', collated_case, True, True)
     case('damaged gzip', damaged_gzip_case)
     case('four triangles that are no tetrahedron', odd_tetrahedra_case)
     damaged_cases(False)

@@ -244,11 +244,12 @@ static enum tetlod_status read_mesh(struct blocks *out, const struct io_input *i
     return read_time(&f);
 }
 
-/* ---- decomposed cases: a mesh in each folder processor0, processor1, ... */
+/* ---- decomposed cases: a mesh in each folder processor0, processor1, ..., or N meshes in each file of a folder
+ * processorsN (collated) */
 
-/* What is in a folder: how many processors, the last time (-1: none), and whether there is a mesh. */
+/* What is in a folder: how many processors, N of processorsN, the last time (-1: none), and whether there is a mesh. */
 struct contents {
-    uint32_t processors;
+    uint32_t processors, collated;
     double last;
     bool has_mesh;
 };
@@ -258,6 +259,18 @@ static bool is_processor(const char *name)
     static const char start[] = "processor";
     const char *number = name + strlen(start);
     return strncmp(name, start, strlen(start)) == 0 && *number && number[strspn(number, "0123456789")] == 0;
+}
+
+/* N of processorsN, or 0. */
+static uint32_t collated_count(const char *name)
+{
+    enum { MOST = 1 << 20 };
+    static const char start[] = "processors";
+    struct text number = {name + strlen(start), name + strlen(name)};
+    int64_t count;
+    if (strncmp(name, start, strlen(start)) != 0 || !text_int(&number, &count) || number.at != number.end)
+        return 0;
+    return count > 0 && count <= MOST ? (uint32_t)count : 0;
 }
 
 static struct contents look(const char *folder)
@@ -273,6 +286,7 @@ static struct contents look(const char *folder)
         if (text_double(&text, false, &time) && time > out.last)
             out.last = time;
         out.processors += is_processor(name);
+        out.collated = collated_count(name) ? collated_count(name) : out.collated;
         free(entries[i]);
     }
     if (count >= 0)
@@ -282,17 +296,32 @@ static struct contents look(const char *folder)
     return out;
 }
 
+/* The folder of a piece, or of all. */
+static void name_folder(const struct contents *whole, uint32_t piece, char out[32])
+{
+    if (whole->processors)
+        snprintf(out, 32, "processor%u", piece);
+    else
+        snprintf(out, 32, "processors%u", whole->collated);
+}
+
 /* The pieces meet in points of the same number or, where these are not there, in points that are the same bit for
  * bit. */
 static enum tetlod_status read_processors(struct blocks *out, const struct io_input *input, const char *folder,
-                                          uint32_t count, struct io_report *report, struct tetlod_error *error)
+                                          const struct contents *whole, struct io_report *report,
+                                          struct tetlod_error *error)
 {
-    for (uint32_t p = 0; p < count; p++) {
-        char path[4500];
+    for (uint32_t p = 0; p < (whole->processors ? whole->processors : whole->collated); p++) {
+        char path[4500], name[32], *there = NULL;
         struct io_input piece = *input;
         struct tetlod_error inner = {0};
-        snprintf(path, sizeof path, "%.4096s/processor%u/case.foam", folder, p);
+        name_folder(whole, p, name);
+        snprintf(path, sizeof path, "%s/constant/polyMesh", name);
+        TETLOD_TRY(io_resolve(input, path, &there, error)); // is it below the case's folder?
+        free(there);
+        snprintf(path, sizeof path, "%.4096s/%s/case.foam", folder, name);
         piece.path = path;
+        piece.part = whole->processors ? 0 : p + 1;
         enum tetlod_status status = read_mesh(out, &piece, true, report, &inner);
         if (status != TETLOD_OK)
             return tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
@@ -304,14 +333,17 @@ static enum tetlod_status read_processors(struct blocks *out, const struct io_in
 enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                              struct tetlod_error *error)
 {
-    char folder[4097], first[4200];
+    char folder[4097], first[4200], name[32];
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
     const char *slash = strrchr(input->path, '/');
     snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - input->path) : 1, slash ? input->path : ".");
-    snprintf(first, sizeof first, "%s/processor0", folder);
-    const struct contents whole = look(folder), piece = look(first);
-    bool decomposed = whole.processors && piece.has_mesh && (!whole.has_mesh || piece.last > whole.last);
-    return decomposed ? read_processors(out, input, folder, whole.processors, report, error)
+    const struct contents whole = look(folder);
+    name_folder(&whole, 0, name);
+    snprintf(first, sizeof first, "%s/%s", folder, name);
+    const struct contents piece = look(first);
+    bool decomposed = (whole.processors || whole.collated) && piece.has_mesh &&
+                      (!whole.has_mesh || piece.last > whole.last);
+    return decomposed ? read_processors(out, input, folder, &whole, report, error)
                       : read_mesh(out, input, false, report, error);
 }

@@ -196,12 +196,57 @@ static enum tetlod_status read_header(struct foam_file *file)
     return TETLOD_OK;
 }
 
+/* ---- collated files: a list of bytes for each piece; the first one's begin with the header of all */
+
+/* Bytes that have been read. */
+static uint64_t position(const struct foam_file *file)
+{
+    const struct gzip *gzip = file->gzip;
+    return gzip ? gzip->unpacked + (uint64_t)(file->rest.at - gzip->window)
+                : (uint64_t)(file->rest.at - (const char *)file->view.bytes);
+}
+
+static void skip_bytes(struct foam_file *file, uint64_t count)
+{
+    while (count && look_ahead(file)) {
+        uint64_t left = (uint64_t)(file->rest.end - file->rest.at), step = count < left ? count : left;
+        file->rest.at += step;
+        count -= step;
+    }
+}
+
+/* Goes on to the bytes of a piece, from 0. */
+static enum tetlod_status open_part(struct foam_file *file, uint32_t part)
+{
+    file->binary = false;
+    for (uint32_t p = 0;; p++) {
+        struct text count = foam_token(file);
+        int64_t size;
+        if (!text_int(&count, &size) || size < 0 || !text_is(foam_token(file), "("))
+            return foam_fail(file, "there should be the bytes of a piece here");
+        uint64_t begin = position(file);
+        if (p == 0)
+            TETLOD_TRY(read_header(file));
+        if (p == part)
+            return TETLOD_OK;
+        if (position(file) - begin > (uint64_t)size)
+            return foam_fail(file, "a header is longer than the piece that it is in");
+        skip_bytes(file, (uint64_t)size - (position(file) - begin));
+        if (!text_is(foam_token(file), ")"))
+            return foam_fail(file, "there should be a ) behind the bytes of a piece; is it truncated?");
+    }
+}
+
 enum tetlod_status foam_open(struct foam_file *file, const struct io_input *input, const char *name,
                              struct tetlod_error *error)
 {
     *file = (struct foam_file){.name = name, .label = VALUE_INT32, .scalar = VALUE_FLOAT64, .error = error};
     TETLOD_TRY(load(file, input, name));
-    return read_header(file);
+    TETLOD_TRY(read_header(file));
+    if (strcmp(file->class_name, "decomposedBlockData") != 0)
+        return TETLOD_OK;
+    return input->part ? open_part(file, input->part - 1)
+                       : foam_fail(file, "it holds several pieces, as files in a folder processorsN do");
 }
 
 void foam_close(struct foam_file *file)

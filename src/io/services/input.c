@@ -9,10 +9,30 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
+/* A file's own path without links; of one that is not there, which only says where others are, the folder's and its
+ * name. The caller frees it. */
+static char *real_path(const char *path)
+{
+    char *real = realpath(path, NULL), *out = NULL, *folder = NULL;
+    const char *slash = strrchr(path, '/');
+    size_t size = 0;
+    if (real)
+        return real;
+    char *named = slash ? strndup(path, (size_t)(slash - path) + 1) : strdup(".");
+    folder = named ? realpath(named, NULL) : NULL;
+    size = folder ? strlen(folder) + strlen(path) + 2 : 0;
+    out = size ? array_new(size, 1) : NULL;
+    if (out)
+        snprintf(out, size, "%s/%s", strcmp(folder, "/") == 0 ? "" : folder, slash ? slash + 1 : path);
+    free(named);
+    free(folder);
+    return out;
+}
+
 /* Whether `path` is in the folder of `base`, whatever links are on the way. */
 static bool is_beside(const char *base, const char *path)
 {
-    char *folder = realpath(base, NULL), *file = realpath(path, NULL);
+    char *folder = real_path(base), *file = realpath(path, NULL);
     char *slash = folder ? strrchr(folder, '/') : NULL;
     bool beside = slash && file && strncmp(folder, file, (size_t)(slash - folder) + 1) == 0;
     free(folder);
