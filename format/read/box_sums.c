@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/read/reader.h"
 
 static void *room(size_t count, size_t size)
 {
@@ -196,20 +197,15 @@ enum tetlod_status tetlodi_box_sums_read(const struct tetlod_file *file, struct 
                                          struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
-    uint32_t section = tetlod_section_index(info, TAG_BOX_SUMS), components = 0;
+    const uint32_t components = tetlodi_component_count(info);
+    uint8_t *bytes;
+    size_t size;
     *out = (struct tetlodi_box_sums){0};
-    if (section == TETLOD_NONE)
-        return TETLOD_OK;
-    size_t size = (size_t)info->sections[section].size;
-    uint8_t *bytes = malloc(size ? size : 1);
+    TETLOD_TRY(tetlodi_read_tagged(file, TAG_BOX_SUMS, &bytes, &size, error));
     if (!bytes)
-        return tetlodi_fail_nomem(error, "the section KSUM", size);
-    enum tetlod_status status = tetlod_section_read(file, section, bytes, error);
-    if (status == TETLOD_OK)
-        status = tetlodi_box_sums_decode(out, bytes, size, error);
+        return TETLOD_OK;
+    enum tetlod_status status = tetlodi_box_sums_decode(out, bytes, size, error);
     free(bytes);
-    for (uint32_t f = 0; f < info->field_count; f++)
-        components += info->fields[f].components;
     if (status == TETLOD_OK && out->component_count != components) {
         status = tetlodi_fail(error, TETLOD_ERR_STREAM, "section KSUM has %u components, the stream %u",
                               out->component_count, components);

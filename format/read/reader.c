@@ -164,6 +164,24 @@ enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t 
     return read_section_into(file, &file->index.sections[section], (uint8_t *)out, error);
 }
 
+enum tetlod_status tetlodi_read_tagged(const struct tetlod_file *file, const char *tag, uint8_t **out, size_t *out_size,
+                                       struct tetlod_error *error)
+{
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count,
+                                                                 tag);
+    *out = NULL;
+    *out_size = section ? (size_t)section->plain : 0;
+    return section ? tetlodi_read_section(file, section, out, error) : TETLOD_OK;
+}
+
+uint32_t tetlodi_component_count(const struct tetlod_info *info)
+{
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        count += info->fields[f].components;
+    return count;
+}
+
 uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag)
 {
     for (uint32_t i = 0; i < info->section_count; i++)

@@ -49,4 +49,11 @@ TETLOD_CHECKED enum tetlod_status tetlodi_read_section(const struct tetlod_file 
                                                        const struct tetlodi_section *section, uint8_t **out,
                                                        struct tetlod_error *error);
 
+/* The same of the first section with a tag; NULL if there is none. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_tagged(const struct tetlod_file *file, const char *tag, uint8_t **out,
+                                                      size_t *out_size, struct tetlod_error *error);
+
+/* Components of all fields. */
+uint32_t tetlodi_component_count(const struct tetlod_info *info);
+
 #endif

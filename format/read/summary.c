@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/read/reader.h"
 
 enum { SUMMARY_HEAD = 16, LEVEL_ROW = 4, COMPONENT_ROW = 16, COUNT_SIZE = 4, PLACES = 48, THRESHOLD_ROW = 16 };
 
@@ -145,20 +146,15 @@ enum tetlod_status tetlodi_summary_read(const struct tetlod_file *file, struct t
                                         struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
-    uint32_t section = tetlod_section_index(info, TAG_SUMMARY), components = 0;
+    const uint32_t components = tetlodi_component_count(info);
+    uint8_t *bytes;
+    size_t size;
     *out = (struct tetlodi_summary){0};
-    if (section == TETLOD_NONE)
-        return TETLOD_OK;
-    size_t size = (size_t)info->sections[section].size;
-    uint8_t *bytes = malloc(size ? size : 1);
+    TETLOD_TRY(tetlodi_read_tagged(file, TAG_SUMMARY, &bytes, &size, error));
     if (!bytes)
-        return tetlodi_fail_nomem(error, "the section SUMS", size);
-    enum tetlod_status status = tetlod_section_read(file, section, bytes, error);
-    if (status == TETLOD_OK)
-        status = tetlodi_summary_decode(out, bytes, size, error);
+        return TETLOD_OK;
+    enum tetlod_status status = tetlodi_summary_decode(out, bytes, size, error);
     free(bytes);
-    for (uint32_t f = 0; f < info->field_count; f++)
-        components += info->fields[f].components;
     if (status == TETLOD_OK && (out->component_count != components || out->level_count < info->level_count)) {
         status = tetlodi_fail(error, TETLOD_ERR_STREAM,
                               "section SUMS has %u levels and %u components, the stream %u and %u",

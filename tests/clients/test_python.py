@@ -25,6 +25,7 @@ ROOT = os.environ['ROOT']
 sys.path[:0] = [os.path.join(ROOT, 'tests', folder) for folder in ('http', 'cli', '')]
 from common import read_vtu  # noqa: E402
 from streams import plain, sealed  # noqa: E402
+from raising import raises  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 PACKAGE = os.path.join(ROOT, 'client-examples', 'python')
@@ -49,15 +50,6 @@ def same(a, b):
 def command(*arguments):
     subprocess.run([TETLOD, *arguments], check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                    stderr=subprocess.DEVNULL)
-
-
-def raises(kind, words, function, *arguments, **more):
-    try:
-        function(*arguments, **more)
-    except kind as problem:
-        assert words in str(problem), problem
-    else:
-        raise AssertionError('%s is accepted' % words)
 
 
 def test_both_decoders_agree():

@@ -12,6 +12,7 @@ import numpy as np
 ROOT = os.environ['ROOT']
 sys.path[:0] = [os.path.join(ROOT, 'tests', folder) for folder in ('http', 'cli', '')]
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
+from raising import raises  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 import tetlod  # noqa: E402
@@ -20,15 +21,6 @@ from tetlod.testing import assert_limits, assert_same, difference  # noqa: E402
 FOLDER = os.path.join(SCRATCH, 'streams')
 FIN = os.path.join(FOLDER, 'fin.tetlod')
 QUESTIONS = ('mean(Pressure)', 'volume(Pressure > 3)', 'max(Pressure) < 3', 'max(Pressure) < 99', 'Pressure at (1,1,1)')
-
-
-def raises(kind, words, function, *arguments, **more):
-    try:
-        function(*arguments, **more)
-    except kind as problem:
-        assert all(word in str(problem) for word in words), problem
-    else:
-        raise AssertionError('%s: nothing is raised' % (words,))
 
 
 def said(question, *options):

@@ -18,6 +18,7 @@ import numpy as np
 
 ROOT = os.environ['ROOT']
 sys.path.insert(0, os.path.join(ROOT, 'tests', 'http'))
+from raising import raises  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 PACKAGE = os.path.join(ROOT, 'client-examples', 'python')
@@ -32,15 +33,6 @@ MOVING = os.path.join(ROOT, 'tests', 'golden', 'series_moving.tetlod')
 def same(a, b):
     return a.level == b.level and np.array_equal(a.points, b.points) and np.array_equal(a.tets, b.tets) and \
         a.fields.keys() == b.fields.keys() and all(np.array_equal(a.fields[name], b.fields[name]) for name in a.fields)
-
-
-def raises(kind, words, function, *arguments, **more):
-    try:
-        function(*arguments, **more)
-    except kind as problem:
-        assert words in str(problem), problem
-    else:
-        raise AssertionError('%s is accepted' % words)
 
 
 def fetch(offset, size):

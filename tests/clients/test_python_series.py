@@ -12,6 +12,7 @@ import numpy as np
 
 ROOT = os.environ['ROOT']
 sys.path[:0] = [os.path.join(ROOT, 'tests', 'http'), os.path.join(ROOT, 'client-examples', 'python')]
+from raising import raises  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 LIBRARY = sorted(glob.glob(os.path.join(ROOT, 'build', os.environ['CONFIG'], 'libtetlod.so.*')))[-1]
@@ -21,6 +22,11 @@ import tetlod  # noqa: E402
 from tetlod._words import speak  # noqa: E402
 
 SIDE = 5
+
+
+def refuses(*given, **more):
+    message = raises(*given, **more)
+    assert not re.search(r'(?<!\w)--[a-z]|tetlod_[a-z]+|^tetlod', message) and '\n' not in message, message
 
 
 def box():
@@ -38,17 +44,6 @@ def box():
 POINTS, TETS = box()
 TIMES = np.linspace(0.5, 2.5, 11)
 STEPS = [{'p': np.float32(np.sin(POINTS @ [1, 2, 3] + time)), 'wind': POINTS * time} for time in TIMES]
-
-
-def raises(kind, words, function, *arguments, **more):
-    try:
-        function(*arguments, **more)
-    except kind as problem:
-        message = str(problem)
-        assert all(word in message for word in words), message
-        assert not re.search(r'(?<!\w)--[a-z]|tetlod_[a-z]+|^tetlod', message) and '\n' not in message, message
-    else:
-        raise AssertionError('%s is accepted' % words)
 
 
 def series():
@@ -70,12 +65,12 @@ def test_one_name():
     for decoder in 'library', 'python':
         assert list(tetlod.read(data, fields='wind', decoder=decoder).fields) == ['wind']
         assert len(tetlod.read(data, '20%', field='p', decoder=decoder).tets) <= len(TETS)
-        raises(KeyError, ["no field 'wnd'", "is 'wind' meant"], tetlod.read, data, fields='wnd', decoder=decoder)
-        raises(KeyError, ["no field 'x'", 'there are p, wind'], tetlod.read, data, '1%', field='x', decoder=decoder)
+        refuses(KeyError, ["no field 'wnd'", "is 'wind' meant"], tetlod.read, data, fields='wnd', decoder=decoder)
+        refuses(KeyError, ["no field 'x'", 'there are p, wind'], tetlod.read, data, '1%', field='x', decoder=decoder)
     assert tetlod.read(data, '20%', field='wind', measure='sampled').error <= 0.2
     only = [k for k in tetlod.open(data).levels if not k.errors['wind']['max'] <= 0.2]
     if only:  # it has no certified error
-        raises(ValueError, ['wind has no certified error (p has)', "measure='sampled'", 'field=[...]'], tetlod.read,
+        refuses(ValueError, ['wind has no certified error (p has)', "measure='sampled'", 'field=[...]'], tetlod.read,
                data, 1e-9, field='wind')
 
 
@@ -107,9 +102,9 @@ def test_steps_as_xarray_has_them():
     coarse = steps.within('5%')
     assert coarse[3].errors['p']['max'] <= 0.05 and len(coarse[3].tets) <= len(steps[3].tets)
     assert coarse[1:3].times == steps[1:3].times
-    raises(KeyError, ['0.62', 'nearest'], steps.sel, 0.62)
-    raises(ValueError, ["'pad'"], steps.sel, 0.62, 'pad')
-    raises(IndexError, ['no step 11', 'there are 11'], steps.__getitem__, 11)
+    refuses(KeyError, ['0.62', 'nearest'], steps.sel, 0.62)
+    refuses(ValueError, ["'pad'"], steps.sel, 0.62, 'pad')
+    refuses(IndexError, ['no step 11', 'there are 11'], steps.__getitem__, 11)
     assert '11 steps' in repr(steps) and len(tetlod.open(tetlod.build(POINTS, TETS, STEPS[0])).steps) == 0
 
 
@@ -153,16 +148,16 @@ def test_groups_over_meshes():
 def test_words():
     build = lambda **options: tetlod.build(POINTS, TETS, STEPS[0], **options)
     for program in None, TETLOD:
-        raises(ValueError, ["'T'"], build, field='T', program=program)
-        raises(ValueError, ['growth'], build, growth=99.0, program=program)
-        raises(ValueError, ['position_bits'], build, position_bits=99, program=program)
-        raises(ValueError, ['NaN', 'numpy.nan_to_num'] if program else ['NaN'], tetlod.build, POINTS, TETS,
+        refuses(ValueError, ["'T'"], build, field='T', program=program)
+        refuses(ValueError, ['growth'], build, growth=99.0, program=program)
+        refuses(ValueError, ['position_bits'], build, position_bits=99, program=program)
+        refuses(ValueError, ['NaN', 'numpy.nan_to_num'] if program else ['NaN'], tetlod.build, POINTS, TETS,
                {'a': np.full(len(POINTS), np.nan)}, program=program)
-    raises(TypeError, ["'nonsense='"], build, nonsense=3)
-    raises(TypeError, ['times=', 'list'], build, times=[1])
-    raises(ValueError, ['2 times, 1 steps'], tetlod.build, POINTS, TETS, STEPS[:1], times=[1, 2])
-    raises(ValueError, ['rise'], tetlod.build, POINTS, TETS, STEPS[:2], times=[1, 1])
-    raises(ValueError, ["'wind'"], tetlod.build, POINTS, TETS, [STEPS[0], {'p': STEPS[1]['p']}], field=['p', 'wind'])
+    refuses(TypeError, ["'nonsense='"], build, nonsense=3)
+    refuses(TypeError, ['times=', 'list'], build, times=[1])
+    refuses(ValueError, ['2 times, 1 steps'], tetlod.build, POINTS, TETS, STEPS[:1], times=[1, 2])
+    refuses(ValueError, ['rise'], tetlod.build, POINTS, TETS, STEPS[:2], times=[1, 1])
+    refuses(ValueError, ["'wind'"], tetlod.build, POINTS, TETS, [STEPS[0], {'p': STEPS[1]['p']}], field=['p', 'wind'])
     assert speak('tetlod: a.vtu: give --nan-fill VALUE; --field A') == 'a.vtu: give nan_fill=VALUE; field=A'
     assert speak('a-b -- c --x') == 'a-b -- c x='
 
