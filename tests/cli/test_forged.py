@@ -164,6 +164,22 @@ def names_of_the_input():
                          'mesh.vtu') for name in (b'he:9', b'k:at', b'heat'[::-1]))
 
 
+def lost_fields():
+    """What the input has and the stream does not was lost, where nobody chose to leave it out."""
+    points, tets = block(5)
+    heat = np.sin(points @ [3.0, 2.0, 1.0])
+    full, problems = ({'heat': heat, 'wind': heat}, {'key': np.arange(len(tets))}), []
+    save('full.vtu', points, tets, *full)
+    for name, fields, cells, words in (('points', {'heat': heat}, full[1], ["no field 'wind',"]),
+                                       ('cells', full[0], {}, ["no field 'key' of cells"])):
+        save(name + '.vtu', points, tets, fields, cells)
+        must('build', name + '.vtu', '--growth', '1.5', '-o', name + '.tetlod', '--quiet')
+        problems.append(refused(words, content(name + '.tetlod'), '--against', 'full.vtu'))
+    must('build', 'full.vtu', '--carry', 'heat', '--growth', '1.5', '-o', 'chosen.tetlod', '--quiet')
+    must('verify', 'chosen.tetlod', '--against', 'full.vtu', '--quiet')
+    return first(problems)
+
+
 def quality():
     """Every golden stream is valid; those whose levels are poor meshes end with status 4 and say so."""
     poor = 0
@@ -212,6 +228,7 @@ case('times and ranges of steps', steps_table)
 case('errors of steps', errors_of_steps)
 case('bytes behind packed parts', behind_packed_parts)
 case('names that are expressions', names_of_the_input)
+case('fields that were lost', lost_fields)
 case('golden streams are valid, some of poor quality', quality)
 case('units keep off the terminal', terminal)
 finish()

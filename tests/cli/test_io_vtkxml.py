@@ -364,15 +364,16 @@ def processor_seconds(*arguments):
 
 
 def crowded_case():
-    """Points at a few places, of all of which the values differ, or that have no place (NaN): welding takes little beside reading."""
+    """Points at a few places, whose values differ, or that have no place (NaN): welding takes little beside reading."""
     count = 300000
     tets = np.arange(count).reshape(-1, 4)
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])[np.arange(count) % 4]
     lost = points.copy()
     lost[4:] = np.nan
-    for name, places, fails_with in ('crowded', points, b''), ('lost', lost, b'not a finite number'):
-        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': np.arange(count) / 2}, {}),
-             name + '.vtu', compressor='none')
+    for name, places, values, fails_with in (('crowded', points, np.arange(count) / 2, b''),
+                                             ('lost', lost, np.zeros(count), b'not a finite number')):
+        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': values}, {}), name + '.vtu',
+             compressor='none')
         _, plain = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu')
         for tolerance in '0', '0.01':
             done, seconds = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu', '--weld', tolerance)

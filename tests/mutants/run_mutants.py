@@ -23,8 +23,8 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import door_table  # noqa: E402, F401, which adds to the table
 from table import MUTANTS  # noqa: E402
 
-KEPT = ('format', 'src', 'server', 'tests', 'samples', 'client-examples', 'Makefile', 'build/release', 'build/web', 'build/web.stamp',
-        'build/wasm', 'build/client', 'build/embedded')
+KEPT = ('format', 'src', 'server', 'tests', 'samples', 'client-examples', 'Makefile', 'LICENSE', 'build/release',
+        'build/web', 'build/web.stamp', 'build/wasm', 'build/client', 'build/embedded')
 MODULES = 'server/web/node_modules'
 
 
