@@ -39,7 +39,8 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an empty file");
     if (!format)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
-                            "is not a mesh file that this binary reads; 'tetlod formats' lists the formats");
+                            "is not a mesh file that this binary reads ('tetlod formats' lists the formats); meshio or "
+                            "ParaView may make a .vtu of it");
     if (input->other && format->files != SOLUTION && format->files != SIBLING)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D, Medit and MFEM have a solution file",
                             format->name);

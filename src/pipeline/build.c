@@ -714,6 +714,14 @@ static enum tetlod_status orient_mesh(struct build *build, const struct tetmesh 
     return TETLOD_OK;
 }
 
+/* Tetrahedra that are joined at faces have fewer points than that; files of discontinuous values have one for each
+ * corner. */
+static uint64_t count_loose(const struct tetmesh *mesh)
+{
+    enum { FEW = 8 };
+    return mesh->tet_count >= FEW && mesh->vertex_count >= 2 * (uint64_t)mesh->tet_count ? mesh->tet_count : 0;
+}
+
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report,
                                 struct tetlod_error *error)
@@ -752,6 +760,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,
                                     .turned_tets = build.oriented.turned_count,
+                                    .loose_tets = count_loose(mesh),
                                     .degenerate_tets = build.log.degenerate_tets,
                                     .inverted_tets = build.log.inverted_tets,
                                     .folded_tets = build.log.folded_tets,

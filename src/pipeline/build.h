@@ -14,6 +14,7 @@ struct build_report {
     struct field_cost cost;
     uint32_t keys;                  /* steps of a series that drove the contraction */
     uint64_t turned_tets; /* numbered against their neighbours (orient.h); the counts that follow are without that */
+    uint64_t loose_tets;  /* all, where they share so few points that hardly any has a neighbour; else 0 */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 

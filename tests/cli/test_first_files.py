@@ -7,6 +7,7 @@ reason that is right.
 |---|---|
 | no arrays at all; ids, integers or a constant at points; values of cells only; text | `bare_case` here |
 | a hint to give an option that was given | `hints` here |
+| every tetrahedron has points of its own | `loose` here |
 | a vector or a field that is constant but for its unit | `test_defaults.py` |
 | pyramids of 14 points: Gmsh, CGNS, Exodus | `pyramid14_case` here |
 | VTKHDF without Type, hexahedra | `untyped_hexahedra` here; tetrahedra: `test_io_libraries.py` |
@@ -97,6 +98,18 @@ def hints():
               for data in (BARE['nothing'], BARE['materials']) for options in ([], ['--cell-data', 'average'])]
     good = '--cell-data average' in plain and not any('--cell-data' in said for said in (given, *others))
     return None if good and averaged == ['load'] else (plain, given, averaged, others)
+
+
+def loose():
+    """Points of each tetrahedron's own: --weld is named, and joins them; of a mesh that is joined nothing is said."""
+    must('sample', 'cube', '--size', '3', '-o', path('joined.vtu'))
+    points, tets, fields = read_vtu('joined.vtu')
+    results.write(path('loose.vtu'), points[tets.ravel()], np.arange(tets.size).reshape(-1, 4),
+                  {'xyz': fields['xyz'][tets.ravel()]})
+    said = [must('build', path(name), *options, '-o', 'x.tetlod').stderr.decode()
+            for name, options in (('joined.vtu', []), ('loose.vtu', []), ('loose.vtu', ['--weld', '0']))]
+    good = ['--weld 0' in text for text in said] == [False, True, False]
+    return None if good and info('x.tetlod')['vertices'] == len(points) else said
 
 
 # ---- pyramids of 14 points: of 13, and one in the middle of the base
@@ -246,6 +259,7 @@ def order_five():
 for one in BARE:
     case('at its points and cells there is %s' % one, bare_case, one)
 case('what would help is said, what was given is not', hints)
+case('every tetrahedron has points of its own', loose)
 case('pyramids of 14 points: Gmsh', pyramid14_case, write_gmsh, 'pyramids.msh')
 if cgns_file and cgns_file.LIBRARY:
     case('pyramids of 14 points: CGNS', pyramid14_case, write_cgns, 'pyramids.cgns')
