@@ -276,6 +276,60 @@ async function what_is_seen_is_fine_and_nothing_cracks() {
   host.close();
 }
 
+// New pages do not pop: at first each vertex of the new mesh is where one of the old mesh is, with its value, and goes to
+// its own place as time passes.
+async function new_pages_move_to_their_shape() {
+  const stream = await opened(new Blob([bytes]));
+  await stream.show({ field: 'xyz', surface: true, morph: true });
+  // where the machine is busy a move may have too few pictures: then the next one is looked at
+  const looks = [
+    [[26, 26, 26], 4],
+    [[26, 26, 26], 1.5],
+    [[-2, -2, 26], 1.5],
+  ];
+  let checked = 0;
+  for (let id = 1; checked < 2 && id <= 30; id++) {
+    const [eye, pixels] = looks[id % 3];
+    const before = await stream.mesh();
+    const places = new Map();
+    for (let v = 0; v < before.positions.length / 3; v++)
+      places.set([...before.positions.subarray(3 * v, 3 * v + 3)].map(Math.fround).join(), before.fields.xyz[v]);
+    const moving = [];
+    const rest = await new Promise((resolve) => {
+      const hear = ({ detail }) => {
+        if (detail.finer?.look !== id) return;
+        if (detail.t < 1) return moving.push(detail);
+        stream.removeEventListener('pictures', hear);
+        resolve(detail);
+      };
+      stream.addEventListener('pictures', hear);
+      stream.look(lookAt(id, { eye, pixels, scale: 200, tets: 60_000 }));
+    });
+    const [one, other] = [moving[0], moving.at(-1)];
+    if (!(other?.t > one?.t + 0.1)) continue;
+    // all is linear in t: where it begins, and where it ends
+    const at = (t, key) => {
+      const [a, b] = [one, other].map(({ surface }) => surface[key]);
+      return Array.from(a, (x, i) => x + ((t - one.t) / (other.t - one.t)) * (b[i] - x));
+    };
+    const [begin, values, end] = [at(0, 'points'), at(0, 'values'), at(1, 'points')];
+    assert.ok(end.every((x, i) => Math.abs(x - rest.surface.points[i]) < 1e-3));
+    const old = [...places.keys()].map((key) => key.split(',').map(Number));
+    let moved = 0;
+    for (let v = 0; v < values.length; v += 7) {
+      const point = begin.slice(3 * v, 3 * v + 3);
+      const far = (p) => Math.hypot(...p.map((c, i) => c - point[i]));
+      const nearest = old.reduce((best, p) => (far(p) < far(best) ? p : best), old[0]);
+      assert.ok(far(nearest) < 1e-3, `${point} is no vertex of the mesh before`);
+      assert.ok(Math.abs(places.get(nearest.join()) - values[v]) < 1, `${values[v]} at ${point}`);
+      moved += Math.hypot(...point.map((c, i) => c - end[3 * v + i])) > 0.1;
+    }
+    if (moved > 10) checked++; // else pages have left, and none came
+  }
+  assert.ok(checked === 2, `${checked} moves`);
+  stream.close();
+}
+
 async function bytes_are_given_back() {
   const stream = await opened(new Blob([bytes]));
   const sides = [
@@ -494,6 +548,7 @@ await run([
   a_camera_sees_its_pyramid_or_its_box,
   a_view_of_all_is_the_whole_level,
   what_is_seen_is_fine_and_nothing_cracks,
+  new_pages_move_to_their_shape,
   bytes_are_given_back,
   a_host_that_fails_is_told_and_asked_again,
   from_a_server_field_by_field,

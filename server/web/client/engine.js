@@ -526,7 +526,7 @@ export class Engine {
         else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
         else if (this.#canRefine) await this.#refineInBoxes();
-        else if (this.#offered && this.#isPaged && this.#shown === this.#coarse) this.#adoptPages();
+        else if (this.#offered && this.#isPaged && this.#shown === this.#coarse) await this.#adoptPages();
         else if (this.#draft) this.#makeDraft();
         else await this.#settle();
       } catch (error) {
@@ -686,16 +686,25 @@ export class Engine {
     };
   }
 
-  #adoptPages() {
+  // Pages that are new move to their shape, as levels do.
+  async #adoptPages() {
     const { made, told, taken } = this.#offered;
     this.#offered = null;
     if (made || this.#finer) this.#adopt(this.#boxesWanted, made, told);
+    const moves = this.#spec?.morph && this.#frameTime <= heavyFrame && made?.from;
+    if (moves) {
+      this.#view.moveAdopted(made.from);
+      this.#moved = this.#coarser = this.#shown;
+    }
     taken();
+    if (moves) await this.#animate(0, 1);
+    if (moves) await this.#present(1);
   }
 
   #adopt(key, made, told) {
     if (this.#view.level !== this.#shown) this.#view.seek(this.#shown);
     if (made) this.#view.adopt(made);
+    if (made) this.#moved = -1;
     this.#finer = { key, told };
     this.#emit('refined', { level: this.#shown, ...told });
     if (made) this.forget(); // another mesh is shown at the same level

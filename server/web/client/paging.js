@@ -17,6 +17,7 @@ export class Pager {
   #held = new Map(); // bytes of pages, by number: arrays, one for each frame; the one that was needed last at the end
   #heldBytes = 0;
   #shown = null; // the pages of the mesh that was offered last
+  #last = null; // {starts, positions, fields} of it; starts: of a page's vertices
   #look = null;
   #reached = null; // the look that is shown
   #bell = () => {};
@@ -70,6 +71,7 @@ export class Pager {
     pages.forEach(({ level }, p) => first.has(level) || first.set(level, p));
     for (const page of pages) page.needed = page.needed.map((p) => first.get(page.level - 1) + p);
     this.#table = { pages, root: levels[paged - 1].tets };
+    this.#remember(this.#mesh(), []);
   }
 
   // As struct paging_page has it.
@@ -77,11 +79,12 @@ export class Pager {
     const maker = this.#maker;
     const at = maker.run('page', number);
     const box = [...maker.doubles(at, 6)];
-    const [count, level, , tets, neededCount, needed] = maker.words(at + 48 + 16 * mostFrames, 6);
+    const [count, level, vertices, tets, neededCount, needed] = maker.words(at + 48 + 16 * mostFrames, 6);
     const numbers = maker.doubles(at + 48, 2 * count);
     const frames = Array.from({ length: count }, (_, i) => [numbers[2 * i], numbers[2 * i + 1]]);
     return {
       level,
+      vertices,
       tets,
       low: box.slice(0, 3),
       high: box.slice(3),
@@ -138,7 +141,7 @@ export class Pager {
     const isSame = this.#shown?.size === pages.length && pages.every((p) => this.#shown.has(p));
     if (!isSame) await this.#decode(pages);
     this.#shown = new Set(pages);
-    const made = isSame ? null : this.#mesh();
+    const made = isSame ? null : this.#moving(pages);
     await this.#host.offer(made, {
       ...told,
       held: this.#heldBytes,
@@ -179,6 +182,49 @@ export class Pager {
         return values ? maker.doubles(values, components * vertices) : null;
       });
     return maker.mesh(address, valuesOf);
+  }
+
+  // The mesh, and from where its vertices come in the one that was offered last.
+  #moving(pages) {
+    const made = this.#mesh();
+    const before = this.#last;
+    const starts = this.#remember(made, pages);
+    const origins = starts && this.#origins(made, starts, before.starts);
+    if (!origins) return made;
+    const gather = (from, to) => {
+      const n = to.length / made.vertices;
+      return to.map((_, i) => from[n * origins[Math.floor(i / n)] + (i % n)]);
+    };
+    const fields = made.fields.map((to, f) => to && before.fields[f] && gather(before.fields[f], to));
+    return { ...made, from: { positions: gather(before.positions, made.positions), fields } };
+  }
+
+  // Pages' vertices lie one after the other, in the order of their numbers.
+  #remember({ vertices, positions, fields }, pages) {
+    const starts = new Map();
+    let next = vertices - pages.reduce((sum, p) => sum + this.#table.pages[p].vertices, 0);
+    starts.set(null, next);
+    for (const page of pages) {
+      starts.set(page, next);
+      next += this.#table.pages[page].vertices;
+    }
+    this.#last = { starts, positions: positions.slice(), fields: fields.map((values) => values?.slice()) };
+    return starts;
+  }
+
+  // A vertex that was there is the same one; of a new page it is the one that it was split from.
+  #origins({ vertices }, starts, before) {
+    if (starts.get(null) !== before.get(null)) return null;
+    const parents = this.#maker.words(this.#maker.run('parents'), vertices);
+    const origins = new Uint32Array(vertices);
+    for (let v = 0; v < starts.get(null); v++) origins[v] = v;
+    for (const [page, start] of starts) {
+      if (page === null) continue;
+      const was = before.get(page);
+      for (let i = 0; i < this.#table.pages[page].vertices; i++)
+        origins[start + i] = was === undefined ? origins[parents[start + i]] : was + i;
+    }
+    return origins;
   }
 
   // ---- bytes

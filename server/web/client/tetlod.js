@@ -228,6 +228,16 @@ export class View {
     this.readopt(true);
   }
 
+  /** From now on it moves: from these places and values of its vertices, as adopt() has them. See place(). */
+  moveAdopted({ positions, fields }) {
+    this.#check(this.#code.view_make_origins(this.#view));
+    const fill = (field, values) =>
+      this.#doubles(this.#code.view_origins(this.#view, field), values.length).set(values);
+    fill(NONE, positions);
+    fields.forEach((values, f) => values && fill(f, values));
+    this.#code.view_move_adopted(this.#view);
+  }
+
   /** Shows the mesh that was adopted last, or the cursor's again. */
   readopt(shown) {
     this.#check(this.#code.view_show_adopted(this.#view, shown ? 1 : 0));

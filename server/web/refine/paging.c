@@ -169,6 +169,11 @@ const struct refine_mesh *paging_mesh(struct paging *paging)
     return &paging->made;
 }
 
+const uint32_t *paging_parents(const struct paging *paging)
+{
+    return paging->mesh.parents;
+}
+
 const double *paging_values(const struct paging *paging, uint32_t field)
 {
     return paging->mesh.fields[field];

@@ -50,6 +50,8 @@ uint32_t paging_choose(struct paging *paging, const uint32_t *pages, uint32_t co
 REFINE_EXPORT(paging_step) uint32_t paging_step(struct paging *paging, uint32_t records);
 /* The mesh as it is; its `parts` are the levels that its tetrahedra are of. NULL: no memory. */
 REFINE_EXPORT(paging_mesh) const struct refine_mesh *paging_mesh(struct paging *paging);
+/* [vertices] of it: the vertex that each was split from, one before it, or itself. */
+REFINE_EXPORT(paging_parents) const uint32_t *paging_parents(const struct paging *paging);
 /* The values of one of its fields, their number for each vertex; NULL: it is not decoded. */
 REFINE_EXPORT(paging_values) const double *paging_values(const struct paging *paging, uint32_t field);
 

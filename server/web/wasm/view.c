@@ -224,6 +224,13 @@ void view_copy(const struct view *view, struct tetmesh *out)
             memcpy(out->fields[f].values, mesh->fields[f], 8 * (size_t)mesh->vertices * out->fields[f].components);
 }
 
+static void warp_origins(struct view *view)
+{
+    const double *vectors = view->warp_scale != 0 ? view->from.fields[view->warp_field].values : NULL;
+    if (vectors && view->mesh.fields[view->warp_field])
+        move_points(view, view->from.positions, vectors, 3 * (size_t)view->mesh.vertices, view->from.positions);
+}
+
 static enum tetlod_status find_origins(struct view *view, uint32_t level)
 {
     double **fields = array_zero(view->from.field_count, sizeof *fields);
@@ -233,9 +240,8 @@ static enum tetlod_status find_origins(struct view *view, uint32_t level)
         fields[f] = view->mesh.fields[f] ? view->from.fields[f].values : NULL;
     enum tetlod_status status = tetlod_cursor_origins(view->cursor, level, view->from.positions, fields, &view->error);
     free(fields);
-    const double *vectors = view->warp_scale != 0 ? view->from.fields[view->warp_field].values : NULL;
-    if (status == TETLOD_OK && vectors && view->mesh.fields[view->warp_field])
-        move_points(view, view->from.positions, vectors, 3 * (size_t)view->mesh.vertices, view->from.positions);
+    if (status == TETLOD_OK)
+        warp_origins(view);
     return status;
 }
 
@@ -254,6 +260,23 @@ uint32_t view_move(struct view *view, uint32_t level)
     TETLOD_TRY(find_origins(view, level));
     view_start_move(view);
     return TETLOD_OK;
+}
+
+uint32_t view_make_origins(struct view *view)
+{
+    TETLOD_TRY(view_rest(view));
+    return view_make_room(view);
+}
+
+double *view_origins(const struct view *view, uint32_t field)
+{
+    return field == TETLOD_NONE ? view->from.positions : view->from.fields[field].values;
+}
+
+void view_move_adopted(struct view *view)
+{
+    warp_origins(view);
+    view_start_move(view);
 }
 
 static void blend(double *out, const double *from, const double *to, size_t count, double t)

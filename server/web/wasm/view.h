@@ -255,6 +255,11 @@ VIEW_EXPORT(view_step_move) uint32_t view_step_move(struct view *view, uint32_t 
 /* Shows a copy of the cursor's mesh that can move from and to a coarser level's shape. If there is no room for it, the
  * cursor's own is shown. */
 VIEW_EXPORT(view_move) uint32_t view_move(struct view *view, uint32_t level);
+/* The same of a mesh from elsewhere (view_adopt.c): room for where its vertices come from, which is filled, places
+ * (TETLOD_NONE) and values of fields that are decoded; then the move begins. */
+VIEW_EXPORT(view_make_origins) uint32_t view_make_origins(struct view *view);
+VIEW_EXPORT(view_origins) double *view_origins(const struct view *view, uint32_t field);
+VIEW_EXPORT(view_move_adopted) void view_move_adopted(struct view *view);
 /* Shows the mesh at t of the move: 0 has the coarser level's shape and values, 1 the finer one's. */
 VIEW_EXPORT(view_place) void view_place(struct view *view, double t);
 /* Shows the cursor's own mesh. */
