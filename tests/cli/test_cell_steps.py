@@ -10,7 +10,7 @@ import numpy as np
 from common import ROOT, case, fails, finish, info, must, path, report, write
 
 try:
-    import netCDF4
+    import exodus_file
     import vtk
     from vtk.util.numpy_support import vtk_to_numpy
 except ImportError as missing:
@@ -72,30 +72,9 @@ def exodus_case():
     points, tets = tet_mesh()[:2]
     moments = [values_at(step, len(tets)) for step in range(STEPS)]
     names = ['id', 'heat', 'load']
-    with netCDF4.Dataset(path('s.exo'), 'w', format='NETCDF3_64BIT_OFFSET') as file:
-        file.setncatts({'api_version': np.float32(5), 'version': np.float32(5), 'floating_point_word_size': np.int32(8),
-                        'file_size': np.int32(1), 'title': 'test'})
-        for dim, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets)), ('num_el_blk', 1),
-                          ('len_string', 33), ('time_step', None), ('num_nod_var', 1), ('num_elem_var', len(names)),
-                          ('num_el_in_blk1', len(tets)), ('num_nod_per_el1', 4)):
-            file.createDimension(dim, size)
-        for d in range(3):
-            file.createVariable('coord' + 'xyz'[d], 'f8', ('num_nodes',))[:] = points[:, d]
-        file.createVariable('eb_status', 'i4', ('num_el_blk',))[:] = 1
-        ids = file.createVariable('eb_prop1', 'i4', ('num_el_blk',))
-        ids[:] = 1
-        ids.setncattr('name', 'ID')
-        connect = file.createVariable('connect1', 'i4', ('num_el_in_blk1', 'num_nod_per_el1'))
-        connect[:], connect.elem_type = tets + 1, 'TETRA'
-        file.createVariable('time_whole', 'f8', ('time_step',))[:] = TIMES
-        for kind, listed in (('nod', ['p']), ('elem', names)):
-            named = file.createVariable('name_%s_var' % kind, 'S1', ('num_%s_var' % kind, 'len_string'))
-            named[:] = np.array([list(n.ljust(33, '\0')) for n in listed], 'S1')
-        nodal = file.createVariable('vals_nod_var1', 'f8', ('time_step', 'num_nodes'))
-        nodal[:] = [np.sin(points[:, 0] + time) for time in TIMES]
-        for v, name in enumerate(names):
-            element = file.createVariable('vals_elem_var%deb1' % (v + 1), 'f8', ('time_step', 'num_el_in_blk1'))
-            element[:] = [moment[name] for moment in moments]
+    exodus_file.write(path('s.exo'), points, [('TETRA', tets)], TIMES,
+                      {'p': [np.sin(points[:, 0] + time) for time in TIMES]},
+                      {name: [[moment[name] for moment in moments]] for name in names})
     reader = vtk.vtkExodusIIReader()
     reader.SetFileName(path('s.exo'))
     reader.UpdateInformation()

@@ -161,28 +161,9 @@ def write_cgns(name):
 
 
 def write_exodus(name):
-    import netCDF4
+    import exodus_file
     points, rows = pyramids(AS_VTK)
-    with netCDF4.Dataset(path(name), 'w', format='NETCDF3_64BIT_OFFSET') as file:
-        file.setncatts({'api_version': np.float32(5), 'version': np.float32(5), 'floating_point_word_size': np.int32(8),
-                        'file_size': np.int32(1), 'title': 'pyramids'})
-        for dim, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', 2), ('num_el_blk', 1),
-                          ('len_string', 33), ('time_step', None), ('num_nod_var', 1), ('num_el_in_blk1', 2),
-                          ('num_nod_per_el1', 14)):
-            file.createDimension(dim, size)
-        for d in range(3):
-            file.createVariable('coord' + 'xyz'[d], 'f8', ('num_nodes',))[:] = points[:, d]
-        file.createVariable('eb_status', 'i4', ('num_el_blk',))[:] = 1
-        ids = file.createVariable('eb_prop1', 'i4', ('num_el_blk',))
-        ids[:] = 1
-        ids.setncattr('name', 'ID')
-        connect = file.createVariable('connect1', 'i4', ('num_el_in_blk1', 'num_nod_per_el1'))
-        connect[:], connect.elem_type = rows + 1, 'PYRAMID14'
-        file.createVariable('time_whole', 'f8', ('time_step',))[:] = [0]
-        file.createVariable('name_nod_var', 'S1', ('num_nod_var', 'len_string'))[:] = np.array(
-            [list('heat'.ljust(33, '\0'))], 'S1')
-        file.createVariable('vals_nod_var1', 'f8', ('time_step', 'num_nodes'))[:] = heat(points)[None]
-    return path(name)
+    return exodus_file.write(path(name), points, [('PYRAMID14', rows)], [0], {'heat': [heat(points)]})
 
 
 def boundary_count(tets):

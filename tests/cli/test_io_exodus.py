@@ -9,7 +9,7 @@ from common import case, finish, path, report
 from meshes import converted, tet_mesh
 
 try:
-    import netCDF4
+    import exodus_file
 except ImportError as missing:
     report('netCDF', True, skip='not installed: %s' % missing)
     finish()
@@ -17,40 +17,12 @@ except ImportError as missing:
 STEPS = 3
 
 
-def text(names):
-    return np.array([list(n.ljust(33, '\0')) for n in names], 'S1')
-
-
-def exodus_file(name, names, small):
-    """One block; a file as Exodus II's manual has it. Variable v is v + 1 at the first point, and grows with point and step."""
+def write_case(name, names, small):
+    """One block. Variable v is v + 1 at the first point, and grows with point and step."""
     points, tets = tet_mesh()[:2]
-    with netCDF4.Dataset(path(name), 'w', format='NETCDF3_64BIT_OFFSET') as file:
-        file.setncatts({'api_version': np.float32(5), 'version': np.float32(5), 'floating_point_word_size': np.int32(8),
-                        'file_size': np.int32(not small), 'title': 'test'})
-        for dim, size in (('num_dim', 3), ('num_nodes', len(points)), ('num_elem', len(tets)), ('num_el_blk', 1),
-                          ('len_string', 33),
-                          ('time_step', None), ('num_nod_var', len(names)), ('num_el_in_blk1',
-                                                                             len(tets)), ('num_nod_per_el1', 4)):
-            file.createDimension(dim, size)
-        if small:
-            file.createVariable('coord', 'f8', ('num_dim', 'num_nodes'))[:] = points.T
-        for d in range(0 if small else 3):
-            file.createVariable('coord' + 'xyz'[d], 'f8', ('num_nodes',))[:] = points[:, d]
-        file.createVariable('eb_status', 'i4', ('num_el_blk',))[:] = 1
-        ids = file.createVariable('eb_prop1', 'i4', ('num_el_blk',))
-        ids[:] = 1
-        ids.setncattr('name', 'ID')
-        connect = file.createVariable('connect1', 'i4', ('num_el_in_blk1', 'num_nod_per_el1'))
-        connect[:], connect.elem_type = tets + 1, 'TETRA'
-        file.createVariable('time_whole', 'f8', ('time_step',))[:] = range(STEPS)
-        file.createVariable('name_nod_var', 'S1', ('num_nod_var', 'len_string'))[:] = text(names)
-        values = np.arange(STEPS)[:, None, None] / 8 + np.arange(len(names))[:,
-                                                                             None] + 1 + np.arange(len(points)) / 1024
-        if small:
-            file.createVariable('vals_nod_var', 'f8', ('time_step', 'num_nod_var', 'num_nodes'))[:] = values
-        for v in range(0 if small else len(names)):
-            file.createVariable('vals_nod_var%d' % (v + 1), 'f8', ('time_step', 'num_nodes'))[:] = values[:, v]
-    return path(name)
+    values = np.arange(STEPS)[:, None] / 8 + np.arange(len(points)) / 1024
+    nodal = {name: v + 1 + values for v, name in enumerate(names)}
+    return exodus_file.write(path(name), points, [('TETRA', tets)], range(STEPS), nodal, small=small)
 
 
 def vtk_fields(name, step):
@@ -67,7 +39,7 @@ def vtk_fields(name, step):
 
 
 def names_case(names, small):
-    name = exodus_file('in.e', names, small)
+    name = write_case('in.e', names, small)
     for step in 0, 2:
         wanted = vtk_fields(name, step)
         found = converted(name, '--time', str(step))[2]
