@@ -125,12 +125,11 @@ void build_notes(const struct build_request *request, const struct io_report *re
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
         fprintf(stderr,
-                "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; "
-                "fields that are not "
-                "controlled are those of the "
-                "first step\n",
+                "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction%s\n",
                 request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count,
-                report->keys);
+                report->keys,
+                count < mesh->field_count ? "; fields of points that are not controlled are those of the first step"
+                                          : "");
     for (uint32_t c = 0; request->build.series && c < request->build.series->cell_count; c++)
         if (request->build.series->cells[c].missing)
             fprintf(
