@@ -124,8 +124,9 @@ def test_local_sources():
     one = tetlod.read(data, error=0.02, fields=['Pressure'])
     assert list(one.fields) == ['Pressure'] and np.array_equal(one.fields['Pressure'], mesh.fields['Pressure'])
     for decoder in ('library', 'python'):
-        raises(tetlod.StreamError, '', tetlod.read, b'VTU ' * 100, decoder=decoder)
+        raises(tetlod.StreamError, 'tetlod.build makes one', tetlod.read, b'VTU ' * 100, decoder=decoder)
         raises(tetlod.StreamError, '', tetlod.read, b'', decoder=decoder)
+        raises(ValueError, 'such as 0.01', tetlod.read, FIN, error='1 m', decoder=decoder)
         changed = bytearray(data)
         changed[len(data) // 2] ^= 1
         raises(tetlod.StreamError, '', tetlod.read, changed, decoder=decoder)

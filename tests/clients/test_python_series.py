@@ -56,6 +56,7 @@ def test_mesh_prints():
     assert len(lines) == 3 and '%d tetrahedra' % len(mesh.tets) in lines[0], lines
     assert 'level %d' % mesh.level in lines[0], lines
     assert 'p ' in lines[1] and 'wind (3)' in lines[1] and lines[2] == ' cells: id>', lines
+    assert repr(mesh.cells) == '<tetlod.Cells id>', mesh.cells
     empty = tetlod.Mesh(POINTS[:0], TETS[:0], {'p': POINTS[:0, 0]}, 0, float('nan'), {}, 0.0, {})
     assert len(repr(empty).splitlines()) == 3
 

@@ -31,6 +31,9 @@ class Cells(Mapping[str, Any]):
     def __len__(self) -> int:
         return len(self._names)
 
+    def __repr__(self) -> str:
+        return '<tetlod.Cells %s>' % (', '.join(self._names) or 'none')
+
 
 def described(name: str, values: Any) -> str:
     components = ' (%d)' % values.shape[1] if values.ndim > 1 else ''

@@ -97,7 +97,10 @@ class Choice:
     def fraction(self) -> Optional[float]:
         if isinstance(self.error, str):
             text = self.error.strip()
-            return float(text[:-1]) / 100 if text.endswith('%') else float(text)
+            try:
+                return float(text[:-1]) / 100 if text.endswith('%') else float(text)
+            except ValueError:
+                raise ValueError('an error is a number such as 0.01 or "1%%", not %r' % self.error) from None
         return self.error
 
     def query(self) -> Dict[str, str]:

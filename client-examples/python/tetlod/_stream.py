@@ -358,6 +358,11 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
     found = open_source(source, choice, progress, headers)
     try:
         return Stream(found, choice, names_of(fields), decoder)
+    except StreamError as fault:
+        found.close()
+        if 'not a tetlod stream' in str(fault):
+            fault.args = ('%s: not a tetlod stream; tetlod.build makes one of a mesh' % found.name,)
+        raise
     except BaseException:
         found.close()
         raise
