@@ -32,6 +32,8 @@ DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd li
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 # For `make mpi`
 DEPS_MPI := mpi-default-dev mpi-default-bin
+# For client-examples/python/insitu_dolfinx.py: 340 MB, so no check asks for them
+DEPS_INSITU := python3-dolfinx python3-mpi4py
 DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel slurmd slurmctld slurm-client python3-distributed
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
@@ -342,8 +344,8 @@ needs:
 needs-check:
 	@$(look_for_needs) $(look_for_tests) $(call install_needs,deps-build deps-check)
 
-## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for, deps-mpi what mpi does
-.PHONY: deps deps-build deps-check deps-bench deps-vtk deps-mpi
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for, deps-mpi what mpi does, deps-insitu an example on FEniCSx
+.PHONY: deps deps-build deps-check deps-bench deps-vtk deps-mpi deps-insitu
 deps: deps-build deps-check deps-bench
 define install_missing
 	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
@@ -361,6 +363,8 @@ deps-vtk:
 	$(call install_missing,$(DEPS_VTK))
 deps-mpi:
 	$(call install_missing,$(DEPS_MPI))
+deps-insitu:
+	$(call install_missing,$(DEPS_INSITU))
 
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
@@ -643,7 +647,7 @@ install-python:
 ## install-doc: documents and examples into $(DESTDIR)$(docdir)
 DOCUMENTS = README.md CHANGELOG.md format/SPEC.md server/HTTP.md src/README.md src/io/FORMATS.md \
     $(wildcard samples/figures/*.png samples/*.md client-examples/*.md client-examples/*/*.md)
-EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb client-examples/web/example*)
+EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb client-examples/python/insitu_*.py client-examples/web/example*)
 install-doc:
 	$(foreach f,$(DOCUMENTS),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/$(f)$(newline)	)
 	$(foreach f,$(EXAMPLES),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/examples/$(f:client-examples/%=%)$(newline)	)

@@ -117,6 +117,22 @@ def in_situ():
     return None if steps == 4 and min(seen) < 4 else (steps, seen)
 
 
+def dolfinx():
+    """A program of FEniCSx hands over what its ranks have: a series, and the last step by all ranks."""
+    built = os.path.dirname(PROGRAM)
+    library = path('libtetlod-mpi.so')
+    subprocess.run(['mpicc', '-shared', '-o', library, '-Wl,--whole-archive', os.path.join(built, 'libtetlod-mpi.a'),
+                    '-Wl,--no-whole-archive', os.path.join(built, 'libtetlod.a'), '-lm'], check=True)
+    done = job(2, 'env', 'TETLOD_MPI_LIBRARY=' + library, '/usr/bin/python3',
+               os.path.join(ROOT, 'client-examples/python/insitu_dolfinx.py'), 'series.tetlod', 'last.tetlod')
+    if done.returncode:
+        return done
+    for name in 'series.tetlod', 'last.tetlod':
+        must('verify', name)
+    series, last = info('series.tetlod'), info('last.tetlod')
+    return None if len(series['series']['times']) == 4 and series['tets'] == last['tets'] == 3072 else series
+
+
 if CONFIG != 'release' or not MPIRUN or not os.path.exists(PROGRAM):
     report('an MPI job', True, skip='no MPI' if CONFIG == 'release' else 'MPI itself leaks')
     finish()
@@ -147,4 +163,10 @@ case('one rank fails', one_fails)
 case('stages', stages)
 case('a model', models)
 case('a solver', in_situ)
+has_dolfinx = ['/usr/bin/python3', '-c',
+               'import importlib.util as u; raise SystemExit(u.find_spec("dolfinx") is None)']
+if subprocess.run(has_dolfinx).returncode == 0:
+    case('a program of FEniCSx', dolfinx)
+else:
+    report('a program of FEniCSx', True, skip='dolfinx is not installed: make deps-insitu')
 finish()
