@@ -201,11 +201,14 @@ def read(path):
     return reader.GetOutput()
 def volume(mesh):
     points = vtk_to_numpy(mesh.GetPoints().GetData())
+    corners = vtk_to_numpy(mesh.GetCells().GetConnectivityArray())
+    starts = vtk_to_numpy(mesh.GetCells().GetOffsetsArray())
     total = 0
-    for i in range(mesh.GetNumberOfCells()):
-        p = points[[mesh.GetCell(i).GetPointId(k) for k in range(mesh.GetCell(i).GetNumberOfPoints())]]
-        for k in range(len(p) - 3): # a wedge is three
-            total += abs(numpy.linalg.det(p[k + 1:k + 4] - p[k])) / 6
+    for corner_count in (4, 6): # a wedge is three tetrahedra
+        rows = starts[:-1][numpy.diff(starts) == corner_count]
+        for k in range(corner_count - 3 if len(rows) else 0):
+            p = points[corners[rows[:, None] + numpy.arange(k, k + 4)]]
+            total += abs(numpy.linalg.det(p[:, 1:] - p[:, :1])).sum() / 6
     return total
 saved, mesh = read(sys.argv[1]), read(sys.argv[2])
 b = mesh.GetBounds()

@@ -22,6 +22,7 @@ export function bindCalculator(viewer) {
   const { store, info } = viewer;
   const input = element('input', {
     id: 'formula',
+    className: 'number',
     autocomplete: 'off',
     spellcheck: false,
     placeholder: exampleOf(info),

@@ -61,7 +61,8 @@ export class Certain {
 
   #build() {
     const list = element('dl', { id: 'certain-list' });
-    const question = element('input', { id: 'certain-question', ariaLabel: 'A question about the original' });
+    const question = element('input', { id: 'certain-question', className: 'number' });
+    question.ariaLabel = 'A question about the original';
     question.placeholder = 'volume(p > 3) in box(0,0,0, 1,1,1)';
     const ask = element('button', { type: 'button', id: 'certain-ask', className: 'small' }, 'ask');
     const answer = element('p', { id: 'certain-answer', className: 'hint' });
