@@ -92,13 +92,15 @@ static void find_rounding(struct against *a, const struct tetmesh *coded)
 {
     for (uint32_t f = 0; f < coded->field_count; f++) {
         size_t count = (size_t)coded->vertex_count * coded->fields[f].components;
-        double sum = 0;
-        for (size_t i = 0; i < count; i++) {
-            double by = fabs(coded->fields[f].values[i] - a->finest.fields[f].values[i]);
-            a->rounding[f].sampled = larger(a->rounding[f].sampled, by);
+        const double *here = coded->fields[f].values, *there = a->finest.fields[f].values;
+        double most = 0, sum = 0;
+        for (size_t i = 0; i < count; i++)
+            most = larger(most, fabs(here[i] - there[i]));
+        for (size_t i = 0; i < count && most > 0; i++) { // of fractions: no square is too small or too large
+            double by = (here[i] - there[i]) / most;
             sum += by * by;
         }
-        a->rounding[f].rms = count ? sqrt(sum / (double)count) : 0;
+        a->rounding[f] = (struct measured){most, count ? most * sqrt(sum / (double)count) : 0};
     }
 }
 

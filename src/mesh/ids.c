@@ -34,11 +34,12 @@ bool ids_by_kind(const struct point_field *field)
     return field->is_integer || name_says_ids(field->name);
 }
 
+/* Floating-point numbers from 2^53 on are whole whatever they stand for. */
 bool ids_by_values(const struct point_field *field, size_t count)
 {
     bool differ = false;
     for (size_t i = 0; i < count; i++) {
-        if (field->values[i] != floor(field->values[i]))
+        if (field->values[i] != floor(field->values[i]) || !(fabs(field->values[i]) < 0x1p53))
             return false;
         differ |= field->values[i] != field->values[0];
     }

@@ -7,6 +7,8 @@ reason that is right.
 |---|---|
 | no arrays at all; ids, integers or a constant at points; values of cells only; text | `bare_case` here |
 | a hint to give an option that was given | `hints` here |
+| values far below and far above one | `far_values` here |
+| degenerate and duplicate tetrahedra | `flat_or_double` here |
 | every tetrahedron has points of its own | `loose` here |
 | a vector or a field that is constant but for its unit | `test_defaults.py` |
 | pyramids of 14 points: Gmsh, CGNS, Exodus | `pyramid14_case` here |
@@ -110,6 +112,28 @@ def loose():
             for name, options in (('joined.vtu', []), ('loose.vtu', []), ('loose.vtu', ['--weld', '0']))]
     good = ['--weld 0' in text for text in said] == [False, True, False]
     return None if good and info('x.tetlod')['vertices'] == len(points) else said
+
+
+def far_values():
+    """Values far below and far above one are values like others: whole numbers of 2^53 and more are no ids."""
+    must('sample', 'cube', '--size', '6', '-o', path('cube.vtu'))
+    points, tets, fields = read_vtu('cube.vtu')
+    values = np.sin(3 * points[:, 0]) * points[:, 1]
+    results.write(path('far.vtu'), points, tets, {'small': 1e-200 * values, 'large': 1e200 * values})
+    must('build', path('far.vtu'), '-o', 'far.tetlod')
+    must('verify', 'far.tetlod', '--against', path('far.vtu'))
+    controlled = [field['name'] for field in info('far.tetlod')['fields'] if field['controlled']]
+    return None if controlled == ['small', 'large'] else controlled
+
+
+def flat_or_double():
+    """Degenerate and duplicate tetrahedra: what leaves them out is named, and does; a surface has no volume."""
+    must('sample', 'cube', '--size', '2', '-o', path('cube.vtu'))
+    points, tets, fields = read_vtu('cube.vtu')
+    results.write(path('flat.vtu'), points, np.concatenate([tets, tets[:2], [[0, 0, 1, 2]]]), fields)
+    refused = tetlod('build', path('flat.vtu'), '-o', 'flat.tetlod').stderr.decode()
+    must('build', path('flat.vtu'), '--drop-degenerate', '-o', 'flat.tetlod')
+    return None if '--drop-degenerate' in refused and info('flat.tetlod')['tets'] == len(tets) else refused
 
 
 # ---- pyramids of 14 points: of 13, and one in the middle of the base
@@ -240,6 +264,8 @@ def order_five():
 for one in BARE:
     case('at its points and cells there is %s' % one, bare_case, one)
 case('what would help is said, what was given is not', hints)
+case('values far from one', far_values)
+case('degenerate and duplicate tetrahedra', flat_or_double)
 case('every tetrahedron has points of its own', loose)
 case('pyramids of 14 points: Gmsh', pyramid14_case, write_gmsh, 'pyramids.msh')
 if cgns_file and cgns_file.LIBRARY:
