@@ -90,7 +90,7 @@ const char build_help[] =
     "      --threads N         up to 64; 0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      how much memory to take; K, M, G may follow. A mesh for which that is\n"
     "                          too little is built by cells (--paged), with its large arrays in\n"
-    "                          temporary files: very large ones take more for a\n"
+    "                          temporary files; on a busy machine it may take a quarter more for a\n"
     "                          time. What cannot be built so is refused. Of a series, fewer steps limit\n"
     "                          the contraction first\n"
     "      --scratch DIR       the folder of temporary files (default: TMPDIR, else /tmp)\n"

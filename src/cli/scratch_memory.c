@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * A large array is a *region*: whole pages of its own, so that its address tells it from what the C library made. A
- * table lists them. Its lock also keeps the watching thread from taking pages of what another thread is about to free.
+ * table lists them. What is being made, resized or freed is not in it: no pages are taken of that.
+ * Pages are taken by a timer's signal, on the thread that brings them in: a timer of processor time, because on a busy
+ * machine a thread that watched would come too late. So the table's lock is one that a handler may try, and no call
+ * that waits for a disk is made under it.
  * Each region in a file has a file for itself, with blocks for all of it: a folder that is full is found here, not
  * where the array is written; and what is freed is gone.
  */
@@ -10,14 +13,15 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <pthread.h>
+#include <math.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <time.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -28,10 +32,11 @@
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
 static const double MEMORY_SHARE = 0.25;
 
-/* Shares of the limit: pages are taken from the first on, until the second is reached. Between two looks, of so many
- * nanoseconds, threads bring pages in. */
-static const double HIGH = 0.7, LOW = 0.5;
-enum { LOOK_AGAIN = 1000000 };
+/* Pages are taken from a share of the limit on, until LESS of the limit is given back. What is left up to the limit is
+ * for what threads bring in between two looks, of so many microseconds of processor time (or the system's tick, 4 ms or
+ * 10): BETWEEN bytes were seen, and more than a share of a small limit cannot be spared for that. */
+static const double LEAST_LEFT = 0.3, MOST_LEFT = 0.4, LESS = 0.2;
+enum { LOOK_AGAIN = 1000, BETWEEN = 64 << 20 };
 
 struct region {
     char *at;
@@ -43,14 +48,15 @@ struct region {
 static struct {
     atomic_bool on, stays;
     size_t page, smallest;
-    uint64_t limit, in_memory, in_files, peak;
+    uint64_t limit, high, low, in_memory, in_files, peak;
     int statm; /* file of the system that says what is resident */
-    pthread_mutex_t lock;
+    atomic_flag lock;
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */
+    unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
-} memory = {.lock = PTHREAD_MUTEX_INITIALIZER};
+} memory = {.lock = ATOMIC_FLAG_INIT};
 
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);
@@ -63,52 +69,60 @@ void *__wrap_realloc(void *block, size_t size);
 void *__wrap_aligned_alloc(size_t alignment, size_t size);
 void __wrap_free(void *block);
 
+/* ---- the lock */
+
+static bool try_lock(void)
+{
+    return !atomic_flag_test_and_set_explicit(&memory.lock, memory_order_acquire);
+}
+
+static void lock(void)
+{
+    while (!try_lock())
+        sched_yield();
+}
+
+static void unlock(void)
+{
+    atomic_flag_clear_explicit(&memory.lock, memory_order_release);
+}
+
 /* ---- what is resident */
 
 static uint64_t resident(void)
 {
     char text[128] = "";
+    uint64_t pages = 0;
     ssize_t got = pread(memory.statm, text, sizeof text - 1, 0);
-    char *space = got > 0 ? strchr(text, ' ') : NULL;
-    return space ? strtoull(space + 1, NULL, 10) * memory.page : 0;
+    const char *at = got > 0 ? strchr(text, ' ') : NULL; // behind the size of all
+    while (at && *++at >= '0' && *at <= '9')
+        pages = 10 * pages + (uint64_t)(*at - '0');
+    return pages * memory.page;
 }
 
-/* Takes pages of files, region by region, until little is resident. What is written there stays in the file. */
-static void take_pages(void)
+/* Takes pages of files, region by region, until little is resident. What is written there stays in the file. A signal's
+ * handler: where its thread has the lock, the next one takes them. */
+static void take_pages(int signal)
 {
-    pthread_mutex_lock(&memory.lock);
-    for (unsigned i = 0; i < memory.count && (double)resident() > LOW * (double)memory.limit; i++) {
-        const struct region *region = &memory.regions[memory.hand++ % memory.count];
-        if (region->file >= 0)
-            madvise(region->at, region->size, MADV_DONTNEED);
+    const int before = errno;
+    (void)signal;
+    if (resident() > memory.high && try_lock()) {
+        for (unsigned i = 0; i < memory.count && resident() > memory.low; i++) {
+            const struct region *region = &memory.regions[memory.hand++ % memory.count];
+            if (region->file >= 0)
+                madvise(region->at, region->size, MADV_DONTNEED);
+        }
+        unlock();
     }
-    pthread_mutex_unlock(&memory.lock);
+    errno = before;
 }
 
-static void *watch(void *argument)
+static int start_timer(void)
 {
-    const struct timespec pause = {.tv_nsec = LOOK_AGAIN};
-    (void)argument;
-    for (;;) {
-        if ((double)resident() > HIGH * (double)memory.limit)
-            take_pages();
-        nanosleep(&pause, NULL);
-    }
-    return NULL;
-}
-
-/* Signals are for the other threads. */
-static int start_watching(void)
-{
-    sigset_t all, before;
-    pthread_t thread;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    int failed = pthread_create(&thread, NULL, watch, NULL);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    if (!failed)
-        pthread_detach(thread);
-    return failed;
+    const struct itimerval every = {{.tv_usec = LOOK_AGAIN}, {.tv_usec = LOOK_AGAIN}};
+    struct sigaction action = {.sa_handler = take_pages, .sa_flags = SA_RESTART};
+    sigemptyset(&action.sa_mask);
+    return sigaction(SIGPROF, &action, NULL) != 0 || setitimer(ITIMER_PROF, &every, NULL) != 0;
 }
 
 enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error)
@@ -118,10 +132,12 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
     memory.limit = limit;
+    memory.high = limit - (uint64_t)fmin(fmax(BETWEEN, LEAST_LEFT * (double)limit), MOST_LEFT * (double)limit);
+    memory.low = memory.high - (uint64_t)(LESS * (double)limit);
     memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
     memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-    if (memory.statm < 0 || start_watching() != 0)
-        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "the memory in use cannot be watched");
+    if (memory.statm < 0 || start_timer() != 0)
+        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "the memory in use cannot be looked at");
     atomic_store(&memory.on, true);
     return TETLOD_OK;
 }
@@ -145,13 +161,14 @@ uint64_t scratch_memory_peak(void)
     return memory.peak;
 }
 
-/* ---- regions; the lock is held */
+/* ---- regions */
 
 static size_t whole_pages(size_t size)
 {
     return (size + memory.page - 1) / memory.page * memory.page;
 }
 
+/* The lock is held. */
 static void count_bytes(const struct region *region, int64_t more)
 {
     uint64_t *sum = region->file < 0 ? &memory.in_memory : &memory.in_files;
@@ -159,19 +176,61 @@ static void count_bytes(const struct region *region, int64_t more)
     memory.peak = memory.in_files > memory.peak ? memory.in_files : memory.peak;
 }
 
+/* The lock is held. */
 static bool stays_in_memory(size_t size)
 {
     return atomic_load(&memory.stays) || (double)memory.in_memory + (double)size <= MEMORY_SHARE * (double)memory.limit;
 }
 
-/* Blocks for that much of a file. */
+/* Takes the region at an address out of the table: its thread changes it or frees it. False: there is none. */
+static bool take_out(const void *block, struct region *out)
+{
+    bool found = false;
+    lock();
+    for (unsigned i = 0; i < memory.count && !found; i++)
+        if (memory.regions[i].at == block) {
+            found = true;
+            *out = memory.regions[i];
+            memory.regions[i] = memory.regions[--memory.count];
+        }
+    unlock();
+    return found;
+}
+
+static void put_in(const struct region *region)
+{
+    lock();
+    memory.regions[memory.count++] = *region;
+    unlock();
+}
+
+/* That much more, or less, is a region's. */
+static void settle(const struct region *region, int64_t more)
+{
+    lock();
+    count_bytes(region, more);
+    unlock();
+}
+
+static void note_failure(int failed, size_t size)
+{
+    lock();
+    memory.failed = failed;
+    memory.wanted = size;
+    unlock();
+}
+
+/* Blocks for that much of a file: a signal would make it begin anew. */
 static bool reserve_blocks(int file, size_t size)
 {
+    sigset_t timer, before;
+    sigemptyset(&timer);
+    sigaddset(&timer, SIGPROF);
+    pthread_sigmask(SIG_BLOCK, &timer, &before);
     int failed = posix_fallocate(file, 0, (off_t)size);
-    if (failed) {
-        memory.failed = failed;
-        memory.wanted = size;
-    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (failed)
+        note_failure(failed, size);
     return !failed;
 }
 
@@ -179,8 +238,7 @@ static int new_file(size_t size)
 {
     int file = spool_file();
     if (file < 0) {
-        memory.failed = errno;
-        memory.wanted = size;
+        note_failure(errno, size);
     } else if (!reserve_blocks(file, size)) {
         close(file);
         file = -1;
@@ -188,73 +246,95 @@ static int new_file(size_t size)
     return file;
 }
 
+/* A place in the table, and a share of the memory if there is one. */
+static bool reserve_region(size_t size, bool *out_in_memory)
+{
+    lock();
+    bool room = memory.made < MAX_REGIONS;
+    *out_in_memory = stays_in_memory(size);
+    if (room) {
+        memory.made++;
+        count_bytes(&(struct region){.file = *out_in_memory ? -1 : 0}, (int64_t)size);
+    }
+    unlock();
+    return room;
+}
+
+/* The region is no more. */
+static void forget_region(const struct region *region)
+{
+    lock();
+    count_bytes(region, -(int64_t)region->size);
+    memory.made--;
+    unlock();
+}
+
 static void *new_region(size_t size)
 {
     struct region region = {.size = whole_pages(size), .file = -1};
-    if (region.size < size || memory.count == MAX_REGIONS)
+    bool in_memory;
+    if (region.size < size || !reserve_region(region.size, &in_memory))
         return NULL;
-    if (!stays_in_memory(region.size) && (region.file = new_file(region.size)) < 0)
-        return NULL;
-    void *at = mmap(NULL, region.size, PROT_READ | PROT_WRITE,
-                    region.file < 0 ? MAP_PRIVATE | MAP_ANONYMOUS : MAP_SHARED, region.file, 0);
+    bool done = in_memory || (region.file = new_file(region.size)) >= 0;
+    void *at = done ? mmap(NULL, region.size, PROT_READ | PROT_WRITE,
+                           in_memory ? MAP_PRIVATE | MAP_ANONYMOUS : MAP_SHARED, region.file, 0)
+                    : MAP_FAILED;
     if (at == MAP_FAILED) {
         if (region.file >= 0)
             close(region.file);
+        forget_region(&(struct region){.size = region.size, .file = in_memory ? -1 : 0});
         return NULL;
     }
     region.at = at;
-    count_bytes(&region, (int64_t)region.size);
-    memory.regions[memory.count++] = region;
+    put_in(&region);
     return at;
 }
 
-/* The region at an address, or NULL. */
-static struct region *find_region(const void *block)
-{
-    for (unsigned i = 0; i < memory.count; i++)
-        if (memory.regions[i].at == block)
-            return &memory.regions[i];
-    return NULL;
-}
-
-static void free_region(struct region *region)
+/* Of a region that is taken out. */
+static void free_region(const struct region *region)
 {
     munmap(region->at, region->size);
     if (region->file >= 0)
         close(region->file);
-    count_bytes(region, -(int64_t)region->size);
-    *region = memory.regions[--memory.count];
+    forget_region(region);
 }
 
-/* A region of memory that becomes too large to stay there; NULL: it is as before. */
-static void *move_to_file(struct region *region, size_t size)
+/* Is a region of memory to become too large to stay there? */
+static bool outgrows_memory(const struct region *region, size_t whole)
 {
-    struct region old = *region;
-    void *at = new_region(size);
-    if (!at)
-        return NULL;
-    memcpy(at, old.at, old.size);
-    free_region(find_region(old.at));
-    return at;
+    lock();
+    bool outgrows = region->file < 0 && whole > region->size && !stays_in_memory(whole - region->size);
+    unlock();
+    return outgrows;
 }
 
-/* A region of another size, at another place perhaps; NULL: it is as before. */
+/* A region that is taken out becomes one of another size, at another place perhaps, and is put in again. NULL: it is as
+ * before. */
 static void *resize_region(struct region *region, size_t size)
 {
+    const struct region old = *region;
     size_t whole = whole_pages(size ? size : 1);
-    if (whole < size || (whole > region->size && region->file >= 0 && !reserve_blocks(region->file, whole)))
-        return NULL;
-    if (region->file < 0 && whole > region->size && !stays_in_memory(whole - region->size))
-        return move_to_file(region, whole);
-    void *at = mremap(region->at, region->size, whole, MREMAP_MAYMOVE);
-    if (at == MAP_FAILED)
-        return NULL;
-    if (whole < region->size && region->file >= 0 && ftruncate(region->file, (off_t)whole) != 0)
-        memory.failed = errno;
-    count_bytes(region, (int64_t)whole - (int64_t)region->size);
-    region->at = at;
-    region->size = whole;
-    return at;
+    if (outgrows_memory(region, whole)) {
+        void *at = new_region(whole);
+        if (at) {
+            memcpy(at, old.at, old.size);
+            free_region(&old);
+        } else {
+            put_in(&old);
+        }
+        return at;
+    }
+    bool done = whole >= size && (whole <= old.size || old.file < 0 || reserve_blocks(old.file, whole));
+    void *at = done ? mremap(old.at, old.size, whole, MREMAP_MAYMOVE) : MAP_FAILED;
+    if (at != MAP_FAILED) {
+        if (whole < old.size && old.file >= 0 && ftruncate(old.file, (off_t)whole) != 0)
+            note_failure(errno, whole);
+        settle(&old, (int64_t)whole - (int64_t)old.size);
+        region->at = at;
+        region->size = whole;
+    }
+    put_in(region);
+    return at == MAP_FAILED ? NULL : at;
 }
 
 /* ---- what the program calls */
@@ -272,9 +352,7 @@ static bool may_be_region(const void *block)
 
 static void *make_region(size_t size)
 {
-    pthread_mutex_lock(&memory.lock);
     void *at = new_region(size);
-    pthread_mutex_unlock(&memory.lock);
     if (!at)
         errno = ENOMEM;
     return at;
@@ -300,15 +378,10 @@ void *__wrap_aligned_alloc(size_t alignment, size_t size)
 
 void __wrap_free(void *block)
 {
-    struct region *region = NULL;
-    if (may_be_region(block)) {
-        pthread_mutex_lock(&memory.lock);
-        region = find_region(block);
-        if (region)
-            free_region(region);
-        pthread_mutex_unlock(&memory.lock);
-    }
-    if (!region)
+    struct region region;
+    if (may_be_region(block) && take_out(block, &region))
+        free_region(&region);
+    else
         __real_free(block);
 }
 
@@ -328,15 +401,8 @@ static void *move_to_region(void *block, size_t size)
 
 void *__wrap_realloc(void *block, size_t size)
 {
-    struct region *region = NULL;
-    void *at = NULL;
-    if (may_be_region(block)) {
-        pthread_mutex_lock(&memory.lock);
-        region = find_region(block);
-        at = region ? resize_region(region, size) : NULL;
-        pthread_mutex_unlock(&memory.lock);
-    }
-    if (region)
-        return at;
+    struct region region;
+    if (may_be_region(block) && take_out(block, &region))
+        return resize_region(&region, size);
     return block ? move_to_region(block, size) : __wrap_malloc(size);
 }

@@ -4,9 +4,9 @@
  *
  * The linker leads malloc, calloc, realloc, aligned_alloc and free of this program's own code here (--wrap in the
  * Makefile). Until scratch_memory_begin they are those of the C library. From then on a large array is mapped: as
- * memory while little is in use, else as a file without a name in the scratch folder. A thread watches how much of the
- * process is resident; before that passes the limit it takes files' pages away, which the system reads again where they
- * are looked at. So no code knows where its arrays are, and the bytes that it computes are the same.
+ * memory while little is in use, else as a file without a name in the scratch folder. A timer's signal (SIGPROF)
+ * looks how much of the process is resident; before that passes the limit it takes files' pages away, which the system
+ * reads again where they are looked at. So no code knows where its arrays are, and the bytes that it computes are the same.
  */
 #ifndef TETLOD_SCRATCH_MEMORY_H
 #define TETLOD_SCRATCH_MEMORY_H
@@ -17,7 +17,7 @@
 #include "format/tetlod.h"
 
 /* From now on at most about `limit` bytes are resident. The scratch folder is TMPDIR's (src/util/spool.h). ERR_IO:
- * there can be no files in it. ERR_NOMEM: there is no thread. */
+ * there can be no files in it. ERR_NOMEM: there is no timer. */
 TETLOD_CHECKED enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error);
 
 /* All that is needed fits into memory: arrays that are made from now on are not in files. */
