@@ -270,8 +270,8 @@ ELEMENT('element: a late failure closes the new source', 'an_old_source', 'serve
 ELEMENT('element: needs a browser to be imported', 'it_can_be_imported', 'server/web/page/element.js',
     'extends (globalThis.HTMLElement ?? class {})', 'extends HTMLElement', 'import in node')
 mutant('page: a percent sign in a name', 'server/web/page/opened.js',
-    '    return decodeURIComponent(text);\n  } catch {\n    return text;',
-    '    return decodeURIComponent(text);\n  } catch (error) {\n    throw error;', 'fin_1%.tetlod',
+    'from.name ?? decoded(new URL(from, location).pathname)',
+    'decodeURIComponent(from.name ?? new URL(from, location).pathname)', 'fin_1%.tetlod',
     'web/test_files.mjs a_file_with_a_percent_sign')
 mutant('page: exploded names as they are', 'server/web/page/catalogue.js', ".replaceAll('%', '%25')}`", '}`',
     'names with #, ? and %', 'web/test_files.mjs a_folder_on_a_static_host')

@@ -219,8 +219,8 @@ static void test_no_free_pin(void)
     close_fixture(&f);
 }
 
-/* What happens at the next moment at which nobody holds a lock: the scanner's thread may come in between there. */
-static struct fixture *between;
+/* What happens when this thread next lets go of a lock: the scanner's thread may come in between there. */
+static _Thread_local struct fixture *between;
 
 int __real_pthread_mutex_unlock(pthread_mutex_t *lock);
 int __wrap_pthread_mutex_unlock(pthread_mutex_t *lock);
