@@ -43,7 +43,8 @@ def copy_tree():
 
 
 def make(targets):
-    done = subprocess.run(['make', '-s', '-j%d' % os.cpu_count(), *targets], cwd=TREE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    done = subprocess.run(['make', '-s', '-j%d' % os.cpu_count(), *targets], cwd=TREE, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT)
     return done.returncode == 0, done.stdout.decode(errors='replace')[-1500:]
 
 
@@ -89,7 +90,8 @@ def attack(killer, known):
     kind, first, count = killer.split()
     command = ['build/release/tests/attack/proof', first, count]
     if kind == 'attack':
-        command = ['python3', 'tests/attack/run_attack.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+        command = ['python3', 'tests/attack/run_attack.py', 'build/release/tests/attack/attack', 'build/release/tetlod',
+                   'build/attack', count, first]
     if kind == 'doors':
         command = ['/usr/bin/python3', 'tests/attack/doors.py', 'build/release/tetlod', 'build/attack', count, first]
     found = set()
