@@ -18,6 +18,7 @@ struct asking {
     uint32_t region_field; /* a cell field */
     double *regions;
     struct blocked blocked; /* the form that was taken last */
+    struct ask_interval early; /* what the bytes before the levels say; infinite if nothing */
 };
 
 bool ask_parse_within(const char *text, struct ask_options *out)
@@ -220,6 +221,14 @@ static enum tetlod_status take_form(struct asking *asking, const struct ask_opti
     return TETLOD_OK;
 }
 
+/* Both hold the answer, so what they share does. */
+static void narrow(const struct ask_interval *by, struct ask_interval *interval)
+{
+    struct ask_interval both = {fmax(by->lower, interval->lower), fmin(by->upper, interval->upper)};
+    if (both.lower <= both.upper)
+        *interval = both;
+}
+
 static enum tetlod_status ask_levels(struct asking *asking, const struct ask_options *options,
                                      struct ask_result *out, struct tetlod_error *error)
 {
@@ -240,6 +249,7 @@ static enum tetlod_status ask_levels(struct asking *asking, const struct ask_opt
         if (volume < 0 && options->relative)
             TETLOD_TRY(measure_volume(asking, &mesh, form, &volume, error));
         TETLOD_TRY(answer(asking, &mesh, form, asking->question, &out->interval, error));
+        narrow(&asking->early, &out->interval);
         used = i;
         if ((form->error == 0 && form->swept == 0) || is_enough(asking, options, volume, form, &out->interval))
             break; // of the original only rounding is left
@@ -343,7 +353,7 @@ static bool is_enough_early(const struct asking *asking, const struct ask_option
 }
 
 /* The sums of a region are exact, those of a box as far as the boxes of the stream fill it. */
-static bool find_in_boxes(const struct asking *asking, const struct ask_options *options, struct ask_result *out)
+static bool find_in_boxes(struct asking *asking, const struct ask_options *options, struct ask_result *out)
 {
     const struct ask_question *question = asking->question;
     double volume;
@@ -351,12 +361,13 @@ static bool find_in_boxes(const struct asking *asking, const struct ask_options 
     if (asking->info->inverted_tets ||
         !box_answer(&asking->forms->boxes, question, component, &out->interval, &volume))
         return false;
+    asking->early = out->interval;
     out->exact = question->over_region;
     return out->exact || is_enough_early(asking, options, volume, &out->interval);
 }
 
 /* What the bytes before the levels say: the index has the extremes of a field of one component. */
-static bool find_before_levels(const struct asking *asking, const struct ask_options *options,
+static bool find_before_levels(struct asking *asking, const struct ask_options *options,
                                struct ask_result *out)
 {
     const struct ask_question *question = asking->question;
@@ -366,8 +377,10 @@ static bool find_before_levels(const struct asking *asking, const struct ask_opt
     out->bytes = asking->info->levels[0].offset;
     if (question->in_box || question->over_region)
         return find_in_boxes(asking, options, out);
-    if (find_in_distribution(asking, &out->interval))
+    if (find_in_distribution(asking, &out->interval)) {
+        asking->early = out->interval;
         return is_enough_early(asking, options, asking->forms->summary.volume, &out->interval);
+    }
     out->exact = true;
     if (!extreme)
         return find_in_sums(asking, &out->interval);
@@ -391,7 +404,7 @@ enum tetlod_status ask_stream(struct tetlod_file *file, uint32_t finest, const s
                               struct ask_result *out, struct tetlod_error *error)
 {
     struct forms forms;
-    struct asking asking = {.forms = &forms, .question = question};
+    struct asking asking = {.forms = &forms, .question = question, .early = {-INFINITY, INFINITY}};
     *out = (struct ask_result){.level = TETLOD_NONE};
     TETLOD_TRY(ask_check(tetlod_info(file), question, error));
     enum tetlod_status status = forms_init(&forms, file, finest, question->quantity.name, step, error);
