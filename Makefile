@@ -521,6 +521,7 @@ attack: needs
 	@python3 tests/attack/run_attack.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 	@/usr/bin/python3 tests/attack/doors.py $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 	@/usr/bin/python3 tests/attack/features.py $(FIRST) $(SEEDS)
+	@/usr/bin/python3 tests/attack/selections.py $(FIRST) $(SEEDS)
 
 ## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
 .PHONY: mutants
