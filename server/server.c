@@ -42,7 +42,7 @@ enum { MAX_LISTENERS = 16, MAX_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTO
 static const double KEEPER_SECONDS = 0.25, MAX_SECONDS = 1e9;
 
 /* Threads that have not ended so long after the drain are left alone. */
-static const double LAST_SECONDS = 0.5;
+static const double LAST_SECONDS = 0.75;
 
 struct server {
     struct server_options options;
