@@ -154,7 +154,7 @@ mutant("paths of streams are the caller's texts", 'server/store/catalogue.c',
     'strings of options are copied', 'unit/test_server_options')
 mutant("made answers' tags without the version", 'server/jobs/made.c', '-%s-" TETLOD_VERSION_STRING, dataset_info',
     '-%s-0", dataset_info', 'ETags of made answers name the version', 'unit/test_site')
-PROTOCOL('gauges: no connections', 'test_metrics', 'server/routes/health.c', '{"tetlod_queue_length"',
+JOBS('gauges: no queue', 'test_clients_that_have_gone', 'server/routes/health.c', '{"tetlod_queue_length"',
     '{"tetlod_queue"', 'gauges')
 ACCESS('401 without a label', 'test_wrong_tokens_cost_time', 'server/http/metrics.c', '401, ', '',
     '401 under its own label')
