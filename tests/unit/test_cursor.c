@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "format/coding/pointer.h"
+#include "format/common/allowance.h"
+#include "format/read/reader.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/stream_fuzz.h"
@@ -363,6 +365,29 @@ static void test_allocator(void)
     stream_close(&s);
 }
 
+/* A caller's limit of memory, and without one what SPEC 2.3 allows a file of these bytes. */
+static void test_memory_budget(void)
+{
+    struct stream s;
+    struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 1000};
+    size_t beyond = 0;
+    for (enum tetlod_status status = TETLOD_ERR_LIMIT; status == TETLOD_ERR_LIMIT; options.max_bytes *= 2) {
+        struct tetlod_cursor *cursor = NULL;
+        struct tetlod_error error = {0};
+        if (stream_open(&s, 0, &options)) {
+            status = tetlod_cursor_new(&cursor, s.file, NULL, s.info->level_count - 1, &error);
+            beyond += status == TETLOD_ERR_LIMIT && strstr(error.message, "bytes of memory allowed");
+        }
+        tetlod_cursor_free(cursor);
+        stream_close(&s);
+    }
+    CHECK(beyond > 0);
+    options.max_bytes = 0;
+    REQUIRE(stream_open(&s, 0, &options));
+    CHECK_INT(tetlodi_memory_limit(s.file), MEMORY_FREE + MEMORY_PER_BYTE * s.info->bytes);
+    stream_close(&s);
+}
+
 /* A caller that was compiled with fewer options has those it knows. */
 static void test_older_options(void)
 {
@@ -454,6 +479,7 @@ int main(void)
     RUN(test_drop);
     RUN(test_feed_inside);
     RUN(test_allocator);
+    RUN(test_memory_budget);
     RUN(test_older_options);
     return test_end();
 }
