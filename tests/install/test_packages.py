@@ -14,9 +14,12 @@ sys.path.insert(0, os.path.join(ROOT, 'tests', 'http'))
 from served import run  # noqa: E402
 
 
+# Of a make that runs the tests nothing is left for those that they run
+ALONE = {k: v for k, v in os.environ.items() if k not in ('MAKEFLAGS', 'MAKELEVEL', 'MFLAGS')}
+
+
 def call(*command, cwd=SCRATCH, **more):
-    environment = {k: v for k, v in os.environ.items() if k not in ('MAKEFLAGS', 'MAKELEVEL', 'MFLAGS')}
-    return subprocess.run(command, cwd=cwd, env=dict(environment, **more), stdin=subprocess.DEVNULL,
+    return subprocess.run(command, cwd=cwd, env=dict(ALONE, **more), stdin=subprocess.DEVNULL,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           text=True)
 
@@ -141,7 +144,7 @@ def test_a_bare_machine():
         said = done.stdout.splitlines()
         assert done.returncode and said[0].startswith('make: this is missing: cc ') and len([line for line in said if '***' not in line]) == 1, done.stdout
         assert len(set(said[0].split())) == len(said[0].split()), said
-    dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(os.environ, PATH=only(*bare)),
+    dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(ALONE, PATH=only(*bare)),
                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     assert dry.stderr == b'', dry.stderr
     root = only(*bare)
