@@ -19,6 +19,7 @@
 #include "format/common/utf8.h"
 #include "src/io/io.h"
 #include "src/stream/selection.h"
+#include "src/util/nearest.h"
 #include "src/util/number_text.h"
 
 /* The one place that maps a status to an exit status. */
@@ -80,6 +81,24 @@ int cli_usage(const char *command, const char *format, ...)
     return EXIT_USAGE;
 }
 
+static void say_unknown(const struct command *command, const char *given, const struct option *options)
+{
+    char name[64];
+    const char *bare = given + strspn(given, "-"), *best = NULL;
+    snprintf(name, sizeof name, "%.*s", (int)strcspn(bare, "="), bare);
+    bool known = false;
+    for (; options->name && !known; options++) {
+        known = strcmp(options->name, name) == 0;
+        nearest_offer(name, options->name, &best);
+    }
+    if (known)
+        cli_usage(command->name, "option '--%s' takes no value", name);
+    else if (best)
+        cli_usage(command->name, "there is no option '%s', did you mean '--%s'?", given, best);
+    else
+        cli_usage(command->name, "there is no option '%s'", given);
+}
+
 int cli_option(const struct command *command, int argc, char **argv, const char *short_options,
                const struct option *long_options)
 {
@@ -105,7 +124,7 @@ int cli_option(const struct command *command, int argc, char **argv, const char 
         return '?';
     }
     if (option == '?')
-        cli_usage(command->name, "there is no option '%s'", argv[optind - 1]);
+        say_unknown(command, argv[optind - 1], options);
     return option;
 }
 
