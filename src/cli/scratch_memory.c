@@ -32,10 +32,10 @@
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
 static const double MEMORY_SHARE = 0.25;
 
-/* Pages are taken from a share of the limit on, until LESS of the limit is given back. What is left up to the limit is
- * for what threads bring in between two looks, of so many microseconds of processor time (or the system's tick, 4 ms or
+/* Pages are taken from a share of the limit on, until the share GIVEN_BACK is free again. What is left up to the limit
+ * is for what threads bring in between two looks, of so many microseconds of processor time (or the system's tick, 4 ms or
  * 10): BETWEEN bytes were seen, and more than a share of a small limit cannot be spared for that. */
-static const double LEAST_LEFT = 0.3, MOST_LEFT = 0.4, LESS = 0.2;
+static const double MIN_LEFT = 0.3, MAX_LEFT = 0.4, GIVEN_BACK = 0.2;
 enum { LOOK_AGAIN = 1000, BETWEEN = 64 << 20 };
 
 struct region {
@@ -132,8 +132,8 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
     memory.limit = limit;
-    memory.high = limit - (uint64_t)fmin(fmax(BETWEEN, LEAST_LEFT * (double)limit), MOST_LEFT * (double)limit);
-    memory.low = memory.high - (uint64_t)(LESS * (double)limit);
+    memory.high = limit - (uint64_t)fmin(fmax(BETWEEN, MIN_LEFT * (double)limit), MAX_LEFT * (double)limit);
+    memory.low = memory.high - (uint64_t)(GIVEN_BACK * (double)limit);
     memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
     memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
     if (memory.statm < 0 || start_timer() != 0)

@@ -6,7 +6,8 @@
  * Makefile). Until scratch_memory_begin they are those of the C library. From then on a large array is mapped: as
  * memory while little is in use, else as a file without a name in the scratch folder. A timer's signal (SIGPROF)
  * looks how much of the process is resident; before that passes the limit it takes files' pages away, which the system
- * reads again where they are looked at. So no code knows where its arrays are, and the bytes that it computes are the same.
+ * reads again where they are looked at. So no code knows where its arrays are, and the bytes that it computes are the
+ * same.
  */
 #ifndef TETLOD_SCRATCH_MEMORY_H
 #define TETLOD_SCRATCH_MEMORY_H

@@ -168,7 +168,8 @@ static bool has_repeated_corner(const uint32_t *c)
 enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     if (mesh->tet_count == 0)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no tetrahedron in it, nor another cell that has a volume");
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "there is no tetrahedron in it, nor another cell that has a volume");
     size_t count = 4 * (size_t)mesh->tet_count, outside = tetmesh_find_outside(mesh->corners, count,
                                                                                mesh->vertex_count);
     if (outside < count)
@@ -176,7 +177,8 @@ enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetl
                             outside / 4, mesh->corners[outside], mesh->vertex_count);
     for (size_t t = 0; t < mesh->tet_count; t++)
         if (has_repeated_corner(mesh->corners + 4 * t))
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu names the same point twice; --drop-degenerate leaves such out", t);
+            return tetlodi_fail(error, TETLOD_ERR_MESH,
+                                "tetrahedron %zu names the same point twice; --drop-degenerate leaves such out", t);
     return TETLOD_OK;
 }
 

@@ -131,7 +131,7 @@ static bool next_part(struct mpi_share *share, uint32_t *out)
     return any;
 }
 
-/* What a rank that wants a part is told. */
+/* Rank 0's answer to a rank that asks for a part. */
 struct given {
     uint64_t is_part, part, size; /* size: of the input that follows */
 };

@@ -173,15 +173,21 @@ def large_case():
     return compare(wanted, converted(packed))
 
 
-def decomposed_case():
-    """A mesh in a folder for each processor, which meet in the same points, and may know their numbers; a whole mesh of earlier results beside them
-    is not read, one of later results is."""
+def parted_cube():
+    """Points, tetrahedra, and which of three parts each of these is in; the folder of the parts is empty."""
     must('sample', 'cube', '--size', '5', '-o', 'in.vtu')
     points, tets = read('in.vtu')[:2]
     tets = tets.astype(np.int64)
     part_of = np.digitize(points[tets].mean(axis=1)[:, 0], [1.3, 3.1])
     shutil.rmtree(path('parts'), ignore_errors=True)
     os.makedirs(path('parts'))
+    return points, tets, part_of
+
+
+def decomposed_case():
+    """A mesh in a folder for each processor, which meet in the same points, and may know their numbers; a whole mesh of earlier results beside them
+    is not read, one of later results is."""
+    points, tets, part_of = parted_cube()
     for part in range(3):
         used, corners = np.unique(tets[part_of == part], return_inverse=True)
         made = foam_files(points[used], corners.reshape(-1, 4), TETRAHEDRON, bool(part % 2), False)[0]
@@ -221,12 +227,7 @@ def decomposed_case():
 
 def collated_case(binary, packed):
     """The files of all pieces as one, each with the bytes of the pieces, of which the first has a header for all."""
-    must('sample', 'cube', '--size', '5', '-o', 'in.vtu')
-    points, tets = read('in.vtu')[:2]
-    tets = tets.astype(np.int64)
-    part_of = np.digitize(points[tets].mean(axis=1)[:, 0], [1.3, 3.1])
-    shutil.rmtree(path('parts'), ignore_errors=True)
-    os.makedirs(path('parts'))
+    points, tets, part_of = parted_cube()
     for part in range(3):
         mine = np.flatnonzero(part_of == part)
         used, corners = np.unique(tets[mine], return_inverse=True)

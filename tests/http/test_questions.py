@@ -10,10 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 try:
     import numpy as np
-    import vtk
+    import vtk_box
     from vtk.util.numpy_support import vtk_to_numpy
 except ImportError:
-    vtk = None
+    vtk_box = None
 from served import SCRATCH, TETLOD, Server, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
@@ -88,31 +88,12 @@ def test_exact():
 def truth_of(question):
     """From all tetrahedra of the mesh file, one by one; None: see tests/cli/test_ask.py."""
     match = re.match(r'(mean|min|max|integral)\(xyz\) in box\((.*)\)', question)
-    if not match or not vtk:
+    if not match or not vtk_box:
         return None
     box = np.array([float(x) for x in match[2].split(',')]).reshape(2, 3)
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(os.path.join(SCRATCH, 'cube.vtu'))
-    reader.Update()
-    clipped = reader.GetOutput()
-    for axis in range(3):
-        for side in range(2):
-            plane = vtk.vtkPlane()
-            plane.SetOrigin(*box[side])
-            plane.SetNormal(*((1 - 2 * side) * np.eye(3)[axis]))
-            clip = vtk.vtkClipDataSet()
-            clip.SetInputData(clipped)
-            clip.SetClipFunction(plane)
-            clip.Update()
-            clipped = clip.GetOutput()
-    tets = vtk.vtkDataSetTriangleFilter()
-    tets.SetInputData(clipped)
-    tets.Update()
-    points = vtk_to_numpy(tets.GetOutput().GetPoints().GetData()).astype(float)
-    values = vtk_to_numpy(tets.GetOutput().GetPointData().GetArray('xyz')).astype(float)
-    corners = vtk_to_numpy(tets.GetOutput().GetCells().GetConnectivityArray()).reshape(-1, 4)
-    places = points[corners]
-    volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1])) / 6
+    mesh = vtk_box.in_box(vtk_box.read(os.path.join(SCRATCH, 'cube.vtu')), *box)
+    values = vtk_to_numpy(mesh.GetPointData().GetArray('xyz')).astype(float)
+    corners, volumes = vtk_box.corners_of(mesh), vtk_box.volumes(mesh)
     integral = (volumes * values[corners].mean(axis=1)).sum()
     found = {'mean': integral / volumes.sum(), 'integral': integral, 'min': values[corners].min(),
              'max': values[corners].max()}[match[1]]

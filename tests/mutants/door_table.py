@@ -108,7 +108,7 @@ JOBS('stopping waits for the queue', 'test_stop_with_a_queue', 'server/jobs/obta
     'if (run->workers && cache_drop_unwanted(run->cache, run->entry)) {', 'stop within --drain + 1 s',
     more=(('server/jobs/obtain.c', '(!workers_stopping(run->workers) && cache_wanted(run->cache, run->entry));',
            'cache_wanted(run->cache, run->entry);'),
-          ('server/server.c', 'LAST_SECONDS = 0.5;', 'LAST_SECONDS = 9;')))
+          ('server/server.c', 'LAST_SECONDS = 0.75;', 'LAST_SECONDS = 9;')))
 JOBS('no time of grace', 'test_grace', 'server/server.c', 'nap(server->options.grace_seconds);', '',
     'connections are still accepted')
 mutant('ready while it stops', 'server/routes/health.c', 'if (atomic_load(&site->draining)) {', 'if (0) {',

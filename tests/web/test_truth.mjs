@@ -31,14 +31,10 @@ const random = () => chance.next().value;
 // Pressure and Velocity at these places, linear in the tetrahedron that a place lies deepest in; null: it is outside of
 // all by more than a fraction of it. VTK reads the mesh; its own probe takes a neighbour now and then.
 const judge = `
-import json, sys, vtk, numpy
+import json, sys, numpy, vtk_box
 from vtk.util.numpy_support import vtk_to_numpy
-reader = vtk.vtkXMLUnstructuredGridReader()
-reader.SetFileName(sys.argv[1])
-reader.Update()
-mesh = reader.GetOutput()
-points = vtk_to_numpy(mesh.GetPoints().GetData())
-tets = vtk_to_numpy(mesh.GetCells().GetConnectivityArray()).reshape(-1, 4)
+mesh = vtk_box.read(sys.argv[1])
+points, tets = vtk_to_numpy(mesh.GetPoints().GetData()), vtk_box.corners_of(mesh)
 values = numpy.column_stack([vtk_to_numpy(mesh.GetPointData().GetArray(name)) for name in ('Pressure', 'Velocity')])
 first = points[tets[:, 0]]
 inverse = numpy.linalg.inv(numpy.stack([points[tets[:, i]] - first for i in (1, 2, 3)], axis=2))
@@ -192,39 +188,15 @@ async function a_box_is_saved_as_it_is_drawn() {
   const [file] = await Promise.all([page.waitForEvent('download'), page.locator('#export-vtu').click()]);
   await page.evaluate(() => window.tetlod.set({ box: null }));
   const compare = `
-import sys, vtk, numpy
-from vtk.util.numpy_support import vtk_to_numpy
-def read(path):
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(path)
-    reader.Update()
-    return reader.GetOutput()
-def volume(mesh):
-    points = vtk_to_numpy(mesh.GetPoints().GetData())
-    corners = vtk_to_numpy(mesh.GetCells().GetConnectivityArray())
-    starts = vtk_to_numpy(mesh.GetCells().GetOffsetsArray())
-    total = 0
-    for corner_count in (4, 6): # a wedge is three tetrahedra
-        rows = starts[:-1][numpy.diff(starts) == corner_count]
-        for k in range(corner_count - 3 if len(rows) else 0):
-            p = points[corners[rows[:, None] + numpy.arange(k, k + 4)]]
-            total += abs(numpy.linalg.det(p[:, 1:] - p[:, :1])).sum() / 6
-    return total
-saved, mesh = read(sys.argv[1]), read(sys.argv[2])
+import sys, vtk_box
+saved, mesh = vtk_box.read(sys.argv[1]), vtk_box.read(sys.argv[2])
 b = mesh.GetBounds()
 at = lambda axis, part: b[2 * axis] + part * (b[2 * axis + 1] - b[2 * axis])
-for place, normal in ((at(0, .2), (1, 0, 0)), (at(0, .7), (-1, 0, 0)), (at(1, .6), (0, -1, 0))):
-    plane = vtk.vtkPlane()
-    plane.SetOrigin(place, place if normal[1] else 0, 0)
-    plane.SetNormal(normal)
-    clip = vtk.vtkClipDataSet()
-    clip.SetInputData(mesh)
-    clip.SetClipFunction(plane)
-    clip.Update()
-    mesh = clip.GetOutput()
+left = vtk_box.in_box(mesh, (at(0, .2), b[2], b[4]), (at(0, .7), at(1, .6), b[5]))
+volume, wanted = vtk_box.volumes(saved).sum(), vtk_box.volumes(left).sum()
 got = saved.GetBounds()
 assert abs(got[0] - at(0, .2)) + abs(got[1] - at(0, .7)) + abs(got[3] - at(1, .6)) < 1e-9, got
-assert abs(volume(saved) - volume(mesh)) < 1e-6 * volume(mesh), (volume(saved), volume(mesh))
+assert abs(volume - wanted) < 1e-6 * wanted, (volume, wanted)
 assert saved.GetCellData().GetArray('original tetrahedron') and saved.GetPointData().GetArray('Velocity')`;
   execFileSync('/usr/bin/python3', ['-c', compare, await file.path(), extracted], { encoding: 'utf8' });
 }
@@ -235,17 +207,13 @@ async function a_saved_mesh_is_the_level() {
   const saved = await file.path();
   assert.match(file.suggestedFilename(), /^truth-\d+-mesh\.vtu$/);
   const compare = `
-import sys, vtk
+import sys
 from vtk.util.numpy_support import vtk_to_numpy
-def read(path):
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(path)
-    reader.Update()
-    return reader.GetOutput()
+from vtk_box import corners_of, read
 one, other = read(sys.argv[1]), read(sys.argv[2])
 assert one.GetNumberOfCells() == other.GetNumberOfCells() > 100
 assert (vtk_to_numpy(one.GetPoints().GetData()) == vtk_to_numpy(other.GetPoints().GetData())).all()
-corners = [vtk_to_numpy(mesh.GetCells().GetConnectivityArray()) for mesh in (one, other)]
+corners = [corners_of(mesh) for mesh in (one, other)]
 assert (corners[0] == corners[1]).all()
 for name in ('Pressure', 'Velocity'):
     values = [vtk_to_numpy(mesh.GetPointData().GetArray(name)) for mesh in (one, other)]

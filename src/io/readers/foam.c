@@ -202,7 +202,8 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
-/* The numbers in the whole mesh, of points or of cells, which decomposePar leaves with a piece; NULL: there are none. */
+/* The numbers in the whole mesh, of points or of cells, which decomposePar leaves with a piece; NULL: there are
+ * none. */
 static enum tetlod_status read_addressing(const struct foam *f, const char *name, uint64_t count, uint64_t **out)
 {
     struct foam_file file;
