@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/measure/weights_map.h"
 #include "src/util/parallel.h"
 
@@ -37,11 +38,11 @@ static void make_solid(struct solid *out, const struct tetmesh *mesh, uint32_t t
     make_map(mesh, tet, &out->map);
     for (int k = 1; k < 4; k++) {
         const double *row = out->map.rows[k - 1];
-        out->slopes[k] = sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]);
+        out->slopes[k] = sqrt(dot(row, row));
         for (int i = 0; i < 3; i++)
             sum[i] += row[i];
     }
-    out->slopes[0] = sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+    out->slopes[0] = sqrt(dot(sum, sum));
 }
 
 static void add_corner(struct polygon *out, const struct polygon *from, int a, int b, double t)
@@ -83,7 +84,7 @@ static const double *values_of(const struct comparing *comparing, const struct b
 static void gather(const struct comparing *comparing, uint32_t face, uint32_t tet, uint32_t component,
                    double at_face[3], double at_solid[4])
 {
-    const uint32_t *corners = comparing->faces->boundary->faces + 3 * (size_t)face;
+    const uint32_t *corners = comparing->faces->boundary->surface.triangles + 3 * (size_t)face;
     const uint32_t *others = comparing->tets->mesh->corners + 4 * (size_t)tet;
     for (int c = 0; c < 3; c++)
         at_face[c] = values_of(comparing, comparing->faces, corners[c])[component];
@@ -141,12 +142,12 @@ static double difference_near(const struct comparing *comparing, const struct so
 
 static double compare(const struct comparing *comparing, const struct solid *solid, uint32_t face)
 {
-    const struct moved_boundary *boundary = comparing->faces->boundary;
+    const struct mesh_surface *surface = &comparing->faces->boundary->surface;
     struct polygon polygon = {.count = 3, .face = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     double largest = 1;
     for (int c = 0; c < 3; c++) {
-        weigh_place(&solid->map, boundary->positions + 3 * (size_t)boundary->faces[3 * (size_t)face + (size_t)c],
-                    polygon.solid[c]);
+        const uint32_t vertex = surface->triangles[3 * (size_t)face + (size_t)c];
+        weigh_place(&solid->map, surface->positions + 3 * (size_t)vertex, polygon.solid[c]);
         for (int k = 0; k < 4; k++)
             largest = larger(largest, fabs(polygon.solid[c][k]));
     }
@@ -159,7 +160,7 @@ static double compare(const struct comparing *comparing, const struct solid *sol
 static void compare_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct comparing *comparing = context;
-    const struct bvh *tree = &comparing->faces->boundary->tree;
+    const struct bvh *tree = &comparing->faces->boundary->surface.boxes;
     double *most = &comparing->most[worker];
     for (size_t tet = begin; tet < end; tet++) {
         struct solid solid;
@@ -193,7 +194,7 @@ double boundary_shell_difference(const struct boundary_shell_side sides[2], uint
         struct comparing comparing = {.faces = &sides[m], .tets = &sides[!m], .stride = stride,
                                       .components = components};
         comparing.reach = sides[0].boundary->moved + sides[1].boundary->moved;
-        if (!sides[m].boundary->count)
+        if (!sides[m].boundary->surface.count)
             continue;
         parallel_for(threads, sides[!m].mesh->tet_count, CHUNK, compare_range, &comparing);
         for (unsigned w = 0; w < PARALLEL_MAX_THREADS; w++)

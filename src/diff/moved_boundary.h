@@ -6,16 +6,13 @@
 #ifndef TETLOD_MOVED_BOUNDARY_H
 #define TETLOD_MOVED_BOUNDARY_H
 
-#include "src/mesh/bvh.h"
+#include "src/mesh/mesh_surface.h"
 #include "src/mesh/tetmesh.h"
 
 /* Zeroed: a boundary that has kept its place, from which all places are far enough. */
 struct moved_boundary {
-    const double *positions; /* borrowed */
-    uint32_t *faces;         /* owned, [3 * count] vertices */
-    uint32_t count;
-    struct bvh tree;         /* of them */
-    double moved, shell;     /* shell: no less than the volume of all that is no further from it than that */
+    struct mesh_surface surface; /* positions are borrowed */
+    double moved, shell;         /* shell: no less than the volume of all that is no further from it than that */
 };
 
 /* `neighbours` as adjacency_build makes them. ERR_NOMEM; to be released, also after a failure. */
