@@ -5,7 +5,6 @@
 Random boxes of random levels of streams in pages, of random meshes: the mesh is closed, no tetrahedron is turned, and
 at each vertex of the original and in the middle of each of its tetrahedra the value is within what was certified of the
 part that holds it (tests/cli/region_judge.py)."""
-import itertools
 import json
 import os
 import subprocess
@@ -16,36 +15,13 @@ import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path[:0] = [os.path.join(ROOT, 'tests', 'cli'), os.path.join(ROOT, 'tests', 'attack')]
-from features import TETLOD, smooth  # noqa: E402
+from features import TETLOD, smooth, write_mesh  # noqa: E402
+from kuhn_grid import kuhn  # noqa: E402
 from region_judge import FACES, FINE, inverted, read_vtk, volumes  # noqa: E402
 
 
 def run(*arguments):
     return subprocess.run([TETLOD, *map(str, arguments)], stdout=subprocess.PIPE, check=True).stdout
-
-
-def cubes(random, n):
-    """The unit cube of cubes of six tetrahedra each, whose inner points are jittered."""
-    at = np.array(list(itertools.product(range(n + 1), repeat=3)))
-    points, inner = at / n, ((at > 0) & (at < n)).all(axis=1)
-    points[inner] += random.uniform(-0.15, 0.15, (inner.sum(), 3)) / n
-    first = np.array(list(itertools.product(range(n), repeat=3)))
-    tets = []
-    for axes in itertools.permutations(range(3)):
-        steps = np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(axes)]], axis=0)
-        corners = (first[:, None] + steps) @ [(n + 1) ** 2, n + 1, 1]
-        tets.append(corners if np.linalg.det(np.eye(3)[list(axes)]) > 0 else corners[:, [0, 1, 3, 2]])
-    return points, np.concatenate(tets)
-
-
-def write(path, points, tets, values):
-    lines = ['# vtk DataFile Version 3.0', 'random', 'ASCII', 'DATASET UNSTRUCTURED_GRID']
-    lines += ['POINTS %d double' % len(points), *(' '.join('%.17g' % x for x in point) for point in points)]
-    lines += ['CELLS %d %d' % (len(tets), 5 * len(tets)), *('4 %d %d %d %d' % tuple(corners) for corners in tets)]
-    lines += ['CELL_TYPES %d' % len(tets)] + ['10'] * len(tets) + ['POINT_DATA %d' % len(points)]
-    lines += ['SCALARS f double 1', 'LOOKUP_TABLE default', *('%.17g' % value for value in values)]
-    with open(path, 'w') as file:
-        file.write('\n'.join(lines) + '\n')
 
 
 def cracks(mesh):
@@ -59,7 +35,7 @@ def cracks(mesh):
 
 def worst_excess(mesh, bounds, points, values):
     """The largest difference above the bound of the tetrahedron that holds the point; points that none holds."""
-    corners, field = mesh['points'][mesh['tets']], mesh['point']['f'][:, 0][mesh['tets']]
+    corners, field = mesh['points'][mesh['tets']], mesh['point']['p'][:, 0][mesh['tets']]
     inverse = np.linalg.inv(corners[:, 1:] - corners[:, :1])
     worst, lost = -np.inf, 0
     for point, value in zip(points, values):
@@ -75,15 +51,15 @@ def worst_excess(mesh, bounds, points, values):
 def one(seed, folder):
     """What is wrong, or None."""
     random = np.random.default_rng(seed)
-    points, tets = cubes(random, random.integers(5, 10))
+    points, tets = kuhn(random.integers(5, 10), random)
     values = smooth(random, points)
     source, stream, out = (os.path.join(folder, name) for name in ('mesh.vtk', 'mesh.tetlod', 'box.vtk'))
-    write(source, points, tets, values)
+    write_mesh(source, points, tets, values)
     run('build', source, '-o', stream, '--paged=%d' % random.integers(100, 400), '--quiet')
     index = json.loads(run('info', stream, '--json'))
     if 'first_paged_level' not in index:
         return None
-    errors, scale = [level['errors']['f']['max'] for level in index['levels']], np.ptp(values)
+    errors, scale = [level['errors']['p']['max'] for level in index['levels']], np.ptp(values)
     last, root = len(errors) - 2, index['first_paged_level'] - 1  # the tail has no pages
     coarse = int(random.integers(0, last))
     fine_error = errors[int(random.integers(max(coarse, root + 1), last + 1))]  # coarser: no pages

@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from meshes import kuhn
+from kuhn_grid import kuhn
 
 
 class Pair:

@@ -159,7 +159,8 @@ def box_answers(original, stream, scalar):
 
 def write_mesh(name, n, seed, material):
     import vtk
-    from meshes import kuhn, vtk_mesh
+    from kuhn_grid import kuhn
+    from meshes import vtk_mesh
     random = np.random.default_rng(seed)
     points, tets = kuhn(n, random)
     points = points.astype(np.float32)

@@ -12,7 +12,7 @@ import numpy as np
 sys.path.insert(0, os.path.join(os.environ.get('ROOT', '.'), 'tests'))
 import common
 from common import finish, must, path, report
-from meshes import kuhn
+from kuhn_grid import kuhn
 from streams import plain, tetlod as reference, with_section
 
 BOXES = int(os.environ.get('BOXES', '8'))

@@ -125,7 +125,7 @@ def moved_boundaries():
 
 def beyond_rims():
     """The largest difference is where a level's boundary has left the original, or where the original is not."""
-    from meshes import kuhn
+    from kuhn_grid import kuhn
     points, tets, _ = read_ring('torus.vtu')
     write_mesh('flat.vtu', points, tets, {'f': 1e-3 * points[:, 2]})
     must('build', path('flat.vtu'), '-o', path('flat.tetlod'), '--domain-error', '0.02', '--quiet')
@@ -152,7 +152,7 @@ def beyond_rims():
 
 def wavy_bodies(n):
     """Two bodies that touch along a curved face, which a mesh of n cells has as n pieces; the field jumps there."""
-    from meshes import kuhn
+    from kuhn_grid import kuhn
     points, tets = kuhn(2 * n, np.random.default_rng(3))
     points[:] = np.round(points * 2 * n) / (2 * n)  # without its unevenness
     upper = points[tets][:, :, 2].mean(axis=1) > 0.5
@@ -173,7 +173,7 @@ def wavy_bodies(n):
 
 def slit(n, shift):
     """A cube cut open half way, with a jump across the cut, and points that rounding has moved by up to `shift`."""
-    from meshes import kuhn
+    from kuhn_grid import kuhn
     points, tets = kuhn(2 * n, np.random.default_rng(3))
     points[:] = np.round(points * 2 * n) / (2 * n)
     right = points[tets][:, :, 0].mean(axis=1) > 0.5
@@ -206,7 +206,7 @@ def sheets():
 
 def domains():
     """A cube and its left half: compared where both are; the volumes are said."""
-    from meshes import kuhn
+    from kuhn_grid import kuhn
     points, tets = kuhn(4, np.random.default_rng(1))
     write_mesh('cube.vtu', points, tets, {'f': points[:, 0], 'v': points})
     points = points * [0.5, 1, 1]

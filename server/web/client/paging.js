@@ -189,7 +189,7 @@ export class Pager {
     const made = this.#mesh();
     const before = this.#last;
     const starts = this.#remember(made, pages);
-    const origins = starts && this.#origins(made, starts, before.starts);
+    const origins = this.#origins(made, starts, before.starts);
     if (!origins) return made;
     const gather = (from, to) => {
       const n = to.length / made.vertices;
