@@ -25,9 +25,9 @@ export interface TetlodViewEvents {
 }
 
 /**
- * <tetlod-view src error pixels field state controls>: a stream in any page. Slots `bar`, `readout` and `player`: what stands
- * there in place of the element's own; parts `picture`, `bar`, `readout`, `player`, `player-play`, `player-step`,
- * `player-back`, `player-on`, `player-loop`, for ::part().
+ * <tetlod-view src error pixels field state controls>: a stream in any page. Slots `bar`, `readout` and `player`: what
+ * stands there in place of the element's own; parts `picture`, `bar`, `readout`, `player`, `player-play`,
+ * `player-step`, `player-back`, `player-on`, `player-loop`, for ::part().
  */
 export class TetlodView extends HTMLElement {
   static observedAttributes: string[];

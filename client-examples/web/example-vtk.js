@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The surface of a stream with vtk.js, refining. Bundle it, then open example.html?url=http://127.0.0.1:8080/v1/meshes/fin
+// The surface of a stream with vtk.js, refining. Bundle it, then open
+// example.html?url=http://127.0.0.1:8080/v1/meshes/fin
 import '@kitware/vtk.js/Rendering/Profiles/Geometry.js';
 import vtkActor from '@kitware/vtk.js/Rendering/Core/Actor.js';
 import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
@@ -9,7 +10,8 @@ import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import { toPolyData } from 'tetlod/adapters.js';
 import { TetlodStream } from 'tetlod';
 
-const stream = await TetlodStream.open(new URLSearchParams(location.search).get('url'), { target: { error: 0.001, tets: 500_000 } });
+const stream =
+  await TetlodStream.open(new URLSearchParams(location.search).get('url'), { target: { error: 0.001, tets: 500_000 } });
 const [field] = stream.info.fields;
 const view = vtkFullScreenRenderWindow.newInstance({ background: [0.1, 0.12, 0.15] });
 const [surface, mapper, actor] = [vtkPolyData, vtkMapper, vtkActor].map((made) => made.newInstance());

@@ -132,7 +132,8 @@ export interface Spec {
   /** Colours every part. */
   field?: string;
   component?: Component;
-  /** Values of cells that colour instead: every triangle has one, that of its tetrahedron. `component` is then of these. */
+  /** Values of cells that colour instead: every triangle has one, that of its tetrahedron. `component` is then of
+   * these. */
   cellField?: string;
   /** Draw no tetrahedra with these values of cells, which are whole numbers. */
   regions?: { field: string; hidden: number[] } | null;
@@ -184,7 +185,8 @@ export interface Part {
   points: Float32Array;
   /** Linear on each triangle, unless there are `vectors`. */
   values: Float32Array;
-  /** Of the vectors whose length colours, all components of each point: these are linear on a triangle, `values`, their lengths, are not. */
+  /** Of the vectors whose length colours, all components of each point: these are linear on a triangle, `values`, their
+   * lengths, are not. */
   vectors: Float32Array | null;
   /** Absent where it is the same as in the last message. */
   triangles?: Uint32Array;
@@ -204,28 +206,35 @@ export interface Grid {
   dims: Point;
   origin: Point;
   spacing: Point;
-  /** x fastest, two for each point: the value, and how much of it is seen, 0 outside and before the clip plane, else 1. */
+  /** x fastest, two for each point: the value, and how much of it is seen, 0 outside and before the clip plane, else 1.
+   * */
   voxels: Float32Array;
   /** Of the values inside. */
   range: [number, number];
   logarithmic: boolean;
 }
 
-/** For rays that go from tetrahedron to tetrahedron. What a move does not change is absent where it is the same as in the last message. */
+/** For rays that go from tetrahedron to tetrahedron. What a move does not change is absent where it is the same as in
+ * the last message. */
 export interface Rays {
   /** Four numbers for each: the place, relative to the pictures' origin, and the value. */
   vertices: Float32Array;
-  /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with behind this
-   *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i + 3. */
+  /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with
+   * behind this
+   *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i +
+   *  3. */
   nodes: Float32Array;
-  /** Of vectors with at most four components whose length colours: four numbers for each vertex. Rays take the length of what is interpolated. */
+  /** Of vectors with at most four components whose length colours: four numbers for each vertex. Rays take the length
+   * of what is interpolated. */
   vectors: Float32Array | null;
   /** Values of the tetrahedra, if those colour, filled up to a multiple of four. */
   cells: Float32Array | null;
-  /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or 2^32 - 1. */
+  /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or
+   * 2^32 - 1. */
   corners?: Uint32Array;
   neighbours?: Uint32Array;
-  /** Of the boundary, four for each: vertices, counter-clockwise seen from outside; 4 times the tetrahedron plus which of its faces. */
+  /** Of the boundary, four for each: vertices, counter-clockwise seen from outside; 4 times the tetrahedron plus which
+   * of its faces. */
   faces?: Uint32Array;
 }
 
@@ -239,7 +248,8 @@ export interface Shade {
   formula: boolean;
   /** Over all of the mesh. */
   range: [number, number];
-  /** Sorted values, as many of each as it has of the volume. Absent while the mesh moves, and where it is the same as in the last message. */
+  /** Sorted values, as many of each as it has of the volume. Absent while the mesh moves, and where it is the same as
+   * in the last message. */
   sample?: Float32Array;
 }
 
@@ -258,7 +268,8 @@ export interface Pictures {
   isosurfaces: Part[];
   /** One for each isosurface: null where none was asked for. */
   zones: (Zone | null)[];
-  /** Where the mesh is finer in boxes: numbers of tetrahedra there, elsewhere and between, and edges of those between. */
+  /** Where the mesh is finer in boxes: numbers of tetrahedra there, elsewhere and between, and edges of those between.
+   * */
   finer: ((Boxes | Pages) & { edges: Pick<Part, 'points' | 'lines'>[] }) | null;
   rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
@@ -331,7 +342,8 @@ export interface Events {
   retry: { attempt: number; delay: number; message: string };
   series: Series;
   step: Step;
-  /** Values of cells are there; of whole numbers, if they are not too many, with how many of the original's tetrahedra have each. */
+  /** Values of cells are there; of whole numbers, if they are not too many, with how many of the original's tetrahedra
+   * have each. */
   cells: { field: string; bytes: number; regions: { number: number; tets: number }[] | null };
   /** Another topology group is shown: `info` is its own. */
   topology: { topology: number; info: Info };
@@ -366,7 +378,8 @@ export class TetlodStream extends EventTarget {
     options?: {
       /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
       target?: Target;
-      /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first that drove the contraction. */
+      /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first
+       * that drove the contraction. */
       fields?: string[] | 'first';
       signal?: AbortSignal;
       retries?: number;
@@ -384,7 +397,8 @@ export class TetlodStream extends EventTarget {
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Of a series in time, from the event `series` on. */
   readonly series: Series | null;
-  /** The topology group that is shown, of a series whose mesh changes: `info` and `series.bands` are its own, steps and times those of all. */
+  /** The topology group that is shown, of a series whose mesh changes: `info` and `series.bands` are its own, steps and
+   * times those of all. */
   readonly topology: number;
   /** Bytes of steps, beside `received`. */
   readonly receivedSteps: number;
@@ -417,7 +431,9 @@ export class TetlodStream extends EventTarget {
   readonly receivedCells: number;
   /** Values of cells, of all the original's tetrahedra, component by component: a level's are the first. */
   cells(name: string): Promise<Float64Array>;
-  /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1; what is not drawn is a gap. `bounds`: how far off the value is at most at each of these ends, where the field's local bound is loaded. */
+  /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at`
+   * from 0 to 1; what is not drawn is a gap. `bounds`: how far off the value is at most at each of these ends, where
+   * the field's local bound is loaded. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array; bounds?: Float64Array }>;
   ask(
     question: string,
@@ -446,17 +462,20 @@ export class TetlodStream extends EventTarget {
       persistence: number;
     }[];
   }>;
-  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null.
+   * */
   draft(
     tets: number,
   ): Promise<Pick<Pictures, 'level' | 'origin' | 'shade' | 'surface' | 'slices' | 'isosurfaces' | 'zones'> | null>;
-  /** Pages are those that a view needs, from now on, where the level that is shown has none; null: no more than its own. */
+  /** Pages are those that a view needs, from now on, where the level that is shown has none; null: no more than its
+   * own. */
   look(look: Look | null): void;
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;
   /** `whole`: the first pictures leave nothing out that is the same as in the last message. */
   show(spec: Spec | null, options?: { whole?: boolean }): Promise<void>;
-  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream; where the loop is left,
+  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream; where
+   * the loop is left,
    *  what was shown before is shown again. */
   frames(spec: Spec): AsyncGenerator<Pictures, void, void>;
   close(reason?: unknown): void;

@@ -17,7 +17,8 @@ function row(cells, kind) {
 function showLevels({ levels }, decoded) {
   const table = document.createElement('table');
   table.append(row(['level', 'vertices', 'tetrahedra', 'bytes'], 'th'));
-  table.append(...levels.slice(0, decoded).map(({ vertices, tets, end }, level) => row([level, vertices, tets, end], 'td')));
+  table.append(
+    ...levels.slice(0, decoded).map(({ vertices, tets, end }, level) => row([level, vertices, tets, end], 'td')));
   byId('details').replaceChildren(table);
 }
 

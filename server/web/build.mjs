@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node build.mjs OUT WASM REFINE: bundles the page into the folder OUT: the pages' modules, the worker, and the files that are taken
-// as they are, the codec's WebAssembly among them. What a page loads is named by its content, so that caches may keep it.
-// Each file has a form that is compressed by Brotli beside it, for embed.py.
+// node build.mjs OUT WASM REFINE: bundles the page into the folder OUT: the pages' modules, the worker, and the files
+// that are taken as they are, the codec's WebAssembly among them. What a page loads is named by its content, so that
+// caches may keep it. Each file has a form that is compressed by Brotli beside it, for embed.py.
 import { createHash } from 'node:crypto';
 import { cpSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import { basename, dirname, join } from 'node:path';
@@ -73,8 +73,15 @@ const workerName = named('worker.js', contents);
 writeFileSync(join(made, workerName), contents);
 
 // Each page is bundled for itself: a file that both load would be one more request. The catalogue may open the other.
-const pages = { ...options, entryNames: '[name]', chunkNames: 'chunk-[hash]', splitting: true, plugins: [renamed('stream.js', { 'worker.js': workerName })] };
-const catalogue = await build({ ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'], metafile: true });
+const pages = {
+  ...options,
+  entryNames: '[name]',
+  chunkNames: 'chunk-[hash]',
+  splitting: true,
+  plugins: [renamed('stream.js', { 'worker.js': workerName })]
+};
+const catalogue = await build(
+  { ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'], metafile: true });
 const { metafile } = await build({ ...pages, entryPoints: ['page/view.js', 'page/element.js'], metafile: true });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|svg)$/.test(name) || name === 'guard.js') cpSync(join(here, 'page', name), join(made, name));
@@ -84,15 +91,16 @@ writeFileSync(join(made, 'catalogue.css'), style('page.css', 'catalogue.css'));
 writeFileSync(join(made, 'view.css'), style('page.css', 'view.css'));
 writeFileSync(join(made, 'tools.css'), style('tools.css', 'player.css'));
 
-// The viewer's page names what view.js will load, so that nothing waits for it: first what asks for the stream, then what
-// draws it. The panel comes last, and unnamed.
+// The viewer's page names what view.js will load, so that nothing waits for it: first what asks for the stream, then
+// what draws it. The panel comes last, and unnamed.
 const outputs = Object.entries(metafile.outputs);
 const loads = (entryPoint) => {
   const [path, { imports }] = outputs.find(([, output]) => output.entryPoint === entryPoint);
-  return [path, ...imports.filter(({ kind }) => kind === 'import-statement').map((load) => load.path)].map((file) => basename(file));
+  return [path, ...imports.filter(({ kind }) => kind === 'import-statement').map((load) => load.path)].map(
+    (file) => basename(file));
 };
-const preloads = [...new Set([...loads('page/view.js'), workerName, wasmName, ...loads('page/scene.js')])]
-  .map((name) => `<link rel="${name === wasmName ? 'preload" as="fetch" crossorigin' : 'modulepreload"'} href="./${name}">`);
+const preloads = [...new Set([...loads('page/view.js'), workerName, wasmName, ...loads('page/scene.js')])].map(
+  (name) => `<link rel="${name === wasmName ? 'preload" as="fetch" crossorigin' : 'modulepreload"'} href="./${name}">`);
 const view = join(made, 'view.html');
 const page = readFileSync(view, 'utf8').replace('<body', `${preloads.join('\n')}\n<body`);
 writeFileSync(view, page);
@@ -102,7 +110,11 @@ writeFileSync(join(made, 'view/index.html'), page.replaceAll('="./', '="../'));
 
 for (const name of readdirSync(made, { recursive: true }).filter((path) => /\.\w+$/.test(path))) {
   const content = readFileSync(join(made, name));
-  const params = { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_LGWIN]: 24, [constants.BROTLI_PARAM_SIZE_HINT]: content.length };
+  const params = {
+    [constants.BROTLI_PARAM_QUALITY]: 11,
+    [constants.BROTLI_PARAM_LGWIN]: 24,
+    [constants.BROTLI_PARAM_SIZE_HINT]: content.length
+  };
   writeFileSync(join(made, `${name}.br`), brotliCompressSync(content, { params }));
 }
 rmSync(out, { recursive: true, force: true });

@@ -23,12 +23,16 @@ function licenceOf(path) {
 /** The text. `folder`: what paths are relative to; `metafiles` of esbuild. */
 export function noticesOf(folder, metafiles) {
   const outputs = metafiles.flatMap((metafile) => Object.values(metafile.outputs));
-  const used = outputs.flatMap(({ inputs }) => Object.entries(inputs).filter(([, { bytesInOutput }]) => bytesInOutput > 0).map(([path]) => path));
-  const found = new Map([...used, colours].map(packageOf).filter(Boolean).map(([path, name]) => [name, join(folder, path)]));
+  const used = outputs.flatMap(
+    ({ inputs }) => Object.entries(inputs).filter(([, { bytesInOutput }]) => bytesInOutput > 0).map(([path]) => path));
+  const found =
+    new Map([...used, colours].map(packageOf).filter(Boolean).map(([path, name]) => [name, join(folder, path)]));
   const parts = [...found].sort(([a], [b]) => (a < b ? -1 : 1)).map(([name, path]) => {
     const { version, license } = JSON.parse(readFileSync(join(path, 'package.json'), 'utf8'));
     return `${name} ${version} (${license})\n\n${licenceOf(path)}`;
   });
   if (existsSync(wasiNotice)) parts.push(`wasi-libc\n\n${readFileSync(wasiNotice, 'utf8').trim()}`);
-  return ['The page and the package of the web client contain code of others, under these licences.', ...parts].join(`\n\n${'-'.repeat(78)}\n\n`).concat('\n');
+  return ['The page and the package of the web client contain code of others, under these licences.', ...parts]
+    .join(`\n\n${'-'.repeat(78)}\n\n`)
+    .concat('\n');
 }

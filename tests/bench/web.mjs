@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The web client in headless Chromium, and over a slow link: node web.mjs TETLOD FOLDER. Streams are made in FOLDER once.
-// The blunt fin (the usual PLOT3D grid and solution) if BLUNT names its folder, else a large fin sample in its place.
-// Prints what is measured beside its floor.
+// The web client in headless Chromium, and over a slow link: node web.mjs TETLOD FOLDER. Streams are made in FOLDER
+// once. The blunt fin (the usual PLOT3D grid and solution) if BLUNT names its folder, else a large fin sample in its
+// place. Prints what is measured beside its floor.
 import { execFileSync } from 'node:child_process';
 import { existsSync, mkdirSync, statSync } from 'node:fs';
 import { connect, createServer } from 'node:net';
@@ -28,7 +28,8 @@ function makeStreams() {
   mkdirSync(folder, { recursive: true });
   const cube = make('cube60.vtu', TETLOD, 'sample', 'cube', '--size', '60', '-o');
   make('cube60.tetlod', TETLOD, 'build', cube, '--quiet', '-o');
-  const fin = BLUNT ? [join(BLUNT, 'bluntfinxyz.bin'), '--q', join(BLUNT, 'bluntfinq.bin'), '--field', 'Pressure', '--carry', 'Pressure']
+  const fin = BLUNT ? [join(BLUNT, 'bluntfinxyz.bin'), '--q', join(BLUNT, 'bluntfinq.bin'), '--field', 'Pressure', '--carry',
+      'Pressure']
     : [make('large.vtu', TETLOD, 'sample', 'fin', '--size', '40', '-o')];
   const stream = make('fin.tetlod', TETLOD, 'build', ...fin, '--quiet', '-o');
   return make('fin.vtu', TETLOD, 'extract', stream, '--quiet', '-o'); // zlib
@@ -98,7 +99,9 @@ async function decode(url) {
 async function draw(url) {
   const { TetlodStream } = await import('./stream.js');
   const blocked = [];
-  new PerformanceObserver((list) => blocked.push(...list.getEntries().map((entry) => entry.duration))).observe({ type: 'longtask' });
+  new PerformanceObserver((list) => blocked.push(...list.getEntries().map((entry) => entry.duration))).observe({
+    type: 'longtask'
+  });
   const began = performance.now();
   const stream = await TetlodStream.open(url);
   const [field] = stream.info.fields;
@@ -111,7 +114,8 @@ async function draw(url) {
   for (let i = 0; i < 6; i++) {
     const value = field.range[0] + (field.range[1] - field.range[0]) * (0.2 + i / 50);
     const seen = new Promise((resolve) => stream.addEventListener('pictures', resolve, { once: true }));
-    await stream.show({ field: field.name, slices: [{ origin: centre, normal: [1, 0.2, 0.1 * i] }], isosurfaces: [{ value }] });
+    await stream.show(
+      { field: field.name, slices: [{ origin: centre, normal: [1, 0.2, 0.1 * i] }], isosurfaces: [{ value }] });
     await seen;
   }
   stream.close();
@@ -138,29 +142,39 @@ async function download(url) {
 
 // ---- the viewer
 
-/** Opens the viewer as somebody does who has not been there: {seconds, bytes} of the first picture, {ours, graphics}: milliseconds of processor
+/** Opens the viewer as somebody does who has not been there: {seconds, bytes} of the first picture, {ours, graphics}:
+ * milliseconds of processor
  *  time of the longest task of the page's thread, and of the one in which the browser makes the graphics' context. */
 async function openViewer(id) {
   const page = await openPage(browser, server.url);
   const tracing = await page.context().newCDPSession(page);
   const events = [];
   tracing.on('Tracing.dataCollected', ({ value }) => events.push(...value));
-  await tracing.send('Tracing.start', { transferMode: 'ReportEvents', traceConfig: { includedCategories: ['toplevel', 'blink.user_timing'] } });
+  await tracing.send('Tracing.start',
+    { transferMode: 'ReportEvents', traceConfig: { includedCategories: ['toplevel', 'blink.user_timing'] } });
   await page.goto(`${server.url}view/${id}`);
   await page.waitForFunction(() => window.tetlod?.settled);
-  const [picture] = await page.evaluate(() => performance.getEntriesByName('tetlod-picture').map(({ startTime, detail }) => ({ startTime, ...detail })));
+  const [picture] = await page.evaluate(
+    () => performance.getEntriesByName('tetlod-picture').map(({ startTime, detail }) => ({ startTime, ...detail })));
   const complete = new Promise((resolve) => tracing.once('Tracing.tracingComplete', resolve));
   await tracing.send('Tracing.end');
   await complete;
   await page.context().close();
   const made = events.find(({ name }) => name === 'tetlod-graphics');
-  const tasks = events.filter((e) => e.name === 'ThreadControllerImpl::RunTask' && e.tdur && e.pid === made.pid && e.tid === made.tid);
+  const tasks = events.filter(
+    (e) => e.name === 'ThreadControllerImpl::RunTask' && e.tdur && e.pid === made.pid && e.tid === made.tid);
   const isGraphics = ({ ts, dur }) => ts <= made.ts && made.ts <= ts + dur;
   const longest = (of) => Math.max(0, ...of.map(({ tdur }) => tdur / 1000));
-  return { seconds: picture.startTime / 1000, bytes: picture.received, ours: longest(tasks.filter((t) => !isGraphics(t))), graphics: longest(tasks.filter(isGraphics)) };
+  return {
+    seconds: picture.startTime / 1000,
+    bytes: picture.received,
+    ours: longest(tasks.filter((t) => !isGraphics(t))),
+    graphics: longest(tasks.filter(isGraphics))
+  };
 }
 
-/** A link that asks for the original: {picture, settled}: seconds from navigation to the first picture and to the last; {gap}: the longest
+/** A link that asks for the original: {picture, settled}: seconds from navigation to the first picture and to the last;
+ * {gap}: the longest
  *  from one picture to the next, after the first. */
 async function openAll(origin) {
   const page = await openPage(browser, origin);
@@ -174,17 +188,21 @@ async function openAll(origin) {
     look();
   });
   await page.goto(`${origin}view/cube60#error=0&maxTets=2000000`);
-  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000).then((handle) => handle.jsonValue());
-  const { picture, times } = await page.evaluate(() => ({ picture: performance.getEntriesByName('tetlod-picture')[0].startTime / 1000, times: window.pictures }));
+  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000)
+                    .then((handle) => handle.jsonValue());
+  const { picture, times } = await page.evaluate(
+    () => ({ picture: performance.getEntriesByName('tetlod-picture')[0].startTime / 1000, times: window.pictures }));
   await page.context().close();
   return { picture, settled, gap: Math.max(0, ...times.map((time, i) => (i ? time - times[i - 1] : 0))) / 1000 };
 }
 
-/** The same over a link: {picture, settled}: seconds from navigation to the first picture, and to the 1 % that it is opened with. */
+/** The same over a link: {picture, settled}: seconds from navigation to the first picture, and to the 1 % that it is
+ * opened with. */
 async function visitOver(port) {
   const page = await openPage(browser, `http://127.0.0.1:${port}`);
   await page.goto(`http://127.0.0.1:${port}/view/fin`);
-  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000).then((handle) => handle.jsonValue());
+  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000)
+                    .then((handle) => handle.jsonValue());
   const picture = await page.evaluate(() => performance.getEntriesByName('tetlod-picture')[0].startTime / 1000);
   await page.context().close();
   return { picture, settled };
@@ -194,7 +212,8 @@ async function visitOver(port) {
 
 function report(what, value, unit, floor, atLeast = false) {
   const met = floor === undefined || (atLeast ? value >= floor : value <= floor);
-  const asked = floor === undefined ? '' : `  (${atLeast ? 'at least' : 'at most'} ${floor} ${unit})${met ? '' : '  MISSED'}`;
+  const asked =
+    floor === undefined ? '' : `  (${atLeast ? 'at least' : 'at most'} ${floor} ${unit})${met ? '' : '  MISSED'}`;
   console.log(`${what.padEnd(64)} ${value.toFixed(value < 10 ? 3 : 0).padStart(9)} ${unit}${asked}`);
 }
 
@@ -243,7 +262,8 @@ for (const [how, port] of [['on the loopback', server.port], ['over 10 Mbit/s', 
   report('  longest from one picture to the next', second('gap'), 's');
 }
 
-const [slowServer, slowFiles] = await Promise.all([slowLink(server.port, 10), slowLink(Number(new URL(files.origin).port), 10)]);
+const [slowServer, slowFiles] =
+  await Promise.all([slowLink(server.port, 10), slowLink(Number(new URL(files.origin).port), 10)]);
 // The median of some runs: others use this machine, too.
 async function median(work, argument) {
   const runs = [];
@@ -266,7 +286,8 @@ const downloaded = await median(download, `http://127.0.0.1:${slowFiles}/fin.vtu
 for (const error of [0.05, 0.01, 0.001]) {
   const seconds = await median(refineOver, [`http://127.0.0.1:${slowServer}/v1/meshes/fin`, error]);
   report(`  to ${100 * error} %`, seconds, 's');
-  report('    sooner than the whole VTU by', downloaded / seconds, 'times', BLUNT && error === 0.01 ? 5 : undefined, true);
+  report(
+    '    sooner than the whole VTU by', downloaded / seconds, 'times', BLUNT && error === 0.01 ? 5 : undefined, true);
 }
 report(`  the whole VTU with zlib (${statSync(vtu).size} bytes)`, downloaded, 's');
 await browser.close();

@@ -11,7 +11,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 0, 'long lines': 1769, 'phrases': 55}
+ALLOWED = {'in circles': 0, 'long lines': 999, 'phrases': 55}
 
 
 def circles(sources):

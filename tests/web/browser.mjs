@@ -9,11 +9,14 @@ const { chromium } = createRequire(`${root}server/web/package.json`)('playwright
 const executablePath = ['/usr/bin/chromium', '/usr/bin/google-chrome'].find(existsSync);
 
 export async function launch() {
-  // SwiftShader draws WebGL on the processor: the same picture on every machine. It would draw the page around it, too, which takes
-  // it three times as long as Chromium without it.
+  // SwiftShader draws WebGL on the processor: the same picture on every machine. It would draw the page around it, too,
+  // which takes it three times as long as Chromium without it.
   return chromium.launch({
     executablePath,
-    args: ['--headless=new', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--disable-gpu-compositing'],
+    args: [
+      '--headless=new', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+      '--ignore-gpu-blocklist', '--disable-gpu-compositing'
+    ],
   });
 }
 
@@ -21,14 +24,16 @@ export async function launch() {
 function rememberNotices() {
   window.notices = [];
   new MutationObserver((records) => {
-    const added = records.flatMap(({ addedNodes }) => [...addedNodes]).filter((node) => node.classList?.contains('notice'));
+    const added =
+      records.flatMap(({ addedNodes }) => [...addedNodes]).filter((node) => node.classList?.contains('notice'));
     window.notices.push(...added.map(({ id, textContent }) => ({ key: id.replace('notice-', ''), text: textContent })));
   }).observe(document, { childList: true, subtree: true });
 }
 
 // A page that remembers what went wrong (`complaints`), which other hosts were asked (`strangers`), and its notices.
 export async function openPage(browser, origin, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
+  const context =
+    await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
   page.setDefaultTimeout(120000); // what has not come by then, on however slow a machine, will not come
   await page.addInitScript(rememberNotices);
@@ -44,11 +49,17 @@ export async function openPage(browser, origin, options = {}) {
 }
 
 // The text of the first notice with this key and these words, once it has come: by then it may have gone again.
-export const noticed = (page, key, words = '') => page.waitForFunction(
-  (wanted) => window.notices.find((notice) => notice.key === wanted.key && notice.text.includes(wanted.words))?.text, { key, words }).then((text) => text.jsonValue());
+export const noticed = (page, key, words = '') =>
+  page
+    .waitForFunction(
+      (wanted) =>
+        window.notices.find((notice) => notice.key === wanted.key && notice.text.includes(wanted.words))?.text,
+      { key, words })
+    .then((text) => text.jsonValue());
 
 // Until the viewer has a picture.
-export const firstPicture = (page) => page.waitForFunction(() => window.tetlod?.level >= 0 && document.getElementById('loading').hidden);
+export const firstPicture = (page) =>
+  page.waitForFunction(() => window.tetlod?.level >= 0 && document.getElementById('loading').hidden);
 
 // Until the stream is at the level that the state asks for.
 export const settled = (page) => page.waitForFunction(() => window.tetlod?.settled);

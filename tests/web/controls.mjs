@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the tests of the viewer's controls share: a page with a stream, its state, and its picture when nothing moves any more.
+// What the tests of the viewer's controls share: a page with a stream, its state, and its picture when nothing moves
+// any more.
 import assert from 'node:assert/strict';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
 import { cellStream, program, sampleStream } from './hosts.mjs';
@@ -7,7 +8,8 @@ import { cellStream, program, sampleStream } from './hosts.mjs';
 export const server = await program([sampleStream().path, cellStream().path]);
 export const browser = await launch();
 export const size = { width: 800, height: 560 };
-export const page = await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
+export const page =
+  await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
 export async function open(state, on = page, id = 'fin') {
   await on.goto('about:blank');
@@ -18,7 +20,8 @@ export async function open(state, on = page, id = 'fin') {
 
 export const state = () => page.evaluate(() => window.tetlod.state);
 export const until = (check, argument) => page.waitForFunction(check, argument);
-export const becomes = (key, value) => until(([k, v]) => JSON.stringify(window.tetlod.state[k]) === JSON.stringify(v), [key, value]);
+export const becomes = (key, value) =>
+  until(([k, v]) => JSON.stringify(window.tetlod.state[k]) === JSON.stringify(v), [key, value]);
 export const enter = async (id, text) => {
   await page.locator(`#${id}`).fill(text);
   await page.locator(`#${id}`).press('Enter');

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Firefox for tests, on a screen of its own (without one it has no WebGL), driven by Marionette: messages of JSON after their length.
+// Firefox for tests, on a screen of its own (without one it has no WebGL), driven by Marionette: messages of JSON after
+// their length.
 import { spawn } from 'node:child_process';
 import { existsSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { connect } from 'node:net';
@@ -11,12 +12,14 @@ const firefox = program('/usr/bin/firefox-esr', '/usr/bin/firefox');
 const screen = program('/usr/bin/Xvfb');
 
 /** Why there is none; empty: there is. */
-export const missing = [[firefox, 'firefox-esr'], [screen, 'Xvfb']].filter(([there]) => !there).map(([, name]) => `no ${name}`).join(', ');
+export const missing =
+  [[firefox, 'firefox-esr'], [screen, 'Xvfb']].filter(([there]) => !there).map(([, name]) => `no ${name}`).join(', ');
 
 const pause = () => new Promise((resolve) => { setTimeout(resolve, 50); });
 
 async function openScreen() {
-  const child = spawn(screen, ['-displayfd', '3', '-screen', '0', '1200x900x24', '-nolisten', 'tcp'], { stdio: ['ignore', 'ignore', 'ignore', 'pipe'] });
+  const child = spawn(screen, ['-displayfd', '3', '-screen', '0', '1200x900x24', '-nolisten', 'tcp'],
+    { stdio: ['ignore', 'ignore', 'ignore', 'pipe'] });
   process.once('exit', () => child.kill());
   const display = await new Promise((resolve, reject) => {
     child.once('exit', () => reject(new Error('Xvfb ended')));
@@ -68,9 +71,11 @@ class Remote {
 export async function launchFirefox() {
   const profile = join(SCRATCH, 'firefox');
   mkdirSync(profile, { recursive: true });
-  writeFileSync(join(profile, 'user.js'), 'user_pref("marionette.port", 0);\nuser_pref("webgl.force-enabled", true);\n');
+  writeFileSync(
+    join(profile, 'user.js'), 'user_pref("marionette.port", 0);\nuser_pref("webgl.force-enabled", true);\n');
   const { display, close } = await openScreen();
-  const child = spawn(firefox, ['--no-remote', '--profile', profile, '--marionette'], { stdio: 'ignore', env: { ...process.env, HOME: profile, DISPLAY: display, LIBGL_ALWAYS_SOFTWARE: '1' } });
+  const child = spawn(firefox, ['--no-remote', '--profile', profile, '--marionette'],
+    { stdio: 'ignore', env: { ...process.env, HOME: profile, DISPLAY: display, LIBGL_ALWAYS_SOFTWARE: '1' } });
   process.once('exit', () => child.kill());
   const portFile = join(profile, 'MarionetteActivePort');
   while (!existsSync(portFile) || !readFileSync(portFile, 'utf8')) {
@@ -83,8 +88,10 @@ export async function launchFirefox() {
   return {
     goto: (url) => remote.call('WebDriver:Navigate', { url }),
     run: async (act, argument) => {
-      const script = `const [argument, done] = arguments; (${act})(argument).then((value) => done({ value }), (error) => done({ error: String(error.stack ?? error) }));`;
-      const { value: { value, error } } = await remote.call('WebDriver:ExecuteAsyncScript', { script, args: [argument ?? null], sandbox: null });
+      const script = `const [argument, done] = arguments; (${
+        act})(argument).then((value) => done({ value }), (error) => done({ error: String(error.stack ?? error) }));`;
+      const { value: { value, error } } =
+        await remote.call('WebDriver:ExecuteAsyncScript', { script, args: [argument ?? null], sandbox: null });
       if (error) throw new Error(error);
       return value;
     },

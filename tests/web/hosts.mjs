@@ -8,8 +8,14 @@ import { extname, join } from 'node:path';
 
 export const { TETLOD, SCRATCH = '.', ROOT = '.' } = process.env;
 
-const mediaTypes = { '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.wasm': 'application/wasm',
-  '.css': 'text/css', '.svg': 'image/svg+xml' };
+const mediaTypes = {
+  '.html': 'text/html',
+  '.js': 'text/javascript',
+  '.json': 'application/json',
+  '.wasm': 'application/wasm',
+  '.css': 'text/css',
+  '.svg': 'image/svg+xml'
+};
 
 /** A stream of the sample `fin`, made once. */
 export function sampleStream() {
@@ -21,7 +27,8 @@ export function sampleStream() {
   return { path, bytes: readFileSync(path) };
 }
 
-// A block of 6 * n^3 tetrahedra in a cube of side 1, as the text of a legacy VTK file; `tets` say in which cube they are.
+// A block of 6 * n^3 tetrahedra in a cube of side 1, as the text of a legacy VTK file; `tets` say in which cube they
+// are.
 function block(n) {
   const at = (x, y, z) => x + (n + 1) * (y + (n + 1) * z);
   const line = Array.from({ length: n + 1 }, (_, i) => i);
@@ -36,9 +43,12 @@ function block(n) {
       tets.push({ low, corners: [0, 3, 4].includes(k) ? [a, b, c, d] : [a, c, b, d] }); // none is inside out
     }
   }
-  const text = ['# vtk DataFile Version 3.0', 'block', 'ASCII', 'DATASET UNSTRUCTURED_GRID', `POINTS ${points.length} double`, ...points.map((p) => p.join(' ')),
-    `CELLS ${tets.length} ${5 * tets.length}`, ...tets.map(({ corners }) => `4 ${corners.join(' ')}`), `CELL_TYPES ${tets.length}`, ...tets.map(() => '10'),
-    `POINT_DATA ${points.length}`];
+  const text = [
+    '# vtk DataFile Version 3.0', 'block', 'ASCII', 'DATASET UNSTRUCTURED_GRID', `POINTS ${points.length} double`,
+    ...points.map((p) => p.join(' ')), `CELLS ${tets.length} ${5 * tets.length}`,
+    ...tets.map(({ corners }) => `4 ${corners.join(' ')}`), `CELL_TYPES ${tets.length}`, ...tets.map(() => '10'),
+    `POINT_DATA ${points.length}`
+  ];
   return { points, tets, text };
 }
 
@@ -50,16 +60,21 @@ function streamOf(name, text, ...options) {
 }
 
 /**
- * A stream with values of cells: a block of 6 * 8^3 tetrahedra in three materials, of which the third fills a corner, a load
- * of each tetrahedron, which is its number there, and a vector of two components.
+ * A stream with values of cells: a block of 6 * 8^3 tetrahedra in three materials, of which the third fills a corner, a
+ * load of each tetrahedron, which is its number there, and a vector of two components.
  */
 export function cellStream() {
   const n = 8;
   const { points, tets, text } = block(n);
   const material = tets.map(({ low }) => (low.every((c) => c >= n / 2) ? 30 : low[0] < n / 2 ? 10 : 20));
-  return streamOf('cells', [...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
-    `CELL_DATA ${tets.length}`, 'SCALARS material int 1', 'LOOKUP_TABLE default', ...material, 'SCALARS load float 1', 'LOOKUP_TABLE default', ...tets.keys(),
-    'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)], '--field', 'heat', '--region', 'material');
+  return streamOf('cells',
+    [
+      ...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
+      `CELL_DATA ${tets.length}`, 'SCALARS material int 1', 'LOOKUP_TABLE default', ...material, 'SCALARS load float 1',
+      'LOOKUP_TABLE default', ...tets.keys(), 'SCALARS pull float 2', 'LOOKUP_TABLE default',
+      ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)
+    ],
+    '--field', 'heat', '--region', 'material');
 }
 
 /** The path of a stream of a block with these fields, each a function of a place; the first drives the contraction. */
@@ -74,8 +89,8 @@ export function blockStream(name, n, fields) {
 }
 
 /**
- * A loaded beam as files of two formats, {name: text}: ids of its points and a constant come before what one wants to see,
- * a displacement and its stresses.
+ * A loaded beam as files of two formats, {name: text}: ids of its points and a constant come before what one wants to
+ * see, a displacement and its stresses.
  */
 export function beam() {
   const { points, tets, text } = block(4);
@@ -101,15 +116,20 @@ export function beam() {
 export function turningStream() {
   const { points, text } = block(6);
   const turn = ([x, y, z]) => 3 * x + 2 * y - z;
-  return streamOf('turning', [...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
-    'VECTORS flow double', ...points.map((p) => `${Math.cos(turn(p))} ${(1 + p[2]) * Math.sin(turn(p))} ${0.6 * p[1]}`)], '--field', 'heat');
+  return streamOf('turning',
+    [
+      ...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
+      'VECTORS flow double',
+      ...points.map((p) => `${Math.cos(turn(p))} ${(1 + p[2]) * Math.sin(turn(p))} ${0.6 * p[1]}`)
+    ],
+    '--field', 'heat');
 }
 
 /**
  * A host of bytes. `requests` gathers {url, range, sent}; `fault(request, response, number)` may answer instead and
- * returns true then; `ranges: false` ignores Range; `cut`: a connection breaks after so many bytes; `hold`: after so many
- * bytes an answer waits until the client gives it up (`gone` of the request is a promise of that); `pace`: milliseconds after each
- * piece, or a function of the bytes sent that gives a promise to wait for.
+ * returns true then; `ranges: false` ignores Range; `cut`: a connection breaks after so many bytes; `hold`: after so
+ * many bytes an answer waits until the client gives it up (`gone` of the request is a promise of that); `pace`:
+ * milliseconds after each piece, or a function of the bytes sent that gives a promise to wait for.
  */
 export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
   const host = { bytes, etag, ranges, fault: null, cut: Infinity, hold: Infinity, pace: 0, requests: [] };
@@ -123,7 +143,12 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
       return;
     }
     const [, first, last] = /^bytes=(\d+)-(\d+)$/.exec(seen.range ?? '') ?? [];
-    const headers = { ETag: host.etag, 'Access-Control-Allow-Origin': '*', 'Content-Type': mediaTypes[extname(request.url.split('?')[0])] ?? 'application/octet-stream', ...host.headers };
+    const headers = {
+      ETag: host.etag,
+      'Access-Control-Allow-Origin': '*',
+      'Content-Type': mediaTypes[extname(request.url.split('?')[0])] ?? 'application/octet-stream',
+      ...host.headers
+    };
     if (host.ranges && first !== undefined) {
       if (Number(first) >= body.length) {
         response.writeHead(416, { 'Content-Range': `bytes */${body.length}` }).end();
@@ -169,7 +194,8 @@ export const folderHost = (folder) => fileHost((url) => {
 
 /** `tetlod serve`; port 0 takes a free one. */
 export async function program(paths, port = 0) {
-  const child = spawn(TETLOD, ['serve', '--cors', '*', '--listen', `127.0.0.1:${port}`, ...paths], { stdio: ['ignore', 'pipe', 'ignore'] });
+  const child = spawn(TETLOD, ['serve', '--cors', '*', '--listen', `127.0.0.1:${port}`, ...paths],
+    { stdio: ['ignore', 'pipe', 'ignore'] });
   const url = await new Promise((resolve, reject) => {
     child.stdout.once('data', (text) => resolve(String(text).trim()));
     child.once('exit', (code) => reject(new Error(`the server ended with ${code}`)));

@@ -37,9 +37,11 @@ async function viewer_shows_a_picture() {
   await firstPicture(page);
   console.log(`# first picture after ${Date.now() - start} ms`);
   const loaded = await page.evaluate(() => {
-    const [{ startTime: panel }] = performance.getEntriesByName('tetlod-panel'); // what comes after the panel is asked for later
+    const [{ startTime: panel }] =
+      performance.getEntriesByName('tetlod-panel'); // what comes after the panel is asked for later
     return [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
-      .filter((e) => e.startTime <= panel && !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.transferSize ? e.encodedBodySize : 0]);
+      .filter((e) => e.startTime <= panel && !new URL(e.name).pathname.startsWith('/v1/'))
+      .map((e) => [new URL(e.name).pathname, e.transferSize ? e.encodedBodySize : 0]);
   });
   const total = loaded.reduce((sum, [, size]) => sum + size, 0);
   console.log(`# the page and what it loads by then: ${total} bytes: ${loaded.map((l) => l.join(' ')).join(', ')}`);
@@ -58,7 +60,8 @@ async function refines_and_coarsens() {
   await settled(page);
   const fine = await level();
   assert.ok(fine > before, `${before} to ${fine}`);
-  const shown = await page.evaluate(() => [window.tetlod.stream.info.levels[window.tetlod.level], document.getElementById('shown-tets').innerText]);
+  const shown = await page.evaluate(
+    () => [window.tetlod.stream.info.levels[window.tetlod.level], document.getElementById('shown-tets').innerText]);
   assert.ok(shown[0].errors.Pressure.max <= 0.001);
   assert.equal(Number(shown[1].split(/[ \n]/)[0].replaceAll(/\D/g, '')), shown[0].tets);
   await page.locator('#error-percent').fill('20');
@@ -77,7 +80,8 @@ async function state_is_in_the_url() {
   const again = await openPage(browser, origin);
   await again.goto(page.url());
   await firstPicture(again);
-  const states = await Promise.all([page, again].map((p) => p.evaluate(() => ({ ...window.tetlod.state, camera: null }))));
+  const states =
+    await Promise.all([page, again].map((p) => p.evaluate(() => ({ ...window.tetlod.state, camera: null }))));
   assert.deepEqual(states[1], states[0]);
   await again.context().close();
 }
@@ -104,7 +108,11 @@ async function the_value_under_the_pointer() {
   const found = /^Pressure ([\d.]+)\s+at ([^\n]+)/.exec(await page.locator('#probe').innerText());
   assert.ok(Number(found[1]) > 0.9 && Number(found[1]) < 9.4, found[0]);
   const [low, high] = await page.evaluate(() => window.tetlod.stream.info.bounds);
-  found[2].replaceAll('\u2212', '-').split(', ').map(Number).forEach((x, i) => assert.ok(x >= low[i] - 1e-3 && x <= high[i] + 1e-3, found[2]));
+  found[2]
+    .replaceAll('\u2212', '-')
+    .split(', ')
+    .map(Number)
+    .forEach((x, i) => assert.ok(x >= low[i] - 1e-3 && x <= high[i] + 1e-3, found[2]));
 }
 
 // The index has the range of a vector's components; the colours have that of its length.
@@ -115,17 +123,22 @@ async function lengths_have_a_range_of_their_own() {
   const { low, high, range, of } = await other.evaluate(async () => {
     const { stream } = window.tetlod;
     const { Velocity } = (await stream.mesh()).fields;
-    const lengths = Array.from({ length: Velocity.length / 3 }, (_, i) => Math.hypot(...Velocity.subarray(3 * i, 3 * i + 3)));
+    const lengths =
+      Array.from({ length: Velocity.length / 3 }, (_, i) => Math.hypot(...Velocity.subarray(3 * i, 3 * i + 3)));
     return {
-      low: document.getElementById('low').value, high: document.getElementById('high').value,
-      range: [Math.min(...lengths), Math.max(...lengths)], of: stream.info.fields.find((f) => f.name === 'Velocity').range,
+      low: document.getElementById('low').value,
+      high: document.getElementById('high').value,
+      range: [Math.min(...lengths), Math.max(...lengths)],
+      of: stream.info.fields.find((f) => f.name === 'Velocity').range,
     };
   });
   assert.notDeepEqual(range, of);
   // coarser levels were on the way: what they had may reach a little further
-  assert.ok(Number(low) <= range[0] + 1e-3 * range[1] && Math.abs(Number(high) - range[1]) < 0.02 * range[1], `${low} to ${high}, not ${range}`);
+  assert.ok(Number(low) <= range[0] + 1e-3 * range[1] && Math.abs(Number(high) - range[1]) < 0.02 * range[1],
+    `${low} to ${high}, not ${range}`);
   await other.locator('#component').selectOption('0');
-  await other.waitForFunction((most) => Number(document.getElementById('high').value) === Number(most.toPrecision(4)), of[1]);
+  await other.waitForFunction(
+    (most) => Number(document.getElementById('high').value) === Number(most.toPrecision(4)), of[1]);
   await other.context().close();
 }
 
@@ -152,9 +165,11 @@ async function what_is_wrong_is_said() {
 }
 
 async function every_control_has_a_name() {
-  const nameless = await page.evaluate(() => [...document.querySelectorAll('button, a, input, select, [role=slider]')]
-    .filter((e) => !(e.ariaLabel || e.getAttribute('aria-label') || e.labels?.[0]?.textContent.trim() || (e.matches('button, a') && e.textContent.trim())))
-    .map((e) => e.outerHTML.slice(0, 120)));
+  const nameless = await page.evaluate(
+    () => [...document.querySelectorAll('button, a, input, select, [role=slider]')]
+            .filter((e) => !(e.ariaLabel || e.getAttribute('aria-label') || e.labels?.[0]?.textContent.trim()
+                      || (e.matches('button, a') && e.textContent.trim())))
+            .map((e) => e.outerHTML.slice(0, 120)));
   assert.deepEqual(nameless, []);
 }
 
@@ -175,7 +190,9 @@ async function the_base_mesh_is_a_target() {
 // the server's page.
 async function showsCells(url) {
   const notebook = await openPage(browser, origin);
-  await notebook.route(/^https:/, (route) => route.fulfill({ contentType: 'text/javascript', body: '' })); // what nbconvert's pages load from elsewhere
+  await notebook.route(/^https:/,
+    (route) =>
+      route.fulfill({ contentType: 'text/javascript', body: '' })); // what nbconvert's pages load from elsewhere
   await notebook.goto(url);
   const [closed, open] = await notebook.locator('tetlod-view').elementHandles();
   await notebook.waitForFunction((view) => view.stream?.level > 0 && !view.childElementCount, open);
@@ -190,12 +207,14 @@ async function showsCells(url) {
     const { length } = await view.screenshot();
     assert.ok(length > 15e3, `a picture of ${length} bytes`);
   }
-  assert.ok(notebook.complaints.every((text) => /CORS|ERR_FAILED|ERR_FILE_NOT_FOUND|local resource/.test(text)), notebook.complaints.join());
+  assert.ok(notebook.complaints.every((text) => /CORS|ERR_FAILED|ERR_FILE_NOT_FOUND|local resource/.test(text)),
+    notebook.complaints.join());
   await notebook.context().close();
 }
 
 async function notebook_cells_show_the_stream() {
-  const host = createServer((_, response) => response.setHeader('Content-Type', 'text/html').end(readFileSync(cells))).listen(0, '127.0.0.1');
+  const host = createServer((_, response) => response.setHeader('Content-Type', 'text/html').end(readFileSync(cells)))
+                 .listen(0, '127.0.0.1');
   await once(host, 'listening');
   await showsCells(`http://localhost:${host.address().port}`);
   host.close();
@@ -218,15 +237,18 @@ async function a_cell_says_what_it_needs() {
 // A frame has no size until it is shown, as in a cell that first tries something else.
 async function a_frame_that_is_shown_later() {
   const host = await openPage(browser, origin);
-  await host.setContent(`<iframe src="${origin}view/fin#error=0.2" style="display: none; width: 900px; height: 480px"></iframe>`);
+  await host.setContent(
+    `<iframe src="${origin}view/fin#error=0.2" style="display: none; width: 900px; height: 480px"></iframe>`);
   const [, frame] = host.frames();
-  await frame.waitForFunction(() => performance.getEntriesByName('tetlod-graphics').length, null, { polling: 50 }); // it has no animation frames either
+  await frame.waitForFunction(() => performance.getEntriesByName('tetlod-graphics').length, null,
+    { polling: 50 }); // it has no animation frames either
   await host.locator('iframe').evaluate((e) => { e.style.display = 'block'; });
   await frame.waitForFunction(() => window.tetlod?.settled);
   const outside = await frame.evaluate(() => {
     const { scene } = window.tetlod;
     const { width, height } = document.getElementById('picture').getBoundingClientRect();
-    const corners = Array.from({ length: 8 }, (_, i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
+    const corners =
+      Array.from({ length: 8 }, (_, i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
     return corners.filter(({ x, y, depth }) => !(x > 0 && x < width && y > 0 && y < height && depth < 1));
   });
   assert.deepEqual(outside, []);
@@ -240,8 +262,10 @@ async function what_is_loaded_is_small() {
   await all.waitForFunction(() => window.tetlod.scene.rays);
   await all.evaluate(() => window.tetlod.set({ volumeSize: 96 }));
   await all.waitForFunction(() => window.tetlod.scene.volume);
-  const loaded = await all.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
-    .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.encodedBodySize]));
+  const loaded = await all.evaluate(
+    () => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+            .filter((e) => !new URL(e.name).pathname.startsWith('/v1/'))
+            .map((e) => [new URL(e.name).pathname, e.encodedBodySize]));
   const total = loaded.reduce((sum, [, size]) => sum + size, 0);
   console.log(`# the page loads ${total} bytes: ${loaded.map((l) => l.join(' ')).join(', ')}`);
   assert.ok(total > 100e3 && total <= 700e3, `${total} bytes`);

@@ -4,12 +4,14 @@ import { readFileSync } from 'node:fs';
 import { firstPicture, openPage, settled } from './browser.mjs';
 
 /** A page for the views of an origin. */
-export const openViewer = (browser, origin, options) => openPage(browser, origin, { viewport: { width: 900, height: 480 }, ...options });
+export const openViewer = (browser, origin, options) =>
+  openPage(browser, origin, { viewport: { width: 900, height: 480 }, ...options });
 
 /** Shows a stream with a state and waits until everything that it asks for is drawn. */
 export async function showView(page, origin, id, state) {
   await page.goto('about:blank');
-  await page.goto(`${origin}view/${id}#smooth=0&background=white&surface=solid&slices=&map=viridis&range=data&axes=0&sliceEdges=1&${state}`);
+  await page.goto(`${origin}view/${
+    id}#smooth=0&background=white&surface=solid&slices=&map=viridis&range=data&axes=0&sliceEdges=1&${state}`);
   await firstPicture(page);
   await settled(page);
   await page.waitForFunction(() => !window.tetlod.state.volume || window.tetlod.scene.volume?.actor.getVisibility());

@@ -23,8 +23,9 @@ async function open(url, options) {
 async function every_control_is_reached_by_tab() {
   const page = await open(viewer);
   const wanted = await page.evaluate(() => {
-    const all = [...document.querySelectorAll('a[href], button, input, select, summary, [tabindex="0"]')]
-      .filter((e) => !e.disabled && e.checkVisibility({ visibilityProperty: true }) && !e.closest('dialog:not([open]), details:not([open]) > :not(summary)'));
+    const all = [...document.querySelectorAll('a[href], button, input, select, summary, [tabindex="0"]')].filter(
+      (e) => !e.disabled && e.checkVisibility({ visibilityProperty: true })
+        && !e.closest('dialog:not([open]), details:not([open]) > :not(summary)'));
     // what a focus may change: of the control or of the frame around it
     window.looks = (e) => [e, e.parentElement].map((x) => {
       const { outline, boxShadow, borderColor, stroke, strokeWidth, backgroundColor } = getComputedStyle(x);
@@ -74,9 +75,11 @@ const contrasts = () => {
     const [r, g, b] = color.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
     return 0.2126 * r + 0.7152 * g + 0.0722 * b;
   };
-  const elements = [...document.querySelectorAll('body *')].filter((e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true })
-    && !e.closest('[disabled], [aria-hidden=true]') && (e.matches('input:not([type=range]):not([type=checkbox]), select')
-    || [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim())));
+  const elements = [...document.querySelectorAll('body *')].filter(
+    (e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true })
+      && !e.closest('[disabled], [aria-hidden=true]')
+      && (e.matches('input:not([type=range]):not([type=checkbox]), select') ||
+        [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim())));
   const poor = elements.flatMap((e) => {
     const style = getComputedStyle(e);
     const back = behind(e);
@@ -112,12 +115,17 @@ const noteCanvases = () => {
     const { canvas } = this;
     const { a, b } = this.getTransform();
     const drawn = parseFloat(/([\d.]+)px/.exec(this.font)[1]) * Math.hypot(a, b);
-    window.written.push({ text, size: canvas.isConnected ? (drawn * canvas.getBoundingClientRect().width) / canvas.width : drawn, where: canvas.id || canvas.className });
+    window.written.push({
+      text,
+      size: canvas.isConnected ? (drawn * canvas.getBoundingClientRect().width) / canvas.width : drawn,
+      where: canvas.id || canvas.className
+    });
     return plain.call(this, text, ...rest);
   };
 };
 
-// The size of all letters that are there, in shadow trees, too, but for those of a chosen file's name, which is shown nowhere.
+// The size of all letters that are there, in shadow trees, too, but for those of a chosen file's name, which is shown
+// nowhere.
 const letters = () => {
   const found = [...window.written];
   const walk = (root) => {
@@ -125,9 +133,11 @@ const letters = () => {
       if (e.shadowRoot) walk(e.shadowRoot);
       if (!e.checkVisibility({ visibilityProperty: true }) || e.closest('.hidden, noscript')) continue;
       const file = e.type === 'file';
-      const written = e.matches('input:not([type=range], [type=checkbox]), select') || [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim());
+      const written = e.matches('input:not([type=range], [type=checkbox]), select') ||
+        [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim());
       if (!written) continue;
-      const size = parseFloat(getComputedStyle(e, file ? '::file-selector-button' : null).fontSize) * (e instanceof SVGGraphicsElement ? e.getScreenCTM().a : 1);
+      const size = parseFloat(getComputedStyle(e, file ? '::file-selector-button' : null).fontSize)
+        * (e instanceof SVGGraphicsElement ? e.getScreenCTM().a : 1);
       found.push({ text: e.textContent.trim().slice(0, 40) || e.id, size, where: e.closest('[id]')?.id ?? e.tagName });
     }
   };
@@ -138,13 +148,16 @@ const letters = () => {
 async function checkLetters(page, what, ...wanted) {
   const found = await page.evaluate(letters);
   assert.deepEqual(found.filter(({ size }) => size < 11.99), [], what);
-  for (const place of wanted) assert.ok(found.some(({ where, text }) => where === place || text === place), `${what}: nothing is written in '${place}'`);
+  for (const place of wanted)
+    assert.ok(
+      found.some(({ where, text }) => where === place || text === place), `${what}: nothing is written in '${place}'`);
 }
 
 // Notices go after some seconds, which is no matter of their letters.
 function keepNotices() {
   const plain = window.setTimeout;
-  window.setTimeout = (act, milliseconds, ...rest) => plain(act, milliseconds === 4000 ? 2 ** 30 : milliseconds, ...rest);
+  window.setTimeout = (act, milliseconds, ...rest) =>
+    plain(act, milliseconds === 4000 ? 2 ** 30 : milliseconds, ...rest);
 }
 
 // Everything opened: all of the panel, and what lies over the picture.
@@ -155,14 +168,23 @@ async function letters_are_large_enough() {
   await page.goto(server.url);
   await page.getByText('Levels and files').first().click();
   await checkLetters(page, 'catalogue', 'Certified error at most', 'VTU', '152\u202fkB');
-  const everything = '&isosurfaces=0.4&zone=1&vectors=arrows&threshold=0,0.9&clip=z@0.9&line=0,0.1,0.2,1,0.9,0.8&pins=0.5,0.5,0.25;0.2,0.2,0.5&volume=1&volumeSize=48&surface=glass';
-  for (const [id, more, ...wanted] of [['fin', everything, 'line-words', 'line-drawing', 'pins', 'zone-words', 'vector-field', 'plot', 'scalarbar', 'compass', 'Y'],
-    ['cells', '&cells=material&regions=material', 'region-list', 'cells'], ['series_moving', '&step=3', 'player-now', 'player-speed']]) {
+  const everything =
+    '&isosurfaces=0.4&zone=1&vectors=arrows&threshold=0,0.9&clip=z@0.9&line=0,0.1,0.2,1,0.9,0.8'
+    + '&pins=0.5,0.5,0.25;0.2,0.2,0.5&volume=1&volumeSize=48&surface=glass';
+  for (const [id, more, ...wanted] of [[
+         'fin', everything, 'line-words', 'line-drawing', 'pins', 'zone-words', 'vector-field', 'plot', 'scalarbar',
+         'compass', 'Y'
+       ],
+         ['cells', '&cells=material&regions=material', 'region-list', 'cells'],
+         ['series_moving', '&step=3', 'player-now', 'player-speed']]) {
     await page.goto('about:blank');
     await page.goto(`${server.url}view/${id}#slices=x@0.5${more}`);
     await firstPicture(page);
     await page.waitForFunction(() => !document.getElementById('controls').inert);
-    for (const details of await page.locator('#controls details').all()) await details.evaluate((e) => { e.open = true; });
+    for (const details of await page.locator('#controls details').all())
+      await details.evaluate((e) => {
+        e.open = true;
+      });
     if (id === 'fin') await page.locator('#line-drawing text').first().waitFor();
     if (id === 'cells') await page.locator('#region-list label').first().waitFor();
     if (id === 'series_moving') await page.locator('#player').waitFor();
@@ -171,8 +193,10 @@ async function letters_are_large_enough() {
     await page.locator('#notice-share').waitFor();
     await page.mouse.move(...await page.evaluate(() => {
       const { width, height } = document.getElementById('picture').getBoundingClientRect();
-      const places = Array.from({ length: 400 }, (_, i) => [(0.1 + (i % 20) / 25) * width, (0.1 + Math.floor(i / 20) / 25) * height]);
-      return places.find((place) => window.tetlod.scene.pick(...place) && document.elementFromPoint(...place).closest('#picture'));
+      const places = Array.from(
+        { length: 400 }, (_, i) => [(0.1 + (i % 20) / 25) * width, (0.1 + Math.floor(i / 20) / 25) * height]);
+      return places.find(
+        (place) => window.tetlod.scene.pick(...place) && document.elementFromPoint(...place).closest('#picture'));
     }));
     await page.locator('#probe').waitFor();
     await checkLetters(page, id, 'notice-share', 'probe', 'controls', 'name', 'about', ...wanted);
@@ -197,7 +221,8 @@ async function letters_of_saved_pictures() {
     await page.evaluate(() => { window.written.length = 0; });
     await Promise.all([page.waitForEvent('download'), page.locator('#save-png').click()]);
     const written = await page.evaluate(() => window.written.filter(({ where }) => !where));
-    assert.ok(written.some(({ text }) => text === 'x') && written.some(({ text }) => text === '1'), `${written.map(({ text }) => text)}`);
+    assert.ok(written.some(({ text }) => text === 'x') && written.some(({ text }) => text === '1'),
+      `${written.map(({ text }) => text)}`);
     assert.deepEqual(written.filter(({ size }) => size < 11.99), [], `${width} x ${height}`);
   }
   await page.context().close();
@@ -206,7 +231,9 @@ async function letters_of_saved_pictures() {
 async function letters_of_the_element() {
   const page = await openPage(browser, server.url);
   await page.addInitScript(noteCanvases);
-  const html = `<!doctype html><title>t</title><script type="module" src="/element.js"></script><tetlod-view src="/v1/meshes/fin" error="10%"></tetlod-view>`;
+  const html =
+    `<!doctype html><title>t</title><script type="module" src="/element.js"></script>
+<tetlod-view src="/v1/meshes/fin" error="10%"></tetlod-view>`;
   await page.route(`${server.url}host.html`, (route) => route.fulfill({ contentType: 'text/html', body: html }));
   await page.goto(`${server.url}host.html`);
   await page.waitForFunction(() => document.querySelector('tetlod-view').shadowRoot?.querySelector('.over text'));
@@ -295,8 +322,9 @@ async function a_small_screen_is_enough() {
     const { wide, outside } = await page.evaluate(() => ({
       wide: document.documentElement.scrollWidth,
       outside: [...document.querySelectorAll('button, a[href], input, select')]
-        .filter((e) => e.checkVisibility({ visibilityProperty: true }) && !e.closest('.knob, details:not([open])') && e.getBoundingClientRect().right > 361)
-        .map((e) => e.outerHTML.slice(0, 90)),
+                 .filter((e) => e.checkVisibility({ visibilityProperty: true })
+                     && !e.closest('.knob, details:not([open])') && e.getBoundingClientRect().right > 361)
+                 .map((e) => e.outerHTML.slice(0, 90)),
     }));
     assert.ok(wide <= 360, `${url} is ${wide} pixels wide`);
     assert.deepEqual(outside, []);
@@ -331,7 +359,8 @@ async function the_picture_keeps_most_of_the_screen() {
   for (const viewport of [{ width: 740, height: 360 }, { width: 390, height: 800 }, { width: 1200, height: 800 }]) {
     await page.setViewportSize(viewport);
     const { width, height } = await page.locator('#stage').boundingBox();
-    assert.ok(width * height > 0.5 * viewport.width * viewport.height, `${width} x ${height} of ${JSON.stringify(viewport)}`);
+    assert.ok(
+      width * height > 0.5 * viewport.width * viewport.height, `${width} x ${height} of ${JSON.stringify(viewport)}`);
   }
   await page.context().close();
 }
@@ -342,7 +371,8 @@ async function layers_are_above_the_fold() {
   for (const viewport of [{ width: 1280, height: 800 }, { width: 1024, height: 700 }]) {
     await page.setViewportSize(viewport);
     for (const id of ['surface', 'edges', 'slices', 'add-isosurface', 'vectors', 'volume', 'threshold', 'clip']) {
-      const { y, height } = await page.locator(`#${id}`).evaluate((e) => (e.id === 'clip' ? e.previousElementSibling : e).getBoundingClientRect().toJSON());
+      const { y, height } = await page.locator(`#${id}`).evaluate(
+        (e) => (e.id === 'clip' ? e.previousElementSibling : e).getBoundingClientRect().toJSON());
       assert.ok(height > 0 && y + height <= viewport.height, `${id} ends at ${y + height} of ${viewport.height}`);
     }
   }
@@ -363,9 +393,10 @@ async function levels_jump_where_motion_is_unwanted() {
   await page.context().close();
 }
 
-await run([every_control_is_reached_by_tab, text_has_contrast, letters_are_large_enough, letters_of_saved_pictures, letters_of_the_element,
-  a_screen_reader_is_told_everything, a_small_screen_is_enough, figures_do_not_overlap,
-  the_picture_keeps_most_of_the_screen, layers_are_above_the_fold,
-  levels_jump_where_motion_is_unwanted]);
+await run([
+  every_control_is_reached_by_tab, text_has_contrast, letters_are_large_enough, letters_of_saved_pictures,
+  letters_of_the_element, a_screen_reader_is_told_everything, a_small_screen_is_enough, figures_do_not_overlap,
+  the_picture_keeps_most_of_the_screen, layers_are_above_the_fold, levels_jump_where_motion_is_unwanted
+]);
 await browser.close();
 await server.stop();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The package as other people's projects meet it: Vite (built, and served for development), webpack, types under tsc --strict,
-// modules from another origin, and streams that no URL brings.
+// The package as other people's projects meet it: Vite (built, and served for development), webpack, types under tsc
+// --strict, modules from another origin, and streams that no URL brings.
 import assert from 'node:assert/strict';
 import { execFile, execFileSync } from 'node:child_process';
 import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
@@ -71,7 +71,8 @@ async function a_fresh_webpack_project() {
   if (old) return old;
   writeFileSync(
     join(project, 'webpack.config.mjs'),
-    `export default { mode: 'production', entry: './src/main.js', output: { path: '${join(project, 'packed')}' }, experiments: { topLevelAwait: true } };`,
+    `export default { mode: 'production', entry: './src/main.js', output: { path: '${
+      join(project, 'packed')}' }, experiments: { topLevelAwait: true } };`,
   );
   await execute('npx', ['webpack', '--config', 'webpack.config.mjs'], { cwd: project });
   writeFileSync(
@@ -169,8 +170,12 @@ async function the_element_in_jsx() {
   const view =
     '<tetlod-view src="a" error={0.01} controls="bar player" ref={(view: TetlodView | null) => void view?.play()} />';
   const files = {
-    'global.tsx': `import type {} from 'tetlod/jsx';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${view};\n`,
-    'react.tsx': `import type {} from 'tetlod/react';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${view};\n`,
+    'global.tsx':
+      `import type {} from 'tetlod/jsx';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${
+        view};\n`,
+    'react.tsx':
+      `import type {} from 'tetlod/react';\nimport type { TetlodView } from 'tetlod/element.js';\nexport const shown = ${
+        view};\n`,
   };
   for (const [name, text] of Object.entries(files)) writeFileSync(join(project, 'src', name), text);
   const options = [
@@ -202,7 +207,8 @@ async function modules_of_another_origin() {
   mkdirSync(site, { recursive: true });
   writeFileSync(
     join(site, 'index.html'),
-    `<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module">${main.replace("'tetlod'", `'${library.origin}/stream.js'`)}</script>`,
+    `<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module">${
+      main.replace("'tetlod'", `'${library.origin}/stream.js'`)}</script>`,
   );
   const host = await folderHost(site);
   await opens(host.origin, 'index.html');

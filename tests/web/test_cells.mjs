@@ -9,7 +9,8 @@ import { run } from './tap.mjs';
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
 const { path, bytes } = cellStream();
 const stream = await TetlodStream.open(new Blob([bytes]));
-stream.addEventListener('error', ({ detail }) => assert.fail(detail.message)); // else pictures are waited for that never come
+stream.addEventListener(
+  'error', ({ detail }) => assert.fail(detail.message)); // else pictures are waited for that never come
 const { info } = stream;
 const finest = info.levels.length - 1;
 const coarse = info.levels.findIndex((level) => level.tets > 800);
@@ -25,11 +26,15 @@ async function picturesAt(level, spec) {
 const partsOf = ({ surface, slices, isosurfaces }) => [surface, ...slices, ...isosurfaces];
 const at = (list, i) => [...list.subarray(3 * i, 3 * i + 3)];
 const middle = (points) => [0, 1, 2].map((i) => points.reduce((sum, p) => sum + p[i], 0) / points.length);
-const triple = (a, b, c) => a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+const triple = (a, b, c) =>
+  a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
 
 async function the_index_names_them() {
-  assert.deepEqual(info.cellFields.map(({ name, components, type, region, range }) => [name, components, type, region, range]),
-    [['material', 1, 'int8', true, [10, 30]], ['load', 1, 'float32', false, [0, 3071]], ['pull', 2, 'float32', false, [-3071, 2]]]);
+  assert.deepEqual(
+    info.cellFields.map(({ name, components, type, region, range }) => [name, components, type, region, range]), [
+      ['material', 1, 'int8', true, [10, 30]], ['load', 1, 'float32', false, [0, 3071]],
+      ['pull', 2, 'float32', false, [-3071, 2]]
+    ]);
   const [material, load] = await Promise.all(['material', 'load'].map((name) => stream.cells(name)));
   assert.deepEqual([10, 20, 30].map((m) => material.filter((x) => x === m).length), [1536, 1152, 384]);
   assert.deepEqual([...load].sort((a, b) => a - b), [...load.keys()]);
@@ -81,7 +86,8 @@ async function rays_grid_and_line_have_them_too() {
 async function regions_are_left_out() {
   const material = await stream.cells('material');
   for (const level of [0, coarse, finest]) {
-    const { surface, slices, rays } = await picturesAt(level, { field: 'heat', regions: { field: 'material', hidden: [30, 10] } });
+    const { surface, slices, rays } =
+      await picturesAt(level, { field: 'heat', regions: { field: 'material', hidden: [30, 10] } });
     const mesh = await stream.mesh();
     let volume = 0;
     let kept = 0;
@@ -92,18 +98,21 @@ async function regions_are_left_out() {
       kept++;
     }
     let enclosed = 0;
-    for (let i = 0; i < surface.triangles.length; i += 3) enclosed += triple(...[0, 1, 2].map((k) => at(surface.points, surface.triangles[i + k]))) / 6;
+    for (let i = 0; i < surface.triangles.length; i += 3)
+      enclosed += triple(...[0, 1, 2].map((k) => at(surface.points, surface.triangles[i + k]))) / 6;
     assert.ok(Math.abs(volume - 0.375) < 1e-9 && Math.abs(enclosed - volume) < 1e-6, `${enclosed}, ${volume}`);
     assert.equal(rays.corners.length, 4 * kept);
     assert.ok(slices[0].points.length > 0);
     for (let i = 0; i < slices[0].points.length; i += 3) assert.ok(slices[0].points[i] > 0.5 - 1e-6);
   }
-  const { surface, shade } = await picturesAt(coarse, { cellField: 'material', regions: { field: 'material', hidden: [10] }, threshold: { field: 'heat', low: 1 } });
+  const { surface, shade } = await picturesAt(coarse,
+    { cellField: 'material', regions: { field: 'material', hidden: [10] }, threshold: { field: 'heat', low: 1 } });
   assert.deepEqual(new Set(surface.values), new Set([20, 30]));
   assert.deepEqual(shade.range, [10, 30]);
   const none = await picturesAt(coarse, { regions: { field: 'material', hidden: [10, 20, 30] } });
   assert.equal(none.surface.triangles.length, 0);
-  await assert.rejects(stream.show({ regions: { field: 'load', hidden: [1] } }), /'load' are not whole numbers of one component/);
+  await assert.rejects(
+    stream.show({ regions: { field: 'load', hidden: [1] } }), /'load' are not whole numbers of one component/);
 }
 
 // Tetrahedra are left out by their own values, which other values may colour.
@@ -114,7 +123,9 @@ async function a_threshold_is_of_them() {
   const lengths = Array.from(load, (_, t) => Math.hypot(pull[2 * t], pull[2 * t + 1]));
   for (const [component, values] of [[undefined, load], ['magnitude', lengths]]) {
     const threshold = { cellField: component ? 'pull' : 'load', component, low: 700, high: 2000 };
-    const [own, other] = [await picturesAt(coarse, { cellField: 'load', threshold }), await picturesAt(coarse, { field: 'heat', threshold })];
+    const [own, other] = [
+      await picturesAt(coarse, { cellField: 'load', threshold }), await picturesAt(coarse, { field: 'heat', threshold })
+    ];
     const left = load.filter((_, t) => values[t] >= 700 && values[t] <= 2000);
     assert.ok(left.length > 50 && left.length < tets - 50);
     for (const { rays } of [own, other]) assert.equal(rays.corners.length, 4 * left.length);
@@ -159,7 +170,11 @@ async function they_come_when_they_are_needed() {
   await remote.show({ cellField: 'material', surface: true });
   await remote.loadCells('material');
   assert.equal(asked(), 2);
-  assert.deepEqual(heard, [{ field: 'material', bytes: size, regions: [{ number: 10, tets: 1536 }, { number: 20, tets: 1152 }, { number: 30, tets: 384 }] }]);
+  assert.deepEqual(heard, [{
+    field: 'material',
+    bytes: size,
+    regions: [{ number: 10, tets: 1536 }, { number: 20, tets: 1152 }, { number: 30, tets: 384 }]
+  }]);
   assert.equal(remote.receivedCells, size);
   remote.close();
   host.close();
@@ -170,5 +185,8 @@ async function they_come_when_they_are_needed() {
   await server.stop();
 }
 
-await run([the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too, regions_are_left_out, a_threshold_is_of_them, lines_and_probes_are_of_what_is_drawn, they_come_when_they_are_needed]);
+await run([
+  the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too,
+  regions_are_left_out, a_threshold_is_of_them, lines_and_probes_are_of_what_is_drawn, they_come_when_they_are_needed
+]);
 stream.close();

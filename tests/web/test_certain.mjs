@@ -50,7 +50,10 @@ async function answers_are_those_of_the_program() {
 
 async function a_coarse_picture_answers_by_its_own_level() {
   await open('&error=0.2');
-  const [found, level] = [await inPage('ask', 'max(heat) in box(0.1,0.1,0.1, 0.8,0.8,0.8)', { within: 0 }), await page.evaluate(() => window.tetlod.level)];
+  const [found, level] = [
+    await inPage('ask', 'max(heat) in box(0.1,0.1,0.1, 0.8,0.8,0.8)', { within: 0 }),
+    await page.evaluate(() => window.tetlod.level)
+  ];
   assert.ok(found.level <= level && found.upper > found.lower && found.bound === 'certified');
   await assert.rejects(inPage('ask', 'mean(nothing)'), /no field 'nothing'/);
   await assert.rejects(inPage('ask', 'mean(heat'), /'\)'/);

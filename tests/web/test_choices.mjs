@@ -13,7 +13,8 @@ const table = JSON.parse(readFileSync(join(root, 'tests/choices/choices.json')))
 function levels_are_chosen_as_the_library_does() {
   assert(table.questions.length > 20);
   for (const { level, abs_error: absError, ...target } of table.questions)
-    assert.equal(chooseLevel(table, absError === undefined ? target : { ...target, absError }), level, JSON.stringify({ absError, ...target }));
+    assert.equal(chooseLevel(table, absError === undefined ? target : { ...target, absError }), level,
+      JSON.stringify({ absError, ...target }));
 }
 
 function a_measure_that_is_not_there_is_an_error() {

@@ -53,7 +53,8 @@ async function a_difference_is_within_the_sum_of_both_bounds() {
       triangles,
     } = await drawn();
     assert.ok(certified && bound > 0 && bound <= 2.2 * error * 3, `${bound}`);
-    const wrong = values.filter(([p, value]) => Math.abs(value - extra(p)) > bound + 2e-3); // what the originals are between their points
+    const wrong = values.filter(
+      ([p, value]) => Math.abs(value - extra(p)) > bound + 2e-3); // what the originals are between their points
     assert.ok(values.length > 100 && triangles.every((n) => n > 0));
     assert.deepEqual(wrong, []);
     const most = Math.max(...values.map(([, value]) => Math.abs(value)));

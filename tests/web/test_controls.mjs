@@ -17,7 +17,8 @@ async function the_error_has_a_slider_and_two_fields() {
   const [low, high] = fields[0].range;
   await enter('error-percent', '2');
   await becomes('error', 0.02);
-  assert.equal(await page.locator('#error-absolute').inputValue(), String(Number((0.02 * (high - low)).toPrecision(3))));
+  assert.equal(
+    await page.locator('#error-absolute').inputValue(), String(Number((0.02 * (high - low)).toPrecision(3))));
   await enter('error-absolute', String(0.01 * (high - low)));
   assert.ok(Math.abs((await state()).error - 0.01) < 1e-9);
   await enter('error-percent', 'nonsense');
@@ -68,10 +69,12 @@ async function stopping_leaves_no_hidden_budget() {
 // The progress bar is of the level that is asked for; every byte counts as received.
 async function received_is_told() {
   await open('&error=0.05');
-  const [value, fetched, own] = await page.evaluate(() => [document.getElementById('progress').value, window.tetlod.stream.fetched, window.tetlod.stream.received]);
+  const [value, fetched, own] = await page.evaluate(
+    () => [document.getElementById('progress').value, window.tetlod.stream.fetched, window.tetlod.stream.received]);
   assert.equal(value, 1);
   assert.ok(fetched > own, `${fetched} bytes came, ${own} of levels`);
-  assert.match(await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB`));
+  assert.match(
+    await page.locator('#shown-bytes').innerText(), new RegExp(`^${(fetched / 1000).toPrecision(3)}\u202fkB`));
 }
 
 // A unit that somebody types stands behind every number of the field, and in the link.
@@ -114,7 +117,8 @@ async function slow_frames_have_a_number() {
   const { x, y } = await page.locator('#picture').boundingBox();
   await page.mouse.move(x + 200, y + 200);
   await page.mouse.down();
-  for (let i = 0; !/^[012]\.?\d* \/s$/.test(await page.locator('#shown-fps').innerText()); i++) await page.mouse.move(x + 200 + 20 * (i % 2), y + 200);
+  for (let i = 0; !/^[012]\.?\d* \/s$/.test(await page.locator('#shown-fps').innerText()); i++)
+    await page.mouse.move(x + 200 + 20 * (i % 2), y + 200);
   await page.mouse.up();
 }
 
@@ -169,7 +173,8 @@ async function the_plot_is_dragged() {
   await page.locator('#plot-point').press('Home');
   await settled(page);
   assert.equal(await page.evaluate(() => window.tetlod.level), 0);
-  assert.match(await page.locator('#plot-point').getAttribute('aria-valuetext'), /^level 0: error [\d.]+\u202f%, [\d.]+\u202fkB$/);
+  assert.match(
+    await page.locator('#plot-point').getAttribute('aria-valuetext'), /^level 0: error [\d.]+\u202f%, [\d.]+\u202fkB$/);
 }
 
 async function fields_and_components() {
@@ -190,18 +195,23 @@ async function fields_and_components() {
 
 async function ranges_of_the_colours() {
   await open('&error=0.05&clip=x@0.25');
-  const fields = () => Promise.all(['low', 'high'].map(async (id) => Number(await page.locator(`#${id}`).inputValue())));
+  const fields = () =>
+    Promise.all(['low', 'high'].map(async (id) => Number(await page.locator(`#${id}`).inputValue())));
   const data = await fields();
   await changesThePicture('the visible range', () => page.locator('#range').selectOption('visible'));
   const visible = await fields();
-  assert.ok(visible[0] >= data[0] && visible[1] <= data[1] && visible[1] - visible[0] < data[1] - data[0], `${visible} of ${data}`);
+  assert.ok(visible[0] >= data[0] && visible[1] <= data[1] && visible[1] - visible[0] < data[1] - data[0],
+    `${visible} of ${data}`);
   await changesThePicture('a range by hand', async () => {
     await enter('high', '2');
     await enter('low', '1.5');
   });
-  assert.deepEqual(await page.evaluate(() => [window.tetlod.state.range, window.tetlod.state.low, window.tetlod.state.high]), ['manual', 1.5, 2]);
+  assert.deepEqual(
+    await page.evaluate(() => [window.tetlod.state.range, window.tetlod.state.low, window.tetlod.state.high]),
+    ['manual', 1.5, 2]);
   assert.equal(await page.locator('#range').inputValue(), 'manual');
-  const become = (wanted) => until((values) => ['low', 'high'].every((id, i) => Number(document.getElementById(id).value) === values[i]), wanted);
+  const become = (wanted) => until(
+    (values) => ['low', 'high'].every((id, i) => Number(document.getElementById(id).value) === values[i]), wanted);
   await enter('low', '7'); // above the highest: the range is from 2 to 7
   await become([2, 7]);
   await page.locator('#range').selectOption('data');
@@ -227,9 +237,11 @@ async function logarithm_map_and_direction() {
 
 async function a_map_from_a_file() {
   await open('');
-  const choose = (text) => page.locator('#map-file').setInputFiles({ name: 'own.xml', mimeType: 'text/xml', buffer: Buffer.from(text) });
+  const choose = (text) =>
+    page.locator('#map-file').setInputFiles({ name: 'own.xml', mimeType: 'text/xml', buffer: Buffer.from(text) });
   const points = '<Point x="0" o="0" r="0" g="0" b="1"/><Point x="3" o="1" r="1" g="0" b="0"/>';
-  await changesThePicture('a map from a file', () => choose(`<ColorMaps><ColorMap name="own" space="RGB">${points}</ColorMap></ColorMaps>`));
+  await changesThePicture(
+    'a map from a file', () => choose(`<ColorMaps><ColorMap name="own" space="RGB">${points}</ColorMap></ColorMaps>`));
   await becomes('map', '0000ff-ff0000');
   assert.equal(await page.locator('#map option:checked').innerText(), 'from a file');
   await choose('nothing');
@@ -250,7 +262,8 @@ async function a_logarithm_of_what_is_not_positive() {
 const allIsSeen = () => page.evaluate(() => {
   const { scene } = window.tetlod;
   const { width, height } = document.getElementById('picture').getBoundingClientRect();
-  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
+  const corners =
+    [0, 1, 2, 3, 4, 5, 6, 7].map((i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
   return corners.every(({ x, y }) => x > 0 && x < width && y > 30 && y < height - 70);
 });
 
@@ -267,10 +280,12 @@ async function the_camera_and_the_background() {
   await page.locator('#picture').press('+');
   const zoomed = (await state()).camera;
   assert.equal(zoomed.length, 10, 'the height of a parallel projection is part of the state');
-  for (const background of ['white', 'grey', 'black']) await changesThePicture(background, () => page.locator('#background').selectOption(background));
+  for (const background of ['white', 'grey', 'black'])
+    await changesThePicture(background, () => page.locator('#background').selectOption(background));
   await page.locator('#reset').click();
   const { error, surface, background, parallel } = await state();
-  assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'inside', background: 'auto', parallel: false });
+  assert.deepEqual(
+    { error, surface, background, parallel }, { error: 0.01, surface: 'inside', background: 'auto', parallel: false });
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
@@ -362,7 +377,9 @@ async function a_second_view_turns_along() {
 }
 
 async function a_link_shows_the_same() {
-  await open('&field=Velocity&component=1&range=manual&low=-1&high=2&map=magma&reversed=1&surface=glass&edges=1&slices=x@0.3;0.6,0,0.8@0.5'
+  await open(
+    '&field=Velocity&component=1&range=manual&low=-1&high=2&map=magma&reversed=1&surface=glass&edges=1'
+    + '&slices=x@0.3;0.6,0,0.8@0.5'
     + '&isosurfaces=0.3&isosurfaceField=Pressure&isosurfaceOpacity=0.5&clip=z@0.8&background=black&parallel=1');
   await page.locator('#picture').focus();
   for (const key of ['ArrowLeft', 'ArrowUp', '+']) await page.keyboard.press(key);
@@ -406,8 +423,10 @@ reader.Update()
 data = reader.GetOutput()
 arrays = [data.GetPointData().GetArray(i) for i in range(data.GetPointData().GetNumberOfArrays())]
 notes = [data.GetFieldData().GetArray(i) for i in range(data.GetFieldData().GetNumberOfArrays())]
-print(json.dumps({'points': data.GetNumberOfPoints(), 'triangles': data.GetNumberOfPolys(), 'lines': data.GetNumberOfLines(), 'bounds': data.GetBounds(),
-                  'arrays': {a.GetName(): a.GetRange() for a in arrays}, 'notes': {a.GetName(): a.GetTuple1(0) for a in notes}}))`;
+print(json.dumps({'points': data.GetNumberOfPoints(), 'triangles': data.GetNumberOfPolys(),
+                  'lines': data.GetNumberOfLines(), 'bounds': data.GetBounds(),
+                  'arrays': {a.GetName(): a.GetRange() for a in arrays},
+                  'notes': {a.GetName(): a.GetTuple1(0) for a in notes}}))`;
 
 const download = async (id) => {
   const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
@@ -431,7 +450,8 @@ const marksIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
   for (let i = 0; i < data.length; i += 4) {
     if ([0, 1, 2].every((c) => Math.abs(data[i + c] - without[i + c]) < 40)) continue;
     const [x, y] = [(i / 4) % width, Math.floor(i / 4 / width)];
-    const label = labels.findIndex(({ left, right, top, bottom }) => x > left - 3 && x < right + 3 && y > top - 3 && y < bottom + 3);
+    const label = labels.findIndex(
+      ({ left, right, top, bottom }) => x > left - 3 && x < right + 3 && y > top - 3 && y < bottom + 3);
     if (label < 0) wrong.push([x, y]);
     else met[label]++;
   }
@@ -446,7 +466,8 @@ async function what_leaves_the_page() {
   assert.equal(mesh.name, `fin-${level}.vtu`);
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
-  const labels = await page.locator('.axes text, .pin b, .pin span, .knob.along, line.rim').evaluateAll((all) => all.map((mark) => mark.getBoundingClientRect().toJSON()));
+  const labels = await page.locator('.axes text, .pin b, .pin span, .knob.along, line.rim')
+                   .evaluateAll((all) => all.map((mark) => mark.getBoundingClientRect().toJSON()));
   assert.ok(labels.length > 10);
   assert.equal(shot.name, `fin-${level}.png`);
   const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
@@ -455,7 +476,8 @@ async function what_leaves_the_page() {
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
   await page.locator('#axes').uncheck();
   await page.evaluate(() => window.tetlod.set({ pins: [], line: null }));
-  assert.deepEqual(await marksIn(shot, await download('screenshot'), labels), [], 'axes, line and probe are where the screen has them');
+  assert.deepEqual(await marksIn(shot, await download('screenshot'), labels), [],
+    'axes, line and probe are where the screen has them');
   await page.locator('#axes').check();
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
@@ -473,7 +495,10 @@ async function surfaces_are_saved() {
   await open('&slices=z@0.25&isosurfaces=0.4&surface=off');
   assert.deepEqual(await page.locator('#export-part option').allInnerTexts(), ['slice 1', 'isosurface 1']);
   const { bounds: [low, high], fields } = await infoOf();
-  const { level, bound } = await page.evaluate(() => ({ level: window.tetlod.level, bound: window.tetlod.stream.info.levels[window.tetlod.level].errors.Pressure.max }));
+  const { level, bound } = await page.evaluate(() => ({
+    level: window.tetlod.level,
+    bound: window.tetlod.stream.info.levels[window.tetlod.level].errors.Pressure.max
+  }));
   const slice = await download('export-vtp');
   assert.equal(slice.name, `fin-${level}-slice-1.vtp`);
   const { points, triangles, bounds, arrays, notes } = vtpOf(slice);
@@ -486,17 +511,20 @@ async function surfaces_are_saved() {
   assert.deepEqual([rows.length - 1, rows[0]], [points, ['x', 'y', 'z', 'Pressure']]);
   for (const row of rows.slice(1).filter((_, i) => i % 40 === 0)) {
     const [x, y, zOf, value] = row.map(Number);
-    const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, zOf]);
+    const found =
+      await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, zOf]);
     assert.ok(Math.abs(found - value) < 1e-3 * (most - least), `${value}, ${found} there`);
   }
   const glb = (await download('export-glb')).bytes;
   const json = JSON.parse(glb.subarray(20, 20 + glb.readUInt32LE(12)));
   assert.ok(glb.toString('latin1', 0, 4) === 'glTF' && glb.readUInt32LE(8) === glb.length);
   assert.deepEqual([json.accessors[0].count, json.accessors.at(-1).count], [points, 3 * triangles]);
-  assert.ok(near(json.accessors[0].min[2] + json.nodes[0].translation[2], z) && json.bufferViews.at(-1).byteOffset + json.bufferViews.at(-1).byteLength === json.buffers[0].byteLength);
+  assert.ok(near(json.accessors[0].min[2] + json.nodes[0].translation[2], z)
+    && json.bufferViews.at(-1).byteOffset + json.bufferViews.at(-1).byteLength === json.buffers[0].byteLength);
   await page.locator('#export-part').selectOption('isosurface 1');
   const iso = vtpOf(await download('export-vtp'));
-  assert.ok(iso.triangles > 10 && iso.arrays.Pressure.every((value) => near(value, least + 0.4 * (most - least))), `${iso.arrays.Pressure}`);
+  assert.ok(iso.triangles > 10 && iso.arrays.Pressure.every((value) => near(value, least + 0.4 * (most - least))),
+    `${iso.arrays.Pressure}`);
 }
 
 async function the_whole_screen_and_the_panel() {
@@ -533,8 +561,11 @@ async function keys_do_what_the_help_says() {
   await page.keyboard.press('Escape');
   await page.evaluate(() => {
     window.open = () => null;
-    window.snapshot = () => JSON.stringify([window.tetlod.state, window.tetlod.scene.camera(), document.body.className, document.documentElement.dataset.theme,
-      Boolean(document.fullscreenElement), document.getElementById('help')?.open, window.notices.length]); // a notice may have gone
+    window.snapshot = () => JSON.stringify([
+      window.tetlod.state, window.tetlod.scene.camera(), document.body.className,
+      document.documentElement.dataset.theme, Boolean(document.fullscreenElement),
+      document.getElementById('help')?.open, window.notices.length
+    ]); // a notice may have gone
   });
   const names = { '←': 'ArrowLeft', '↑': 'ArrowUp', '→': 'ArrowRight', '↓': 'ArrowDown', '−': '-', '?': '?' };
   const elsewhere = ['double-click', 'Space', ',', '.']; // the steps of a series: test_player.mjs
@@ -554,12 +585,14 @@ async function a_line_is_plotted() {
   await open('');
   await page.locator('#line').check();
   await page.locator('#line-drawing .band').waitFor();
-  assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\), length [\d.]+$/);
+  assert.match(
+    await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\), length [\d.]+$/);
   const rows = (await download('line-csv')).bytes.toString().trim().split('\n').map((row) => row.split(','));
   assert.deepEqual(rows.shift(), ['distance', 'x', 'y', 'z', 'Pressure', 'at least', 'at most']);
   assert.ok(rows.length > 20);
   const vtp = vtpOf(await download('line-vtp'));
-  assert.deepEqual([vtp.points, vtp.lines, Object.keys(vtp.arrays)], [rows.length, rows.length / 2, ['Pressure', 'distance', 'at least', 'at most']]);
+  assert.deepEqual([vtp.points, vtp.lines, Object.keys(vtp.arrays)],
+    [rows.length, rows.length / 2, ['Pressure', 'distance', 'at least', 'at most']]);
   const bound = await page.evaluate(() => {
     const { stream, level } = window.tetlod;
     const { range } = stream.info.fields.find((f) => f.name === 'Pressure');
@@ -567,7 +600,8 @@ async function a_line_is_plotted() {
   });
   for (const row of rows.filter((_, i) => i % 7 === 0)) {
     const [, x, y, z, value, least, most] = row.map(Number);
-    const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, z]);
+    const found =
+      await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, z]);
     assert.ok(Math.abs(found - value) < 1e-4 * Math.abs(value) + 1e-6, `${value} along the line, ${found} there`);
     assert.ok(Math.abs(most - value - bound) < 1e-9 && Math.abs(value - least - bound) < 1e-9);
   }
@@ -604,7 +638,8 @@ async function values_are_probed() {
     const { probe, stream } = window.tetlod;
     return (await stream.probe(probe.world(probe.hit))).values.Velocity;
   });
-  assert.ok(Math.abs(Math.hypot(...hit) - Number(value)) < 0.1 * Math.hypot(...hit) + 0.05, `${value} is not the length of ${hit}`);
+  assert.ok(Math.abs(Math.hypot(...hit) - Number(value)) < 0.1 * Math.hypot(...hit) + 0.05,
+    `${value} is not the length of ${hit}`);
   // without anything under the pointer any more, nothing is said
   await page.keyboard.press('z');
   await until(() => document.getElementById('probe').hidden);
@@ -615,7 +650,8 @@ async function values_are_probed() {
 async function probes_stay() {
   await open('&pins=0.5,0.5,0.25');
   const first = page.locator('#pins .item').first();
-  const said = async () => /Pressure ([\d.]+) ± ([\d.]+) \([\d.]+\u202f%, certified\)/.exec(await first.innerText())?.slice(1).map(Number);
+  const said = async () =>
+    /Pressure ([\d.]+) ± ([\d.]+) \([\d.]+\u202f%, certified\)/.exec(await first.innerText())?.slice(1).map(Number);
   const { bounds } = await infoOf();
   const place = [0.5, 0.5, 0.25].map((x, i) => bounds[0][i] + x * (bounds[1][i] - bounds[0][i]));
   const at = () => page.evaluate(async (p) => (await window.tetlod.stream.probe(p)).values.Pressure[0], place);
@@ -638,7 +674,8 @@ async function probes_stay() {
 }
 
 async function fingers_turn_and_probe() {
-  const touch = await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
+  const touch =
+    await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
   await open('', touch);
   const box = await touch.locator('#picture').boundingBox();
   await touch.touchscreen.tap(box.x + box.width / 2, box.y + box.height / 2);
@@ -646,7 +683,8 @@ async function fingers_turn_and_probe() {
   const cdp = await touch.context().newCDPSession(touch);
   const camera = () => touch.evaluate(() => window.tetlod.scene.camera());
   const before = await camera();
-  const fingers = (type, points) => cdp.send('Input.dispatchTouchEvent', { type, touchPoints: points.map(([x, y], id) => ({ x: box.x + x, y: box.y + y, id })) });
+  const fingers = (type, points) => cdp.send('Input.dispatchTouchEvent',
+    { type, touchPoints: points.map(([x, y], id) => ({ x: box.x + x, y: box.y + y, id })) });
   await fingers('touchStart', [[150, 200]]);
   for (let i = 1; i <= 5; i++) await fingers('touchMove', [[150 + 12 * i, 200 + 4 * i]]);
   await fingers('touchEnd', []);
@@ -669,11 +707,33 @@ async function fingers_turn_and_probe() {
 }
 
 await run([
-  the_error_has_a_slider_and_two_fields, budgets_limit_the_level, stopping_leaves_no_hidden_budget, received_is_told,
-  units_are_typed, back_undoes, slow_frames_have_a_number, slow_motion_is_coarser, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
-  logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background,
-  axes_have_few_numbers_where_they_belong, the_volume_fits_the_window, a_second_view_turns_along,
-  a_link_shows_the_same, what_leaves_the_page,
-  surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
-  values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of,
+  the_error_has_a_slider_and_two_fields,
+  budgets_limit_the_level,
+  stopping_leaves_no_hidden_budget,
+  received_is_told,
+  units_are_typed,
+  back_undoes,
+  slow_frames_have_a_number,
+  slow_motion_is_coarser,
+  measures_are_chosen,
+  the_plot_is_dragged,
+  fields_and_components,
+  ranges_of_the_colours,
+  logarithm_map_and_direction,
+  a_logarithm_of_what_is_not_positive,
+  a_map_from_a_file,
+  the_camera_and_the_background,
+  axes_have_few_numbers_where_they_belong,
+  the_volume_fits_the_window,
+  a_second_view_turns_along,
+  a_link_shows_the_same,
+  what_leaves_the_page,
+  surfaces_are_saved,
+  the_whole_screen_and_the_panel,
+  keys_do_what_the_help_says,
+  a_line_is_plotted,
+  values_are_probed,
+  probes_stay,
+  fingers_turn_and_probe,
+  nothing_was_complained_of,
 ]);

@@ -1,23 +1,39 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The controls of the panel's layers: what of the volume is drawn, as surfaces, as arrows and streamlines, and as a volume.
+// The controls of the panel's layers: what of the volume is drawn, as surfaces, as arrows and streamlines, and as a
+// volume.
 import assert from 'node:assert/strict';
 import { colorTable } from '../../server/web/page/colors.js';
 import { firstPicture, settled } from './browser.mjs';
-import { becomes, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, size, state, until } from './controls.mjs';
+import {
+  becomes,
+  changesThePicture,
+  enter,
+  infoOf,
+  nothing_was_complained_of,
+  open,
+  page,
+  picture,
+  size,
+  state,
+  until
+} from './controls.mjs';
 import { run } from './tap.mjs';
 
 const small = { width: 580, height: 480 }; // rays take long where the processor draws
 
 async function layers_are_drawn() {
   await open('');
-  for (const surface of ['inside', 'glass', 'off', 'solid']) await changesThePicture(`boundary ${surface}`, () => page.locator('#surface').selectOption(surface));
+  for (const surface of ['inside', 'glass', 'off', 'solid'])
+    await changesThePicture(`boundary ${surface}`, () => page.locator('#surface').selectOption(surface));
   await changesThePicture('wireframe', () => page.locator('#edges').check());
   await page.locator('#edges').uncheck();
-  for (const axis of ['x', 'y', 'z', 'view']) await changesThePicture(`slice ${axis}`, () => page.locator(`[data-slice=${axis}]`).click());
+  for (const axis of ['x', 'y', 'z', 'view'])
+    await changesThePicture(`slice ${axis}`, () => page.locator(`[data-slice=${axis}]`).click());
   assert.equal((await state()).slices.length, 4);
   assert.equal((await state()).surface, 'inside', 'a solid boundary opens for what is inside');
   await changesThePicture('edges on slices', () => page.locator('#slice-edges').check());
-  await changesThePicture('a slice that is moved', () => page.getByLabel('Slice 1: place', { exact: true }).fill('200'));
+  await changesThePicture(
+    'a slice that is moved', () => page.getByLabel('Slice 1: place', { exact: true }).fill('200'));
   await page.getByLabel('Slice 1: place in percent').fill('30 %');
   await page.getByLabel('Slice 1: place in percent').press('Enter');
   assert.equal((await state()).slices[0].at, 0.3);
@@ -29,7 +45,8 @@ async function layers_are_drawn() {
   assert.deepEqual((await state()).slices[1].normal, [1, 0, 0]);
   for (let i = 0; i < 4; i++) await page.getByLabel('Remove slice 1').click();
   assert.equal((await state()).surface, 'solid', 'and closes again');
-  for (const axis of ['x', 'y', 'z', 'view']) await changesThePicture(`clip ${axis}`, () => page.locator(`[data-clip=${axis}]`).click());
+  for (const axis of ['x', 'y', 'z', 'view'])
+    await changesThePicture(`clip ${axis}`, () => page.locator(`[data-clip=${axis}]`).click());
   await changesThePicture('the other side', () => page.getByLabel('Keep the other side').click());
   await changesThePicture('no clip', () => page.getByLabel('Remove clip 1').click());
 }
@@ -52,7 +69,8 @@ async function a_threshold_leaves_cells() {
 
 async function cells_colour_and_regions_are_hidden() {
   await open('');
-  assert.ok(await page.locator('#cells-row').isHidden() && await page.locator('#regions-body').isHidden(), 'this stream has none');
+  assert.ok(await page.locator('#cells-row').isHidden() && await page.locator('#regions-body').isHidden(),
+    'this stream has none');
   await open('', page, 'cells');
   await changesThePicture('colours by values of cells', () => page.locator('#cells').selectOption('material'));
   const values = () => page.evaluate(() => [...new Set(window.tetlod.scene.surface.part.values)].sort());
@@ -116,8 +134,10 @@ async function isosurfaces_are_drawn() {
   const [low, high] = fields[0].range;
   assert.ok(Math.abs((await state()).isosurfaces[1] - (2 - low) / (high - low)) < 1e-9);
   await changesThePicture('the zone of the original', () => page.locator('#zone').check());
-  assert.match(await page.locator('#zone-words').innerText(), /between the shells: ± [\d.]+ \([\d.]+\u202f%, certified\)/);
-  await changesThePicture('isosurfaces of another field', () => page.locator('#isosurface-field').selectOption('Density'));
+  assert.match(
+    await page.locator('#zone-words').innerText(), /between the shells: ± [\d.]+ \([\d.]+\u202f%, certified\)/);
+  await changesThePicture(
+    'isosurfaces of another field', () => page.locator('#isosurface-field').selectOption('Density'));
   await changesThePicture('opacity', () => page.locator('#isosurface-opacity').fill('40'));
   await page.getByLabel('Remove isosurface 1').click();
   await changesThePicture('none', () => page.getByLabel('Remove isosurface 1').click());
@@ -126,13 +146,14 @@ async function isosurfaces_are_drawn() {
   await open('&field=Velocity');
   await changesThePicture('an isosurface of the length', () => page.locator('#add-isosurface').click());
   const value = Number(await page.getByLabel('Isosurface 1: value').last().inputValue());
-  const [least, most] = await page.evaluate(() => ['low', 'high'].map((id) => Number(document.getElementById(id).value)));
+  const [least, most] =
+    await page.evaluate(() => ['low', 'high'].map((id) => Number(document.getElementById(id).value)));
   assert.ok(Math.abs(value - (least + most) / 2) < 1e-3 * most, `${value} of ${least} to ${most}`);
   assert.equal(await page.getByLabel('Isosurface 1: value').first().inputValue(), '500');
 }
 
-// The largest difference, of 255, between the picture and what the values along the rays give, where nothing else is drawn.
-// `behind`: the plane {origin, normal} that clips, or null
+// The largest difference, of 255, between the picture and what the values along the rays give, where nothing else is
+// drawn. `behind`: the plane {origin, normal} that clips, or null
 const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
   const { stream, scene, state } = window.tetlod;
   scene.box.setVisibility(false);
@@ -155,7 +176,8 @@ const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
       for (let k = 0; k < steps; k++) {
         const value = ends[i + 1] + ((k + 0.5) / steps) * (ends[i + 3] - ends[i + 1]);
         const x = Math.min(1, Math.max(0, (value - low) / (high - low)));
-        const taken = light * (1 - (1 - opacityAt(x)) ** ((ends[i + 2] - ends[i]) * length / steps * 100 / Math.max(...sides)));
+        const taken =
+          light * (1 - (1 - opacityAt(x)) ** ((ends[i + 2] - ends[i]) * length / steps * 100 / Math.max(...sides)));
         map[Math.round(x * (map.length - 1))].forEach((c, d) => { seen[d] += taken * (c / 255); });
         light -= taken;
       }
@@ -172,7 +194,8 @@ const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
       let [near, far] = [begin, begin.map((c, i) => c + length * direction[i])];
       if (clip) { // what is before the plane is cut off
         const along = clip.normal.reduce((s, n, i) => s + n * direction[i], 0);
-        const at = begin.map((c, i) => c + (clip.normal.reduce((s, n, k) => s + n * (clip.origin[k] - begin[k]), 0) / along) * direction[i]);
+        const at = begin.map((c, i) => c
+            + (clip.normal.reduce((s, n, k) => s + n * (clip.origin[k] - begin[k]), 0) / along) * direction[i]);
         if (along < 0) near = at; else far = at;
       }
       const { ends } = await stream.line(near, far);
@@ -188,7 +211,8 @@ const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
 async function tetrahedra_are_rendered() {
   await page.setViewportSize(small);
   const middle = { normal: [1, 0, 0], at: 0.5 };
-  for (const [more, clip, id] of [['&error=0.2', null], ['&error=0.2&field=Velocity', null], ['&error=0&cells=load', null, 'cells'], ['&error=0', null], ['&error=0.01&clip=x@0.5', middle]]) {
+  for (const [more, clip, id] of [['&error=0.2', null], ['&error=0.2&field=Velocity', null],
+         ['&error=0&cells=load', null, 'cells'], ['&error=0', null], ['&error=0.01&clip=x@0.5', middle]]) {
     await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`, page, id);
     await until(() => window.tetlod.scene.rays?.actor.getVisibility());
     await picture();
@@ -200,11 +224,13 @@ async function tetrahedra_are_rendered() {
   }
   // a threshold leaves tetrahedra out, what is opaque ends the rays
   await changesThePicture('a threshold', () => page.evaluate(() => window.tetlod.set({ threshold: [0, 0.3] })));
-  await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
+  await changesThePicture(
+    'a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
   await page.setViewportSize(size);
 }
 
-// The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
+// The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as
+// that.
 async function rays_pass_flat_tetrahedra() {
   await page.setViewportSize(small);
   await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
@@ -261,5 +287,8 @@ async function a_volume_is_rendered() {
   assert.equal((await state()).surface, 'solid');
 }
 
-await run([layers_are_drawn, a_threshold_leaves_cells, cells_colour_and_regions_are_hidden, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered,
-  rays_pass_flat_tetrahedra, a_volume_is_rendered, nothing_was_complained_of]);
+await run([
+  layers_are_drawn, a_threshold_leaves_cells, cells_colour_and_regions_are_hidden, vectors_are_drawn,
+  isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  nothing_was_complained_of
+]);

@@ -77,7 +77,8 @@ async function onlySomeFields() {
   view.open([1]);
   view.seek(1);
   assert.deepEqual(Object.keys(view.mesh(fields).fields), [fields[1].name]);
-  const inside = [0, 1, 2].map((i) => [0, 1, 2, 3].reduce((sum, c) => sum + view.mesh([]).positions[3 * view.mesh([]).tets[c] + i] / 4, 0));
+  const inside = [0, 1, 2].map(
+    (i) => [0, 1, 2, 3].reduce((sum, c) => sum + view.mesh([]).positions[3 * view.mesh([]).tets[c] + i] / 4, 0));
   assert.deepEqual(Object.keys(view.probe(inside, fields).values), [fields[1].name]);
 }
 
@@ -173,10 +174,13 @@ async function partsAreWhereTheyShouldBe() {
   const iso = view.isosurface(0, 0, value, { normals: true });
   assert.ok(iso.triangles.length);
   iso.values.forEach((v) => assert.ok(Math.abs(v - value) < 1e-5 * (high - low)));
-  for (let v = 0; v < iso.values.length; v++) assert.ok(Math.abs(dot(point(iso.normals, v), point(iso.normals, v)) - 1) < 1e-5);
+  for (let v = 0; v < iso.values.length; v++)
+    assert.ok(Math.abs(dot(point(iso.normals, v), point(iso.normals, v)) - 1) < 1e-5);
 }
 
-const sum = (part, of) => Array.from({ length: part.triangles.length / 3 }, (_, t) => of(...part.triangles.subarray(3 * t, 3 * t + 3))).reduce((a, b) => a + b, 0);
+const sum = (part, of) =>
+  Array.from({ length: part.triangles.length / 3 }, (_, t) => of(...part.triangles.subarray(3 * t, 3 * t + 3)))
+    .reduce((a, b) => a + b, 0);
 
 function areaOf(part) {
   return sum(part, (...corners) => {
@@ -187,13 +191,17 @@ function areaOf(part) {
   });
 }
 
-// Both sides of a plane together are the whole, of slices and isosurfaces; and each is on its side, with the values that it had.
+// Both sides of a plane together are the whole, of slices and isosurfaces; and each is on its side, with the values
+// that it had.
 async function clippedPartsAddUp() {
   const { view, fields, centre } = await oneLevel();
   const [low, high] = fields[0].range;
   const value = low + 0.4 * (high - low);
   const normal = [1, 0.3, -0.2];
-  const makers = [() => view.slice(centre, [0, 0, 1], { lines: true, normals: true }), () => view.isosurface(0, 0, value, { lines: true, normals: true })];
+  const makers = [
+    () => view.slice(centre, [0, 0, 1], { lines: true, normals: true }),
+    () => view.isosurface(0, 0, value, { lines: true, normals: true })
+  ];
   for (const make of makers) {
     view.clip(null);
     const whole = make();
@@ -212,7 +220,8 @@ async function clippedPartsAddUp() {
     assert.ok(halves.every((part) => areaOf(part) > 0.01 * areaOf(whole)));
     assert.ok(Math.abs(areaOf(halves[0]) + areaOf(halves[1]) - areaOf(whole)) < 1e-4 * areaOf(whole));
     const mean = (part) => sum(part, (a, b, c) => part.values[a] + part.values[b] + part.values[c]);
-    assert.ok(mean(whole) > 0 && Math.min(...halves[0].values, ...halves[1].values) >= Math.min(...whole.values) - 1e-6);
+    assert.ok(
+      mean(whole) > 0 && Math.min(...halves[0].values, ...halves[1].values) >= Math.min(...whole.values) - 1e-6);
   }
   view.clip(null);
 }
@@ -230,7 +239,8 @@ async function volumesAreClippedAndLogarithmic() {
   let hidden = 0;
   let least = Infinity;
   for (let i = 0; i < voxels.length / 2; i++) {
-    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])].map((n, k) => origin[k] + n * spacing[k]);
+    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])].map(
+      (n, k) => origin[k] + n * spacing[k]);
     const distance = dot(at, normal) - dot(centre, normal);
     const step = dot(spacing, normal);
     const seen = voxels[2 * i + 1];
@@ -259,7 +269,8 @@ async function probesAndGridsAgreeWithTheMesh() {
   const { view, fields, low, high, mesh } = await oneLevel();
   for (const tet of [0, 7, 100]) {
     const corners = [...mesh.tets.subarray(4 * tet, 4 * tet + 4)];
-    const mean = (values, components) => Array.from({ length: components }, (_, c) => corners.reduce((sum, v) => sum + values[components * v + c] / 4, 0));
+    const mean = (values, components) =>
+      Array.from({ length: components }, (_, c) => corners.reduce((sum, v) => sum + values[components * v + c] / 4, 0));
     const found = view.probe(mean(mesh.positions, 3), fields);
     assert.equal(found.tet, tet);
     for (const { name, components } of fields)
@@ -284,7 +295,8 @@ async function probesAndGridsAgreeWithTheMesh() {
 
 // wasm32 ends at 4 GiB: that is an error that says so, not a crash. The memory is reserved, never touched.
 async function memoryHasAnEnd() {
-  const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: { fd_close() {}, fd_seek() {}, fd_write() {} } });
+  const { exports } =
+    await WebAssembly.instantiate(module, { wasi_snapshot_preview1: { fd_close() {}, fd_seek() {}, fd_write() {} } });
   exports._initialize();
   const view = new View(exports);
   const bytes = read('grid_float32.tetlod');
@@ -304,5 +316,8 @@ async function memoryHasAnEnd() {
   assert.equal(hash(view, fields), expected);
 }
 
-await run([everyGoldenStreamEveryLevelUpAndDown, bytesInAnyPieces, onlySomeFields, damageSaysWhere, aMoveEndsAtBothLevels,
-  partsAreWhereTheyShouldBe, clippedPartsAddUp, volumesAreClippedAndLogarithmic, probesAndGridsAgreeWithTheMesh, memoryHasAnEnd]);
+await run([
+  everyGoldenStreamEveryLevelUpAndDown, bytesInAnyPieces, onlySomeFields, damageSaysWhere, aMoveEndsAtBothLevels,
+  partsAreWhereTheyShouldBe, clippedPartsAddUp, volumesAreClippedAndLogarithmic, probesAndGridsAgreeWithTheMesh,
+  memoryHasAnEnd
+]);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The life of <tetlod-view>: it may go, or get another source, at any moment, and leaves neither a worker nor a graphics' context.
+// The life of <tetlod-view>: it may go, or get another source, at any moment, and leaves neither a worker nor a
+// graphics' context.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync } from 'node:fs';
@@ -87,7 +88,8 @@ async function mounts_at_random_moments_leave_nothing() {
   );
   await until('no worker is left', () => page.workers().length === 0);
   console.log(
-    `# ${shown} of ${mounts} came to a picture; ${await page.evaluate(() => window.contexts.length)} contexts were made`,
+    `# ${shown} of ${mounts} came to a picture; ${
+      await page.evaluate(() => window.contexts.length)} contexts were made`,
   );
   assert.ok(shown >= mounts / 20 && shown < mounts, `${shown} came to a picture`);
   assert.equal(await live(), 0);

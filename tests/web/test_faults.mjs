@@ -8,7 +8,11 @@ import { run } from './tap.mjs';
 
 const { path, bytes } = sampleStream();
 const browser = await launch();
-const shown = (page) => page.evaluate(() => ({ level: window.tetlod.level, levels: window.tetlod.stream.info.levels.length, received: window.tetlod.stream.received }));
+const shown = (page) => page.evaluate(() => ({
+  level: window.tetlod.level,
+  levels: window.tetlod.stream.info.levels.length,
+  received: window.tetlod.stream.received
+}));
 
 async function askForAll(page) {
   await page.locator('#error-percent').fill('0');
@@ -31,13 +35,15 @@ async function resumes_after_a_killed_server() {
   await settled(page);
   const after = await shown(page);
   assert.equal(after.level, after.levels - 1);
-  assert.equal(after.received, await page.evaluate(() => window.tetlod.stream.info.levels.at(-1).bytes)); // of the field that is shown
+  assert.equal(after.received,
+    await page.evaluate(() => window.tetlod.stream.info.levels.at(-1).bytes)); // of the field that is shown
   await page.waitForFunction(() => !document.querySelector('#notice-retry, #notice-error'));
   await page.context().close();
   await server.stop();
 }
 
-// One flipped bit in the first field's exact values, which come last: every level before it can be used, and the page says what is wrong.
+// One flipped bit in the first field's exact values, which come last: every level before it can be used, and the page
+// says what is wrong.
 async function damage_is_said_and_levels_before_it_stay() {
   const damaged = Buffer.from(bytes);
   const { levels: all } = JSON.parse(execFileSync(TETLOD, ['info', path, '--json']));
@@ -45,7 +51,8 @@ async function damage_is_said_and_levels_before_it_stay() {
   const server = await program([path]);
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}view.html#error=0.2`);
-  await page.locator('#choose-file').setInputFiles({ name: 'damaged.tetlod', mimeType: '', buffer: damaged }); // a server checks what it serves
+  await page.locator('#choose-file')
+    .setInputFiles({ name: 'damaged.tetlod', mimeType: '', buffer: damaged }); // a server checks what it serves
   await firstPicture(page);
   await settled(page);
   await askForAll(page);

@@ -49,7 +49,8 @@ async function a_file_that_is_dropped_on_the_catalogue() {
 async function a_damaged_file_is_said() {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}view.html`);
-  await page.locator('#choose-file').setInputFiles({ name: 'photo.tetlod', mimeType: '', buffer: Buffer.from('not a stream at all'.repeat(100)) });
+  await page.locator('#choose-file')
+    .setInputFiles({ name: 'photo.tetlod', mimeType: '', buffer: Buffer.from('not a stream at all'.repeat(100)) });
   await page.getByText(/photo cannot be shown: .*not a tetlod/).waitFor();
   await page.context().close();
 }
@@ -72,13 +73,16 @@ async function a_folder_on_a_static_host() {
   copyFileSync(path, join(SCRATCH, `two/${strange}.tetlod`));
   execFileSync(TETLOD, ['explode', join(SCRATCH, 'two'), '-o', join(SCRATCH, 'site/some/where'), '--viewer']);
   const host = await fileHost((url) => {
-    const file = join(SCRATCH, 'site', decodeURIComponent(new URL(url, 'http://x').pathname).replace(/\/$/, '/index.html'));
+    const file =
+      join(SCRATCH, 'site', decodeURIComponent(new URL(url, 'http://x').pathname).replace(/\/$/, '/index.html'));
     return existsSync(file) && statSync(file).isFile() && readFileSync(file);
   });
   const page = await openPage(browser, host.origin);
   for (const name of ['fin', strange]) {
     await page.goto(`${host.origin}/some/where/index.html`);
-    await page.locator('section', { has: page.getByRole('link', { name, exact: true }) }).getByRole('link', { name: 'View' }).click();
+    await page.locator('section', { has: page.getByRole('link', { name, exact: true }) })
+      .getByRole('link', { name: 'View' })
+      .click();
     page.complaints.length = 0; // v1/meshes is no file there
     await showsAll(page);
     assert.equal(await page.locator('#name').innerText(), name);
@@ -87,4 +91,7 @@ async function a_folder_on_a_static_host() {
   host.close();
 }
 
-await run([a_file_that_is_chosen, a_file_that_is_dropped_on_the_catalogue, a_damaged_file_is_said, a_file_with_a_percent_sign, a_folder_on_a_static_host]);
+await run([
+  a_file_that_is_chosen, a_file_that_is_dropped_on_the_catalogue, a_damaged_file_is_said, a_file_with_a_percent_sign,
+  a_folder_on_a_static_host
+]);

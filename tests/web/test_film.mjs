@@ -25,7 +25,10 @@ const played = (bytes) => player.evaluate(async (text) => {
     video.requestVideoFrameCallback(look);
   };
   video.requestVideoFrameCallback(look);
-  const ended = new Promise((resolve, reject) => { video.onended = resolve; video.onerror = () => reject(video.error); });
+  const ended = new Promise((resolve, reject) => {
+    video.onended = resolve;
+    video.onerror = () => reject(video.error);
+  });
   await video.play();
   await ended;
   return { size: [video.videoWidth, video.videoHeight], pictures: seen.size };

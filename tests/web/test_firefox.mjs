@@ -38,7 +38,14 @@ async function firefox_draws_what_others_draw() {
     window.tetlod.set({ volume: true, isosurfaces: [] });
     await until(() => window.tetlod.scene.rays && window.tetlod.scene.cells);
     const third = await colors();
-    return { first, second, third, error: errors.Pressure.max, rays: window.tetlod.state.volumeSize === 0, words: document.getElementById('shown-error').innerText };
+    return {
+      first,
+      second,
+      third,
+      error: errors.Pressure.max,
+      rays: window.tetlod.state.volumeSize === 0,
+      words: document.getElementById('shown-error').innerText
+    };
   });
   assert.ok(found.first > 200 && found.second > 200 && found.third > 200, JSON.stringify(found));
   assert.ok(found.error <= 0.01 && found.rays && found.words.includes('%'), JSON.stringify(found));

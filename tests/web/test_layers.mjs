@@ -19,7 +19,8 @@ async function picturesAt(level, spec) {
   return null;
 }
 
-const pointsOf = ({ points }) => Array.from({ length: points.length / 3 }, (_, i) => [...points.subarray(3 * i, 3 * i + 3)]);
+const pointsOf = ({ points }) =>
+  Array.from({ length: points.length / 3 }, (_, i) => [...points.subarray(3 * i, 3 * i + 3)]);
 
 // Where the original has the value, a coarse level has it up to the bound; its shells have exactly the bound.
 async function the_originals_isosurface_lies_in_the_zone() {
@@ -29,7 +30,8 @@ async function the_originals_isosurface_lies_in_the_zone() {
   const points = pointsOf(original.isosurfaces[0]).filter((_, i) => i % 5 === 0);
   assert.ok(points.length > 100);
   for (const level of [finest >> 2, finest >> 1]) {
-    const { zones: [{ bound, certified, sides }, none] } = await picturesAt(level, { isosurfaces: [{ value, zone: true }, { value }] });
+    const { zones: [{ bound, certified, sides }, none] } =
+      await picturesAt(level, { isosurfaces: [{ value, zone: true }, { value }] });
     assert.deepEqual([none, certified, bound], [null, true, info.levels[level].errors[name].max * (high - low)]);
     sides.forEach(({ values }, side) => {
       assert.ok(values.length > 10);
@@ -44,7 +46,10 @@ async function the_originals_isosurface_lies_in_the_zone() {
 
 async function a_threshold_leaves_the_cells_in_its_range() {
   const [from, to] = [low + 0.1 * (high - low), low + 0.4 * (high - low)];
-  const whole = { surface: true, slices: [{ origin: info.bounds[0].map((x, i) => (x + info.bounds[1][i]) / 2), normal: [0, 0, 1] }] };
+  const whole = {
+    surface: true,
+    slices: [{ origin: info.bounds[0].map((x, i) => (x + info.bounds[1][i]) / 2), normal: [0, 0, 1] }]
+  };
   const all = await picturesAt(finest >> 1, whole);
   const { surface, slices } = await picturesAt(finest >> 1, { ...whole, threshold: { low: from, high: to } });
   for (const part of [surface, ...slices]) {
@@ -63,7 +68,8 @@ async function a_threshold_leaves_the_cells_in_its_range() {
   // as many cells as the mesh has in that range: the surface encloses their volume
   const mesh = await stream.mesh();
   const at = (v) => mesh.positions.subarray(3 * v, 3 * v + 3);
-  const triple = (a, b, c) => a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+  const triple = (a, b, c) =>
+    a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
   let volume = 0;
   for (let t = 0; t < mesh.tets.length; t += 4) {
     const tet = [...mesh.tets.subarray(t, t + 4)];
@@ -73,7 +79,8 @@ async function a_threshold_leaves_the_cells_in_its_range() {
   }
   const points = pointsOf(surface);
   let enclosed = 0;
-  for (let i = 0; i < triangles.length; i += 3) enclosed += triple(...[0, 1, 2].map((k) => points[triangles[i + k]])) / 6;
+  for (let i = 0; i < triangles.length; i += 3)
+    enclosed += triple(...[0, 1, 2].map((k) => points[triangles[i + k]])) / 6;
   assert.ok(volume > 0 && Math.abs(enclosed - volume) < 1e-3 * volume, `${enclosed}, not ${volume}`);
   const back = await picturesAt(finest >> 1, whole);
   assert.deepEqual(back.surface.triangles, all.surface.triangles);

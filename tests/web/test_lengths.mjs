@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The length of a vector is that of interpolated components, wherever it is shown: slices, isosurfaces, what is clipped, lines, grids,
-// arrows, pixels, and the value under the pointer. Held against the mesh's own arrays, in double precision.
+// The length of a vector is that of interpolated components, wherever it is shown: slices, isosurfaces, what is
+// clipped, lines, grids, arrows, pixels, and the value under the pointer. Held against the mesh's own arrays, in double
+// precision.
 import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
@@ -25,21 +26,27 @@ const lengthAt = (v) => Math.hypot(...mesh.fields.flow.subarray(3 * v, 3 * v + 3
 const longest = Math.max(...Array.from({ length: mesh.positions.length / 3 }, (_, v) => lengthAt(v)));
 const normal = [1, 0.7, 0.35];
 
-const triple = (a, b, c) => a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+const triple = (a, b, c) =>
+  a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
 const corner = (v, list = mesh.positions) => [...list.subarray(3 * v, 3 * v + 3)];
 const minus = (a, b) => a.map((x, i) => x - b[i]);
 const mean = (rows, weights) => rows[0].map((_, c) => rows.reduce((sum, row, i) => sum + weights[i] * row[c], 0));
 
-// {vector, straight}: the vector at a point, and the mean of the corners' lengths, which is not its length; null outside.
+// {vector, straight}: the vector at a point, and the mean of the corners' lengths, which is not its length; null
+// outside.
 function vectorAt(p) {
   for (let t = 0; t < mesh.tets.length; t += 4) {
     const ids = [...mesh.tets.subarray(t, t + 4)];
     const d = ids.map((v) => minus(corner(v), p));
-    const parts = [triple(d[1], d[2], d[3]), -triple(d[0], d[2], d[3]), triple(d[0], d[1], d[3]), -triple(d[0], d[1], d[2])];
+    const parts =
+      [triple(d[1], d[2], d[3]), -triple(d[0], d[2], d[3]), triple(d[0], d[1], d[3]), -triple(d[0], d[1], d[2])];
     const whole = parts.reduce((a, b) => a + b);
     const weights = parts.map((x) => x / whole);
     if (whole === 0 || Math.min(...weights) < -1e-7) continue;
-    return { vector: mean(ids.map((v) => corner(v, mesh.fields.flow)), weights), straight: weights.reduce((sum, w, i) => sum + w * lengthAt(ids[i]), 0) };
+    return {
+      vector: mean(ids.map((v) => corner(v, mesh.fields.flow)), weights),
+      straight: weights.reduce((sum, w, i) => sum + w * lengthAt(ids[i]), 0)
+    };
   }
   return null;
 }
@@ -57,7 +64,10 @@ function placesIn({ points, vectors, triangles, values }, count) {
     const ids = [...triangles.subarray(t, t + 3)];
     const [a, b] = [random(), random()].sort();
     const weights = [a, b - a, 1 - b];
-    return { point: mean(ids.map((v) => corner(v, points)), weights), value: Math.hypot(...mean(ids.map((v) => corner(v, vectors)), weights)) };
+    return {
+      point: mean(ids.map((v) => corner(v, points)), weights),
+      value: Math.hypot(...mean(ids.map((v) => corner(v, vectors)), weights))
+    };
   });
 }
 
@@ -73,7 +83,8 @@ function holds(part, what) {
     bent = Math.max(bent, found.straight - exact);
     assert.ok(Math.abs(value - exact) < 2e-5 * longest, `${what}: ${value}, not ${exact}`);
   }
-  console.log(`# ${what}: ${compared} places; between lengths of corners it would be ${(bent / longest).toFixed(3)} of the longest off`);
+  console.log(`# ${what}: ${compared} places; between lengths of corners it would be ${
+    (bent / longest).toFixed(3)} of the longest off`);
   assert.ok(compared > 100 && bent > 0.01 * longest, `${what}: ${compared} places, ${bent}`);
 }
 
@@ -98,21 +109,26 @@ async function isosurfaces_are_where_the_length_is() {
     let compared = 0;
     for (const { point } of placesIn(part, 150)) {
       const found = vectorAt(point);
-      if (found) assert.ok(Math.abs(Math.hypot(...found.vector) - value) < longest / 500, `${Math.hypot(...found.vector)}, not ${value}`);
+      if (found)
+        assert.ok(Math.abs(Math.hypot(...found.vector) - value) < longest / 500,
+          `${Math.hypot(...found.vector)}, not ${value}`);
       compared += Boolean(found);
     }
     assert.ok(compared > 100);
     const far = view.isosurface(flow, -1, value, { margin: true });
     for (const { point } of placesIn(far, 150)) {
       const found = vectorAt(point);
-      if (found) assert.ok(Math.hypot(...found.vector) > value - 2e-5 * longest, 'the far side of a zone is not nearer than the value');
+      if (found)
+        assert.ok(
+          Math.hypot(...found.vector) > value - 2e-5 * longest, 'the far side of a zone is not nearer than the value');
     }
   }
   view.shade(0, 0); // another field colours
   const part = view.isosurface(flow, -1, 0.6 * longest, { normals: true });
   assert.equal(part.vectors, null);
   const probe = (v) => view.probe(corner(v, part.points), fields)?.values[fields[0].name][0];
-  for (const v of [0, part.values.length >> 1, part.values.length - 1]) assert.ok(Math.abs(probe(v) - part.values[v]) < 1e-4 * Math.abs(part.values[v]));
+  for (const v of [0, part.values.length >> 1, part.values.length - 1])
+    assert.ok(Math.abs(probe(v) - part.values[v]) < 1e-4 * Math.abs(part.values[v]));
   view.shade(flow, -1);
 }
 
@@ -133,16 +149,20 @@ async function lines_and_grids() {
     }
     return bent;
   };
-  const bends = Array.from({ length: 4 }, (_, i) => lineThrough(low.map((x, k) => x + (k === 0 ? 0.01 : 0.11 + 0.2 * i) * (high[k] - x)), high.map((x, k) => x - (k === 0 ? 0.01 : 0.7 - 0.2 * i) * (x - low[k]))));
+  const bends = Array.from({ length: 4 },
+    (_, i) => lineThrough(low.map((x, k) => x + (k === 0 ? 0.01 : 0.11 + 0.2 * i) * (high[k] - x)),
+      high.map((x, k) => x - (k === 0 ? 0.01 : 0.7 - 0.2 * i) * (x - low[k]))));
   assert.ok(Math.max(...bends) > 0.01 * longest);
   const { dims, origin, spacing, voxels } = view.resample(24, false);
   let compared = 0;
   for (let i = 0; i < voxels.length / 2; i += 7) {
-    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])].map((n, k) => origin[k] + n * spacing[k]);
+    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])].map(
+      (n, k) => origin[k] + n * spacing[k]);
     const found = voxels[2 * i + 1] && vectorAt(at);
     if (!found) continue;
     compared++;
-    assert.ok(Math.abs(voxels[2 * i] - Math.hypot(...found.vector)) < 1e-4 * longest, `grid: ${voxels[2 * i]}, not ${Math.hypot(...found.vector)}`);
+    assert.ok(Math.abs(voxels[2 * i] - Math.hypot(...found.vector)) < 1e-4 * longest,
+      `grid: ${voxels[2 * i]}, not ${Math.hypot(...found.vector)}`);
   }
   assert.ok(compared > 100, `${compared} grid points`);
 }
@@ -162,7 +182,8 @@ async function arrows_have_the_length_of_their_vector() {
 const server = await program([stream.path]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
-const coarse = 'field=flow&component=magnitude&errorField=heat&error=0&smooth=0&surface=off&sliceEdges=0&range=data&map=viridis';
+const coarse =
+  'field=flow&component=magnitude&errorField=heat&error=0&smooth=0&surface=off&sliceEdges=0&range=data&map=viridis';
 
 async function open(stateText) {
   await page.goto('about:blank');
@@ -171,7 +192,8 @@ async function open(stateText) {
   await settled(page);
 }
 
-// [wrong, seen]: of the pixels of a slice, those whose colour is not that of the length there, and all that were looked at.
+// [wrong, seen]: of the pixels of a slice, those whose colour is not that of the length there, and all that were looked
+// at.
 const wrongPixels = () => page.evaluate(async () => {
   const { scene, stream, viewer } = window.tetlod;
   const image = await scene.capture();
@@ -200,14 +222,20 @@ const wrongPixels = () => page.evaluate(async () => {
 });
 
 async function every_pixel_has_the_colour_of_its_length() {
-  for (const [what, more] of [['slice', '&slices=z@0.3'], ['logarithmic slice', '&slices=z@0.3&log=1&range=manual&low=0.4&high=2'], ['clipped boundary', '&surface=solid&clip=y@0.4']]) {
+  for (const [what, more] of [['slice', '&slices=z@0.3'],
+         ['logarithmic slice', '&slices=z@0.3&log=1&range=manual&low=0.4&high=2'],
+         ['clipped boundary', '&surface=solid&clip=y@0.4']]) {
     await open(more);
-    await page.evaluate(() => new Promise((resolve) => { window.tetlod.scene.addEventListener('render', resolve, { once: true }); window.tetlod.scene.look('+z'); }));
+    await page.evaluate(() => new Promise((resolve) => {
+      window.tetlod.scene.addEventListener('render', resolve, { once: true });
+      window.tetlod.scene.look('+z');
+    }));
     const { wrong, seen, told } = await wrongPixels();
     console.log(`# ${what}: ${wrong} of ${seen} pixels have another colour; the pointer is told ${told} off`);
     writeFileSync(join(SCRATCH, `lengths_${what.replaceAll(' ', '_')}.png`), await page.screenshot());
     writeFileSync(join(SCRATCH, `lengths_${what.replaceAll(' ', '_')}.png`), await page.screenshot());
-    assert.ok(seen > 100 && wrong <= 0.02 * seen, `${what}: ${wrong} of ${seen} pixels`); // at a silhouette, and where tetrahedra overlap
+    assert.ok(seen > 100 && wrong <= 0.02 * seen,
+      `${what}: ${wrong} of ${seen} pixels`); // at a silhouette, and where tetrahedra overlap
     assert.ok(told < 1e-4, `${what}: the pointer is told ${told} of the range off`);
   }
   await page.evaluate(() => window.tetlod.set({ field: 'heat', log: false, range: 'data' }));
@@ -215,4 +243,7 @@ async function every_pixel_has_the_colour_of_its_length() {
   assert.deepEqual(page.complaints, []);
 }
 
-await run([slices_and_what_is_clipped, isosurfaces_are_where_the_length_is, lines_and_grids, arrows_have_the_length_of_their_vector, every_pixel_has_the_colour_of_its_length]);
+await run([
+  slices_and_what_is_clipped, isosurfaces_are_where_the_length_is, lines_and_grids,
+  arrows_have_the_length_of_their_vector, every_pixel_has_the_colour_of_its_length
+]);

@@ -12,7 +12,8 @@ import { run } from './tap.mjs';
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
 const path = join(SCRATCH, 'bounded.tetlod');
 execFileSync(TETLOD, ['sample', 'fin', '-o', join(SCRATCH, 'bounded.vtu')], { stdio: 'ignore' });
-execFileSync(TETLOD, ['build', join(SCRATCH, 'bounded.vtu'), '--field', 'Pressure', '--local-bound', '-o', path, '--quiet']);
+execFileSync(
+  TETLOD, ['build', join(SCRATCH, 'bounded.vtu'), '--field', 'Pressure', '--local-bound', '-o', path, '--quiet']);
 const server = await program([path]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
@@ -24,7 +25,8 @@ async function open(state) {
   await settled(page);
 }
 
-const inPage = () => page.evaluate(() => ({ level: window.tetlod.level, fields: window.tetlod.stream.fields, field: window.tetlod.state.field }));
+const inPage = () => page.evaluate(
+  () => ({ level: window.tetlod.level, fields: window.tetlod.stream.fields, field: window.tetlod.state.field }));
 
 // The original's values, where the page has probed or plotted.
 async function original(points) {
@@ -44,14 +46,16 @@ async function it_colours_at_the_level_of_its_field() {
   await page.waitForFunction(() => window.tetlod.stream.fields.includes('Pressure bound'));
   await settled(page);
   const after = await inPage();
-  assert.deepEqual([after.field, after.level], ['Pressure bound', before.level], 'the target is the error of the field that it bounds');
+  assert.deepEqual([after.field, after.level], ['Pressure bound', before.level],
+    'the target is the error of the field that it bounds');
   const { max, range } = await page.evaluate(() => {
     const { stream: { info }, level } = window.tetlod;
     return { max: info.levels[level].errors.Pressure.max, range: info.fields[0].range };
   });
   const [low, high] = await page.evaluate(() => window.tetlod.viewer.shade.range);
   assert.ok(low >= 0, `colours begin at ${low}`);
-  assert.ok(high <= max * (range[1] - range[0]) * (1 + 1e-3) && high > 0.5 * max * (range[1] - range[0]), `colours end at ${high}`);
+  assert.ok(high <= max * (range[1] - range[0]) * (1 + 1e-3) && high > 0.5 * max * (range[1] - range[0]),
+    `colours end at ${high}`);
   writeFileSync(join(SCRATCH, 'local_bound.png'), await page.screenshot());
 }
 
@@ -73,7 +77,10 @@ async function probes_tell_it() {
     const { stream: { info }, level } = window.tetlod;
     const [low, high] = info.bounds;
     const { range } = info.fields[0];
-    return { point: at.map((x, i) => low[i] + x * (high[i] - low[i])), most: info.levels[level].errors.Pressure.max * (range[1] - range[0]) };
+    return {
+      point: at.map((x, i) => low[i] + x * (high[i] - low[i])),
+      most: info.levels[level].errors.Pressure.max * (range[1] - range[0])
+    };
   }, place);
   const [truth] = await original([point]);
   assert.ok(Math.abs(value - truth) <= bound * 1.05, `${value} ± ${bound}, it is ${truth}`);
@@ -88,7 +95,11 @@ async function a_plotted_line_has_it() {
   const saved = async () => {
     const waiting = page.waitForEvent('download');
     await page.locator('#line-csv').click();
-    const rows = readFileSync(await (await waiting).path(), 'utf8').trim().split('\n').slice(1).map((row) => row.split(',').map(Number));
+    const rows = readFileSync(await (await waiting).path(), 'utf8')
+                   .trim()
+                   .split('\n')
+                   .slice(1)
+                   .map((row) => row.split(',').map(Number));
     return rows;
   };
   let rows = [];
@@ -105,4 +116,7 @@ async function nothing_was_complained_of() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
-await run([it_colours_at_the_level_of_its_field, nothing_is_asked_of_it, probes_tell_it, a_plotted_line_has_it, nothing_was_complained_of]);
+await run([
+  it_colours_at_the_level_of_its_field, nothing_is_asked_of_it, probes_tell_it, a_plotted_line_has_it,
+  nothing_was_complained_of
+]);

@@ -25,12 +25,63 @@ function a_state_survives_its_fragment() {
   assert.equal(toFragment(defaults), '');
   assert.deepEqual(fromFragment(''), { ...defaults });
   const state = {
-    ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, pixels: 2.5, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, formula: 'q * 2', units: 'q=m/s', range: 'manual', low: -1.25, high: 3e-7,
-    log: true, cells: 'material', regions: 'part', hidden: [-2, 7], map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, box: [0, 0.25, 0, 1, 0.5, 1], vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, vectorSize: 2.5, seeds: 'line', second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], notes: ['', 'hot; & = spot'], step: 7, warp: 'u', warpScale: -2.5, outline: true, volume: true, volumeSize: 64,
+    ...defaults,
+    error: 0.003,
+    measure: 'rms',
+    errorField: 'q',
+    shading: 'all',
+    maxTets: 5000,
+    pixels: 2.5,
+    maxBytes: 2.5e6,
+    field: 'Größe & mehr=x',
+    component: 2,
+    formula: 'q * 2',
+    units: 'q=m/s',
+    range: 'manual',
+    low: -1.25,
+    high: 3e-7,
+    log: true,
+    cells: 'material',
+    regions: 'part',
+    hidden: [-2, 7],
+    map: 'cividis',
+    reversed: true,
+    surface: 'glass',
+    edges: true,
+    slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
+    sliceEdges: true,
+    isosurfaces: [0, 0.5],
+    isosurfaceField: 'T',
+    isosurfaceOpacity: 0.4,
+    zone: true,
+    threshold: [0.1, 0.75],
+    clip: { normal: [1, 0, 0], at: 0 },
+    box: [0, 0.25, 0, 1, 0.5, 1],
+    vectors: 'arrows',
+    vectorField: 'Größe',
+    vectorCount: 77,
+    vectorSize: 2.5,
+    seeds: 'line',
+    second: 'field=T&slices=x@0.5',
+    line: [0, 0.25, 0.5, 1, 0.75, 0.5],
+    pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]],
+    notes: ['', 'hot; & = spot'],
+    step: 7,
+    warp: 'u',
+    warpScale: -2.5,
+    outline: true,
+    volume: true,
+    volumeSize: 64,
     refine: { boxes: [[0, 0.25, 0.5, 0.5, 0.75, 1], [0, 0, 0, 1, 1, 1]], error: 0.002 },
-    other: 'https://host/a b.tetlod', compare: 'curtain', curtain: 0.3,
-    opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
+    other: 'https://host/a b.tetlod',
+    compare: 'curtain',
+    curtain: 0.3,
+    opacity: [[0, 0.5], [1, 0]],
+    background: 'black',
+    axes: false,
+    parallel: true,
+    smooth: false,
+    camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
   assert.deepEqual(fromFragment(toFragment(state)), state);
@@ -64,7 +115,12 @@ function cubeWith(n, vectorAt) {
     if (faces.has(key)) [neighbours[slot], neighbours[faces.get(key)]] = [faces.get(key), slot];
     else faces.set(key, slot);
   });
-  return new Flow({ vertices: Float32Array.from(vertices), corners: Uint32Array.from(corners), neighbours, vectors: Float64Array.from(vectors) });
+  return new Flow({
+    vertices: Float32Array.from(vertices),
+    corners: Uint32Array.from(corners),
+    neighbours,
+    vectors: Float64Array.from(vectors)
+  });
 }
 
 // A field that turns about the z axis is linear, so that its streamlines are circles, and helices where it rises.
@@ -73,7 +129,8 @@ function streamlines_follow_the_field() {
   const { tets, volume } = flow.seeds(40);
   assert.equal(tets.length, 40);
   assert.ok(Math.abs(volume - 8) < 1e-9);
-  for (const octant of [0, 1]) assert.ok(Math.abs(tets.filter((tet) => flow.middle(tet).point[2] > 0 === Boolean(octant)).length - 20) < 3);
+  for (const octant of [0, 1])
+    assert.ok(Math.abs(tets.filter((tet) => flow.middle(tet).point[2] > 0 === Boolean(octant)).length - 20) < 3);
   for (const seed of tets) {
     const places = flow.streamline(flow.middle(seed), 0.05);
     const radius = ({ point: [x, y] }) => Math.hypot(x, y);
@@ -167,8 +224,10 @@ function a_plane_cuts_arrows() {
     }
     return sum;
   };
-  const [whole, ...sides] = [null, [1, 0, 0], [-1, 0, 0]].map((normal) => areaOf(normal && { origin: [0.1, 0, 0], normal }));
-  assert.ok(sides.every((side) => side > 0.2 * whole) && Math.abs(sides[0] + sides[1] - whole) < 1e-5 * whole, `${sides} of ${whole}`);
+  const [whole, ...sides] =
+    [null, [1, 0, 0], [-1, 0, 0]].map((normal) => areaOf(normal && { origin: [0.1, 0, 0], normal }));
+  assert.ok(sides.every((side) => side > 0.2 * whole) && Math.abs(sides[0] + sides[1] - whole) < 1e-5 * whole,
+    `${sides} of ${whole}`);
 }
 
 // Colours at equal distances stand for what they were taken from, which does not always round.
@@ -176,11 +235,21 @@ function maps_are_those_they_are_named_after() {
   const require = createRequire(join(process.env.ROOT ?? '.', 'server/web/package.json'));
   const original = require('d3-scale-chromatic');
   const turned = (at) => (t) => at(1 - t);
-  const known = { viridis: original.interpolateViridis, cividis: original.interpolateCividis, inferno: original.interpolateInferno, magma: original.interpolateMagma,
-    plasma: original.interpolatePlasma, turbo: original.interpolateTurbo, blueRed: turned(original.interpolateRdBu), orangePurple: original.interpolatePuOr, grey: turned(original.interpolateGreys) };
+  const known = {
+    viridis: original.interpolateViridis,
+    cividis: original.interpolateCividis,
+    inferno: original.interpolateInferno,
+    magma: original.interpolateMagma,
+    plasma: original.interpolatePlasma,
+    turbo: original.interpolateTurbo,
+    blueRed: turned(original.interpolateRdBu),
+    orangePurple: original.interpolatePuOr,
+    grey: turned(original.interpolateGreys)
+  };
   const own = ['coolWarm', 'categories'];
   assert.deepEqual(mapNames.map(([map]) => map).filter((map) => !own.includes(map)), Object.keys(known));
-  const channels = (css) => (css[0] === '#' ? [1, 3, 5].map((i) => parseInt(css.slice(i, i + 2), 16)) : css.match(/\d+/g).map(Number));
+  const channels = (css) =>
+    (css[0] === '#' ? [1, 3, 5].map((i) => parseInt(css.slice(i, i + 2), 16)) : css.match(/\d+/g).map(Number));
   for (const [map, at] of Object.entries(known))
     colorTable(map, false, 65).forEach((color, i) => channels(at(i / 64)).forEach((c, k) =>
       assert.ok(Math.abs(c - color[k]) <= 2, `${map} at ${i}: ${color}, not ${at(i / 64)}`)));
@@ -190,21 +259,28 @@ function maps_are_those_they_are_named_after() {
 function maps_from_files() {
   const wanted = '0000ff-808080-ff0000';
   const preset = [{ Name: 'x', RGBPoints: [-2, 0, 0, 1, 0, 0.5, 0.5, 0.5, 2, 1, 0, 0] }];
-  for (const text of [JSON.stringify(preset), JSON.stringify(preset[0]), 'r,g,b\n0,0,255\n128,128,128\n255,0,0\n', '5 0 0 1\n6 .5 .5 .5\n7 1 0 0'])
+  for (const text of [JSON.stringify(preset), JSON.stringify(preset[0]), 'r,g,b\n0,0,255\n128,128,128\n255,0,0\n',
+         '5 0 0 1\n6 .5 .5 .5\n7 1 0 0'])
     assert.equal(mapOfFile(text), wanted);
-  assert.deepEqual(colorTable(wanted, false, 5), [[0, 0, 255], [64, 64, 192], [128, 128, 128], [192, 64, 64], [255, 0, 0]]);
+  assert.deepEqual(
+    colorTable(wanted, false, 5), [[0, 0, 255], [64, 64, 192], [128, 128, 128], [192, 64, 64], [255, 0, 0]]);
   assert.deepEqual(colorTable(wanted, true, 3)[0], [255, 0, 0]);
   const uneven = mapOfFile('0 0 0 0\n1 1 1 1\n4 1 1 1').split('-');
-  assert.deepEqual([uneven.length, uneven[0], uneven[4], uneven[8], uneven[32]], [33, '000000', '808080', 'ffffff', 'ffffff']);
-  for (const text of ['', '{}', '[{"RGBPoints": [1, 2]}]', 'one two three', '1 1 1']) assert.throws(() => mapOfFile(text), /no colours/);
+  assert.deepEqual(
+    [uneven.length, uneven[0], uneven[4], uneven[8], uneven[32]], [33, '000000', '808080', 'ffffff', 'ffffff']);
+  for (const text of ['', '{}', '[{"RGBPoints": [1, 2]}]', 'one two three', '1 1 1'])
+    assert.throws(() => mapOfFile(text), /no colours/);
   assert.equal(fromFragment(`#map=${wanted}`).map, wanted);
   assert.equal(fromFragment('#map=0000ff-80').map, 'auto');
 }
 
 function a_broken_fragment_gives_defaults() {
-  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&threshold=0.5,2&pins=2,0,0;0,1;x&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
+  const written =
+    '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&threshold=0.5,2&pins=2,0,0;0,1;x'
+    + '&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
   const state = fromFragment(written);
-  assert.deepEqual(state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
+  assert.deepEqual(
+    state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
 }
 
 // What a stream's first view shows is its default: a link holds what differs from that, and what was taken away.
@@ -213,7 +289,8 @@ function a_link_is_of_what_differs_from_the_first_view() {
   assert.deepEqual([base.surface, base.slices], ['inside', [{ normal: [0, 1, 0], at: 0.5 }]]);
   assert.equal(toFragment(base, base), '');
   assert.deepEqual(fromFragment('', base), base);
-  for (const state of [{ ...base, slices: [] }, { ...base, surface: 'solid' }, { ...base, slices: [...base.slices, { normal: [1, 0, 0], at: 0.1 }] }])
+  for (const state of [{ ...base, slices: [] }, { ...base, surface: 'solid' },
+         { ...base, slices: [...base.slices, { normal: [1, 0, 0], at: 0.1 }] }])
     assert.deepEqual(fromFragment(toFragment(state, base), base), state);
   assert.equal(toFragment({ ...base, slices: [] }, base), '#slices=');
 }
@@ -229,7 +306,8 @@ function colours_chosen_from_the_data() {
   assert.deepEqual(autoRange([5, 5], new Float32Array(100).fill(5)), [5, 5]);
   // both signs: zero in the middle, in a diverging map; not where one side is a trace
   assert.deepEqual(autoRange([-1, 3], even.map((x) => 4 * x - 1)).map(Math.round), [-3, 3]);
-  assert.deepEqual([[-1, 3], [-0.01, 3], [0, 1], [-2, 0]].map((range) => mapOf({ map: 'auto' }, range)), ['coolWarm', 'viridis', 'viridis', 'viridis']);
+  assert.deepEqual([[-1, 3], [-0.01, 3], [0, 1], [-2, 0]].map((range) => mapOf({ map: 'auto' }, range)),
+    ['coolWarm', 'viridis', 'viridis', 'viridis']);
   assert.equal(mapOf({ map: 'magma' }, [-1, 1]), 'magma');
   assert.deepEqual([...histogram([0, 0.1, 0.5, 1, 2], [0, 1], false, 2)], [2, 2]);
   assert.deepEqual([...histogram([1, 10, 99, 1000], [1, 1000], true, 3)], [1, 2, 1]);
@@ -247,8 +325,9 @@ function a_store_tells_what_changed() {
 }
 
 const info = {
-  levels: [[0.5, 10, 100], [0.1, 50, 300], [0.1, 60, 400], [0.01, 200, 900], [0, 500, 2000]]
-    .map(([error, tets, size], level) => ({ level, tets, bytes: size, errors: { p: { max: error, rms: error / 4 }, q: { rms: error } } })),
+  levels: [[0.5, 10, 100], [0.1, 50, 300], [0.1, 60, 400], [0.01, 200, 900], [0, 500, 2000]].map(
+    ([error, tets, size], level) =>
+      ({ level, tets, bytes: size, errors: { p: { max: error, rms: error / 4 }, q: { rms: error } } })),
   fields: [{ name: 'p' }, { name: 'q' }],
   cellFields: [],
 };
@@ -256,10 +335,15 @@ const info = {
 function units_of_fields() {
   const said = { ...info, metadata: { units: { p: 'Pa', q: 5 } } };
   assert.deepEqual(['p', 'q', 'constructor'].map((field) => unitOf(said, field)), ['Pa', '', '']);
-  assert.equal(titleWithUnit({ ...said, fields: [{ name: 'p', components: 1 }], cellFields: [] }, { field: 'p', component: 0 }), 'p [Pa]');
+  assert.equal(
+    titleWithUnit({ ...said, fields: [{ name: 'p', components: 1 }], cellFields: [] }, { field: 'p', component: 0 }),
+    'p [Pa]');
   // what a bound is said to be is not less than it is
-  assert.equal(wordsOfBound({ ...said, fields: [{ name: 'p', range: [0, 1] }] }, 'p', { bound: 0.01231, certified: true }), '± 0.013 Pa (1.24\u202f%, certified)');
-  assert.deepEqual([{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, 'p')), ['', '', '']);
+  assert.equal(
+    wordsOfBound({ ...said, fields: [{ name: 'p', range: [0, 1] }] }, 'p', { bound: 0.01231, certified: true }),
+    '± 0.013 Pa (1.24\u202f%, certified)');
+  assert.deepEqual(
+    [{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, 'p')), ['', '', '']);
 }
 
 function the_wanted_level() {
@@ -275,31 +359,54 @@ function the_wanted_level() {
 
 // What the stream is asked for is a function of the state and the index alone.
 function the_state_says_what_to_ask_for() {
-  const stream = { ...info, bounds: [[0, 0, 0], [2, 4, 8]], fields: [{ name: 'p', components: 1, range: [1, 3], controlled: true }, { name: 'v', components: 3, range: [-1, 2] }] };
-  const state = { ...defaults, field: 'p', surface: 'off', slices: [{ normal: [0, 0, 1], at: 0.25 }], sliceEdges: true, isosurfaces: [0.5], volume: true, log: true };
+  const stream = {
+    ...info,
+    bounds: [[0, 0, 0], [2, 4, 8]],
+    fields:
+      [{ name: 'p', components: 1, range: [1, 3], controlled: true }, { name: 'v', components: 3, range: [-1, 2] }]
+  };
+  const state = {
+    ...defaults,
+    field: 'p',
+    surface: 'off',
+    slices: [{ normal: [0, 0, 1], at: 0.25 }],
+    sliceEdges: true,
+    isosurfaces: [0.5],
+    volume: true,
+    log: true
+  };
   const spec = specOf(state, stream);
-  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, null]);
+  assert.deepEqual(
+    [spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, null]);
   assert.equal(spec.rays, true);
   const grid = specOf({ ...state, volumeSize: 64 }, stream);
   assert.deepEqual([grid.rays, grid.volume], [false, { size: 64, logarithmic: true }]);
   assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
   assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2, zone: false }]);
   assert.equal(spec.threshold, null);
-  assert.deepEqual(specOf({ ...state, threshold: [0, 0.25] }, stream).threshold, { field: 'p', component: 0, low: -Infinity, high: 1.5 });
+  assert.deepEqual(specOf({ ...state, threshold: [0, 0.25] }, stream).threshold,
+    { field: 'p', component: 0, low: -Infinity, high: 1.5 });
   const cells = { ...stream, cellFields: [{ name: 'm', components: 3 }] };
   const coloured = specOf({ ...state, cells: 'm', component: 1, regions: 'r', hidden: [2] }, cells);
-  assert.deepEqual([coloured.field, coloured.cellField, coloured.component, coloured.regions], ['p', 'm', 1, { field: 'r', hidden: [2] }]);
+  assert.deepEqual([coloured.field, coloured.cellField, coloured.component, coloured.regions],
+    ['p', 'm', 1, { field: 'r', hidden: [2] }]);
   assert.deepEqual([spec.cellField, spec.regions], [undefined, null]);
   assert.deepEqual(isosurfaceRange({ ...state, isosurfaceField: 'v' }, stream), [0, 2 * Math.sqrt(3)]);
   assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, maxBytes: 9 }), { error: 0.02, tets: 7, bytes: 9 });
-  assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, field: 'v' }, stream), { error: 0.02, tets: 7, field: 'p', measure: 'max' }); // v is not controlled
+  assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, field: 'v' }, stream),
+    { error: 0.02, tets: 7, field: 'p', measure: 'max' }); // v is not controlled
 }
 
 function what_a_level_promises() {
-  const fields = [{ name: 'a', controlled: true }, { name: 'b', controlled: false }, { name: 'c', controlled: false }, { name: 'd', controlled: true }];
+  const fields = [
+    { name: 'a', controlled: true }, { name: 'b', controlled: false }, { name: 'c', controlled: false },
+    { name: 'd', controlled: true }
+  ];
   const errors = { a: { max: 0.01, sampled: 0.002 }, b: { sampled: 0.1 }, c: { sampled: 0.319 }, d: { sampled: 0.05 } };
-  const say = (...names) => promiseOf({ fields: fields.filter((f) => names.includes(f.name)), levels: [{ errors }] }, 0).replaceAll('\u202f', ' ');
-  assert.equal(say('a', 'b', 'c', 'd'), 'a ≤ 1 % (certified), d 5 % (measured); 2 fields not controlled, worst c 31.9 % (measured)');
+  const say = (...names) => promiseOf({ fields: fields.filter((f) => names.includes(f.name)), levels: [{ errors }] },
+    0).replaceAll('\u202f', ' ');
+  assert.equal(say('a', 'b', 'c', 'd'),
+    'a ≤ 1 % (certified), d 5 % (measured); 2 fields not controlled, worst c 31.9 % (measured)');
   assert.equal(say('a', 'b'), 'a ≤ 1 % (certified); b not controlled: 10 % (measured)');
   assert.equal(say('a'), 'a ≤ 1 % (certified)');
 }
@@ -321,16 +428,22 @@ function planes_cross_the_bounds() {
 }
 
 function polygons_end_at_the_window() {
-  const clipped = clipToWindow([{ x: -50, y: 50 }, { x: 50, y: -50 }, { x: 150, y: 50 }, { x: 50, y: 150 }], 100, 100, 0);
+  const clipped =
+    clipToWindow([{ x: -50, y: 50 }, { x: 50, y: -50 }, { x: 150, y: 50 }, { x: 50, y: 150 }], 100, 100, 0);
   for (const { x, y } of clipped) assert.ok(x >= -1e-9 && x <= 100 + 1e-9 && y >= -1e-9 && y <= 100 + 1e-9);
-  assert.deepEqual(new Set(clipped.map(({ x, y }) => `${Math.round(x)},${Math.round(y)}`)), new Set(['0,0', '100,0', '100,100', '0,100']));
+  assert.deepEqual(new Set(clipped.map(({ x, y }) => `${Math.round(x)},${Math.round(y)}`)),
+    new Set(['0,0', '100,0', '100,100', '0,100']));
   assert.deepEqual(clipToWindow([{ x: 200, y: 200 }, { x: 300, y: 200 }, { x: 250, y: 300 }], 100, 100, 0), []);
 }
 
 function the_nearest_triangle_is_picked() {
   const points = [];
   for (const z of [1, 2]) points.push(0, 0, z, 4, 0, z, 0, 4, z);
-  const part = { points: Float32Array.from(points), triangles: Uint32Array.from([0, 1, 2, 3, 5, 4]), values: Float32Array.from([0, 4, 8, 100, 100, 100]) };
+  const part = {
+    points: Float32Array.from(points),
+    triangles: Uint32Array.from([0, 1, 2, 3, 5, 4]),
+    values: Float32Array.from([0, 4, 8, 100, 100, 100])
+  };
   const hit = pickPart(part, [1, 1, 5], [0, 0, -1]);
   assert.deepEqual(hit, { distance: 3, value: 100, point: [1, 1, 2] });
   const front = pickPart(part, [1, 1, 5], [0, 0, -1], 1);
@@ -372,7 +485,8 @@ function lines_are_seen_on_every_colour() {
 function numbers_as_people_read_them() {
   assert.equal(count(187395), '187\u202f395');
   assert.deepEqual([0, 0.01, 0.0012345, 1].map((x) => percent(x)), ['0', '1\u202f%', '0.123\u202f%', '100\u202f%']);
-  assert.deepEqual([1234.5678, -0.5, 1e-7, 12345678, 0].map((x) => significant(x)), ['1235', '\u22120.5', '1e\u22127', '1.235e7', '0']);
+  assert.deepEqual([1234.5678, -0.5, 1e-7, 12345678, 0].map((x) => significant(x)),
+    ['1235', '\u22120.5', '1e\u22127', '1.235e7', '0']);
   assert.deepEqual([999, 1500, 2.5e6].map(bytes), ['999\u202fB', '1.50\u202fkB', '2.50\u202fMB']);
   assert.deepEqual(['1e-3', ' 0,5 ', '\u22122', '5 %'].map(parseNumber), [0.001, 0.5, -2, 5]);
   assert.ok(Number.isNaN(parseNumber('')) && Number.isNaN(parseNumber('x')));
@@ -383,7 +497,10 @@ function numbers_as_people_read_them() {
 // Groups of steps are read one after the other, each once; what is not wanted any more ends.
 async function groups_of_steps_are_read_in_turn() {
   const asked = [];
-  const groups = new Groups((band, group, signal) => new Promise((resolve) => { asked.push({ band, group, signal, come: () => resolve([{ offset: 0, bytes: new Uint8Array(4) }]) }); }), () => {});
+  const groups = new Groups((band, group, signal) => new Promise((resolve) => {
+    asked.push({ band, group, signal, come: () => resolve([{ offset: 0, bytes: new Uint8Array(4) }]) });
+  }),
+    () => {});
   const come = async (i) => { asked[i].come(); await new Promise(setImmediate); };
   assert.equal(groups.take(0, [1, 2, 3]), null);
   assert.equal(groups.take(0, [1, 2, 3]), null); // while the first is on its way
@@ -414,7 +531,8 @@ async function a_silent_host_is_asked_again() {
     return new Promise((_, reject) => { signal.addEventListener('abort', () => reject(signal.reason)); });
   };
   const source = new Source({ url: 'http://127.0.0.1/a.tetlod' }, { onRetry: ({ message }) => retries.push(message) });
-  const bytes = await source.apart(0, 3).finally(() => Object.assign(globalThis, { fetch: plainFetch, setTimeout: plainTimeout }));
+  const bytes =
+    await source.apart(0, 3).finally(() => Object.assign(globalThis, { fetch: plainFetch, setTimeout: plainTimeout }));
   assert.deepEqual([[...bytes], signals.map(({ aborted }) => aborted), waited[0]], [[7, 8, 9], [true, false], 30000]);
   assert.match(retries[0], /a\.tetlod: no answer came for 30 s/);
 }

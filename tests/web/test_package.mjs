@@ -104,7 +104,9 @@ async function worksUnderAStrictPolicy() {
   const server = await program([path]);
   const host = await folderHost(folder);
   host.headers = {
-    'Content-Security-Policy': `default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self' ${new URL(server.url).origin}`,
+    'Content-Security-Policy':
+      `default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self' ${
+        new URL(server.url).origin}`,
   };
   writeFileSync(join(folder, 'strict.html'), '<!doctype html><script type="module" src="./strict.js"></script>');
   writeFileSync(
@@ -113,7 +115,8 @@ async function worksUnderAStrictPolicy() {
     const stream = await TetlodStream.open('${server.url}v1/meshes/fin');
     const done = await stream.refineTo({ error: 0.01 });
     const { tets, positions } = await stream.mesh();
-    window.result = { ...done, tets: tets.length / 4, vertices: positions.length / 3, expected: stream.info.levels[done.level] };`,
+    window.result = { ...done, tets: tets.length / 4, vertices: positions.length / 3,
+      expected: stream.info.levels[done.level] };`,
   );
   const page = await openPage(browser, host.origin);
   await page.goto(`${host.origin}/strict.html`);

@@ -276,8 +276,8 @@ async function what_is_seen_is_fine_and_nothing_cracks() {
   host.close();
 }
 
-// New pages do not pop: at first each vertex of the new mesh is where one of the old mesh is, with its value, and goes to
-// its own place as time passes.
+// New pages do not pop: at first each vertex of the new mesh is where one of the old mesh is, with its value, and goes
+// to its own place as time passes.
 async function new_pages_move_to_their_shape() {
   const stream = await opened(new Blob([bytes]));
   await stream.show({ field: 'xyz', surface: true, morph: true });

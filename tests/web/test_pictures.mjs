@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the viewer draws of a known stream against pictures that were looked at. After a change that is meant to be seen:
-// UPDATE=1 make check ONLY=test_pictures, then look at tests/web/pictures.
+// What the viewer draws of a known stream against pictures that were looked at. After a change that is meant to be
+// seen: UPDATE=1 make check ONLY=test_pictures, then look at tests/web/pictures.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, writeFileSync } from 'node:fs';
@@ -39,7 +39,8 @@ const looksAsBefore = ([name, state]) => {
     writeFileSync(update ? path : join(SCRATCH, `${name}.png`), picture);
     const { plain, mean } = await difference(page, path, picture);
     console.log(`# ${name}: ${(100 * plain).toFixed(2)} % of the pixels differ, by ${mean.toFixed(2)} in the mean`);
-    assert.ok(plain <= 0.01 && mean <= 1.5, `${name} does not look as tests/web/pictures/${name}.png; what was drawn is in ${SCRATCH}`);
+    assert.ok(plain <= 0.01 && mean <= 1.5,
+      `${name} does not look as tests/web/pictures/${name}.png; what was drawn is in ${SCRATCH}`);
     assert.deepEqual([page.complaints, page.strangers], [[], []]);
   };
   return Object.defineProperty(test, 'name', { value: `${name}_looks_as_before` });
@@ -58,10 +59,12 @@ async function pictures_differ() {
 // A coarse level is another mesh, but nearly the same picture.
 async function a_coarse_level_looks_alike() {
   await showView(page, server.url, 'fin', 'error=0.02');
-  const { level, levels } = await page.evaluate(() => ({ level: window.tetlod.level, levels: window.tetlod.stream.info.levels.length }));
+  const { level, levels } =
+    await page.evaluate(() => ({ level: window.tetlod.level, levels: window.tetlod.stream.info.levels.length }));
   assert.ok(level < levels - 1);
   const { plain, mean } = await difference(page, join(folder, 'boundary.png'), await capture(page, 300));
-  console.log(`# level ${level} of ${levels - 1}: ${(100 * plain).toFixed(2)} % of the pixels differ, by ${mean.toFixed(2)} in the mean`);
+  console.log(`# level ${level} of ${levels - 1}: ${(100 * plain).toFixed(2)} % of the pixels differ, by ${
+    mean.toFixed(2)} in the mean`);
   assert.ok(plain <= 0.05 && mean > 0, `${plain}`);
 }
 

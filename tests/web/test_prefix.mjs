@@ -24,10 +24,14 @@ async function strippingProxy(server) {
   const port = await freePort();
   const place = join(SCRATCH, 'nginx');
   mkdirSync(place, { recursive: true });
-  const temporary = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map((kind) => `${kind}_temp_path ${place}/${kind};`).join(' ');
-  writeFileSync(join(place, 'nginx.conf'), `${process.getuid() ? '' : 'user root;'} daemon off; pid ${place}/pid; events { }
-    http { ${temporary} access_log off; server { listen 127.0.0.1:${port}; location /some/prefix/ { proxy_pass ${server.url}; } } }\n`);
-  const child = spawn(nginx, ['-p', place, '-e', join(place, 'error.log'), '-c', join(place, 'nginx.conf')], { stdio: 'ignore' });
+  const temporary =
+    ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map((kind) => `${kind}_temp_path ${place}/${kind};`).join(' ');
+  writeFileSync(join(place, 'nginx.conf'),
+    `${process.getuid() ? '' : 'user root;'} daemon off; pid ${place}/pid; events { }
+    http { ${temporary} access_log off; server { listen 127.0.0.1:${port}; location /some/prefix/ { proxy_pass ${
+      server.url}; } } }\n`);
+  const child =
+    spawn(nginx, ['-p', place, '-e', join(place, 'error.log'), '-c', join(place, 'nginx.conf')], { stdio: 'ignore' });
   process.once('exit', () => child.kill());
   const origin = `http://127.0.0.1:${port}/some/prefix/`;
   for (;;) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Steps in time in the browser's decoder: bit for bit those of the C library, from a server, from hosts of files, and from a file.
+// Steps in time in the browser's decoder: bit for bit those of the C library, from a server, from hosts of files, and
+// from a file.
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';
 import { readFileSync } from 'node:fs';
@@ -13,7 +14,8 @@ const names = ['series_float32', 'series_float64', 'series_moving'];
 const pathOf = (name) => join(ROOT, 'tests/golden', `${name}.tetlod`);
 const expected = (name) => readFileSync(`${pathOf(name)}.steps`, 'utf8').trim().split('\n');
 
-// As tests/unit/test_golden.c: the values of the fields that have steps, in the series' order; of points that move their places.
+// As tests/unit/test_golden.c: the values of the fields that have steps, in the series' order; of points that move
+// their places.
 function hashOf({ fields, positions }, series) {
   const hash = createHash('sha256');
   for (const { name } of series.fields) hash.update(Buffer.from(fields[name].buffer));
@@ -21,8 +23,8 @@ function hashOf({ fields, positions }, series) {
   return hash.digest('hex');
 }
 
-const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name,
-                                                                                 (event) => resolve(event.detail), { once: true }));
+const heard = (stream, name) =>
+  new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
 
 async function everyStep(source, name, order = (count) => [...Array(count).keys()]) {
   const stream = await TetlodStream.open(source);
@@ -85,8 +87,8 @@ async function ofAFileInAnyOrder() {
   }
 }
 
-// Geometry is there: a step takes one range of bytes of every field; the next one of its group takes none of its own. (What is fetched
-// ahead may be broken off and asked for again.)
+// Geometry is there: a step takes one range of bytes of every field; the next one of its group takes none of its own.
+// (What is fetched ahead may be broken off and asked for again.)
 async function aStepIsOneRange() {
   const bytes = readFileSync(pathOf('series_float32'));
   const host = await fileHost(bytes);
@@ -163,10 +165,8 @@ async function picturesBlend() {
   }
   assert.ok(between.length > 1 && between.every(({ surface }) => !surface.triangles), `${between.length} pictures`);
   for (const { t, surface } of between)
-    surface.values.forEach((value,
-                            i) => assert.ok(Math.abs(value - (from[i] +
-                                                              t * (to.surface.values[i] - from[i]))) < 1e-5 * (1 +
-                                                                                                               Math.abs(value))));
+    surface.values.forEach((value, i) => assert.ok(Math.abs(value - (from[i] + t * (to.surface.values[i] - from[i])))
+                             < 1e-5 * (1 + Math.abs(value))));
   assert.ok(to.surface.values.some((value, i) => value !== from[i]));
   stream.close();
 }

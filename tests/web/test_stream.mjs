@@ -31,7 +31,8 @@ async function isAt(stream, level) {
   assert.deepEqual(await stream.mesh(), meshAt(level));
 }
 
-const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
+const heard = (stream, name) =>
+  new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
 
 async function theServersRoutes() {
   const server = await program([path]);
@@ -53,8 +54,11 @@ async function goesOnToATargetAtOnce() {
   const host = await fileHost(bytes);
   for (const url of [`${server.url}v1/meshes/fin`, host.url]) {
     const levels = [];
-    const stream = await TetlodStream.open(url, { target: { level: middle }, on: { level: ({ detail }) => levels.push(detail.level) } });
-    if (levels.at(-1) !== middle) await new Promise((resolve) => stream.addEventListener('level', ({ detail }) => detail.level === middle && resolve()));
+    const stream = await TetlodStream.open(
+      url, { target: { level: middle }, on: { level: ({ detail }) => levels.push(detail.level) } });
+    if (levels.at(-1) !== middle)
+      await new Promise(
+        (resolve) => stream.addEventListener('level', ({ detail }) => detail.level === middle && resolve()));
     await isAt(stream, middle);
     assert.ok(stream.received <= Math.max(65536, info.levels[middle].bytes));
     stream.close();
@@ -73,12 +77,14 @@ async function oneAnswerIsEnough() {
     return bytes.subarray(0, info.levels[middle].bytes);
   });
   host.fault = (request) => request.url === '/v1/meshes/fin'; // the description never comes
-  const stream = await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { target: { error: 0.02, measure: 'rms', field: 'Pressure' } });
+  const stream = await TetlodStream.open(
+    `${host.origin}/v1/meshes/fin`, { target: { error: 0.02, measure: 'rms', field: 'Pressure' } });
   await stream.refineTo({ level: middle });
   await isAt(stream, middle);
   assert.deepEqual(asked.splice(0), ['/v1/meshes/fin/prefix?error=0.02&field=Pressure&measure=rms']);
   stream.close();
-  await assert.rejects(TetlodStream.open(`${host.origin}/v1/meshes/fin`, { target: { error: 1, field: 'a + b' } }), /no field 'a \+ b'/);
+  await assert.rejects(
+    TetlodStream.open(`${host.origin}/v1/meshes/fin`, { target: { error: 1, field: 'a + b' } }), /no field 'a \+ b'/);
   assert.deepEqual(asked, ['/v1/meshes/fin/prefix?error=1&field=a%20%2B%20b']);
   host.close();
 }
@@ -102,19 +108,23 @@ async function someFields() {
       if (fields.length) assert.deepEqual(mesh.fields.Pressure, all.fields.Pressure);
       const { bytes: end } = stream.info.levels[finest];
       assert.equal(stream.received, end);
-      assert.ok(partial ? end < 0.8 * info.levels[finest].bytes : end === info.levels[finest].bytes, `${end} of ${info.levels[finest].bytes}`);
+      assert.ok(partial ? end < 0.8 * info.levels[finest].bytes : end === info.levels[finest].bytes,
+        `${end} of ${info.levels[finest].bytes}`);
       stream.close();
     }
-  await assert.rejects(TetlodStream.open(`${server.url}v1/meshes/fin`, { fields: ['Speed'] }), /no field 'Speed'; there are: /);
+  await assert.rejects(
+    TetlodStream.open(`${server.url}v1/meshes/fin`, { fields: ['Speed'] }), /no field 'Speed'; there are: /);
   // broken off before the index is there: from the start again, as nobody knows yet where the frames are
-  const prefix = Buffer.from(await (await fetch(`${server.url}v1/meshes/fin/prefix?level=3&fields=Pressure`)).arrayBuffer());
+  const prefix =
+    Buffer.from(await (await fetch(`${server.url}v1/meshes/fin/prefix?level=3&fields=Pressure`)).arrayBuffer());
   const host = await fileHost(prefix, { ranges: false });
   Object.assign(host, { headers: { 'Tetlod-Level': '3' }, cut: 200 });
   host.fault = (request) => {
     if (host.requests.filter(({ url }) => url.includes('prefix')).length > 1) host.cut = Infinity;
     return !request.url.includes('prefix');
   };
-  const stream = await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { fields: ['Pressure'], target: { level: 3 } });
+  const stream =
+    await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { fields: ['Pressure'], target: { level: 3 } });
   await stream.refineTo({ level: 3 });
   assert.deepEqual((await stream.mesh()).fields, { Pressure: meshAt(3).fields.Pressure });
   stream.close();
@@ -172,7 +182,8 @@ async function everyByteIsCounted() {
   await stream.addFields(info.fields.map(({ name }) => name));
   await stream.refineTo();
   const sent = host.requests.reduce((sum, request) => sum + request.sent, 0);
-  assert.ok(stream.fetched <= sent && stream.fetched > sent - 16384 && sent > stream.received, // what nobody has read of an answer is not known
+  assert.ok(stream.fetched <= sent && stream.fetched > sent - 16384
+      && sent > stream.received, // what nobody has read of an answer is not known
     `${stream.fetched} of ${sent} bytes are counted, ${stream.received} are of levels`);
   stream.close();
   host.close();
@@ -204,7 +215,8 @@ async function asksAhead() {
   const asked = new Promise((resolve) => { second = resolve; });
   // The first answer stops before its end until there is a second request; a client that waits for all of it gets it
   // late.
-  host.pace = (bytesSent) => (bytesSent >= 49152 ? Promise.race([asked, new Promise((resolve) => setTimeout(resolve, 60000).unref())]) : null);
+  host.pace = (bytesSent) =>
+    (bytesSent >= 49152 ? Promise.race([asked, new Promise((resolve) => setTimeout(resolve, 60000).unref())]) : null);
   host.fault = (request, response, number) => {
     if (number === 2) {
       sent = host.requests[0].sent;
@@ -217,7 +229,8 @@ async function asksAhead() {
   await stream.refineTo();
   await isAt(stream, finest);
   assert.ok(sent < 65536, `after ${sent} bytes`);
-  assert.equal(host.requests.reduce((sum, request) => sum + request.sent, 0), info.levels[finest].bytes); // no byte twice
+  assert.equal(
+    host.requests.reduce((sum, request) => sum + request.sent, 0), info.levels[finest].bytes); // no byte twice
   stream.close();
   host.close();
 }
@@ -228,14 +241,17 @@ async function levelsAreChosenAsTheServerDoes() {
   const stream = await TetlodStream.open(host.url);
   const field = info.fields.find((f) => f.controlled);
   const range = field.range[1] - field.range[0];
-  const targets = [{ error: 0.05 }, { error: 0.01, measure: 'sampled' }, { error: 0 }, { abs_error: 0.02 * range, field: field.name },
-    { tets: 5000 }, { tets: 1 }, { bytes: 40000 }];
+  const targets = [
+    { error: 0.05 }, { error: 0.01, measure: 'sampled' }, { error: 0 }, { abs_error: 0.02 * range, field: field.name },
+    { tets: 5000 }, { tets: 1 }, { bytes: 40000 }
+  ];
   for (const target of targets) {
     const query = new URLSearchParams({ ...target, format: 'tetlod' });
     const { headers } = await fetch(`${server.url}v1/meshes/fin/mesh?${query}`, { redirect: 'manual' });
     const [, level] = /levels\/(\d+)\//.exec(headers.get('Location')) ?? assert.fail(String(query));
     const { abs_error: absError, ...rest } = target;
-    assert.deepEqual(await stream.refineTo(absError ? { ...rest, absError } : rest), { level: Number(level), reached: true }, String(query));
+    assert.deepEqual(await stream.refineTo(absError ? { ...rest, absError } : rest),
+      { level: Number(level), reached: true }, String(query));
   }
   const within = await stream.refineTo({ error: 0, tets: 9000, bytes: 60000 });
   assert.ok(info.levels[within.level].tets <= 9000 && info.levels[within.level].bytes <= 60000);
@@ -304,7 +320,8 @@ async function brokenConnectionsLoseNothing() {
     await stream.refineTo();
     await isAt(stream, finest);
     assert.deepEqual(levels, [...levels].sort((a, b) => a - b));
-    if (ranges) assert.ok(retries.length >= 1 && retries[0].attempt === 1 && retries[0].delay > 0 && retries[0].message);
+    if (ranges)
+      assert.ok(retries.length >= 1 && retries[0].attempt === 1 && retries[0].delay > 0 && retries[0].message);
     stream.close();
     host.close();
   }
@@ -317,7 +334,10 @@ async function waitsAsTheServerAsks() {
   host.fault = (request, response) => {
     times.push(performance.now());
     if (times.length > 2) return false;
-    response.writeHead(times.length === 1 ? 503 : 429, { 'Retry-After': times.length === 1 ? '2' : new Date(Date.now() + 3000).toUTCString() }).end();
+    response
+      .writeHead(times.length === 1 ? 503 : 429,
+        { 'Retry-After': times.length === 1 ? '2' : new Date(Date.now() + 3000).toUTCString() })
+      .end();
     return true;
   };
   await stream.refineTo();
@@ -334,7 +354,15 @@ async function waitsNoLongerThanAMinute() {
   host.fault = (request, response) => response.writeHead(503, { 'Retry-After': '86400' }).end();
   const stop = new AbortController();
   const heard = [];
-  const opening = TetlodStream.open(host.url, { signal: stop.signal, on: { retry: ({ detail }) => { heard.push(detail.delay); stop.abort(); } } });
+  const opening = TetlodStream.open(host.url, {
+    signal: stop.signal,
+    on: {
+      retry: ({ detail }) => {
+        heard.push(detail.delay);
+        stop.abort();
+      }
+    }
+  });
   await assert.rejects(opening, { name: 'AbortError' });
   assert.deepEqual(heard, [60]);
   host.close();
@@ -346,7 +374,8 @@ async function framesBesideOtherPictures() {
   const shown = [];
   stream.addEventListener('pictures', ({ detail }) => shown.push(detail));
   const another = (from, tag) => new Promise((resolve) => {
-    const look = () => (shown.slice(from).some((pictures) => pictures.tag === tag && pictures.t === 1) ? resolve() : setTimeout(look, 5));
+    const look = () => (
+      shown.slice(from).some((pictures) => pictures.tag === tag && pictures.t === 1) ? resolve() : setTimeout(look, 5));
     look();
   });
   const spec = { field: 'Pressure', surface: true, edges: true, volume: { size: 8 }, tag: 'before' };
@@ -354,9 +383,11 @@ async function framesBesideOtherPictures() {
   await stream.show(spec);
   await another(0, 'before');
   const centre = info.bounds[0].map((c, i) => (c + info.bounds[1][i]) / 2);
-  for await (const { tag, surface, slices, volume, shade } of stream.frames({ ...spec, slices: [{ origin: centre, normal: [1, 0, 0] }], tag: 'frames' })) {
+  for await (const { tag, surface, slices, volume, shade } of stream.frames(
+    { ...spec, slices: [{ origin: centre, normal: [1, 0, 0] }], tag: 'frames' })) {
     assert.equal(tag, 'frames');
-    assert.ok(surface.triangles?.length && surface.lines?.length && slices[0].triangles.length && volume && shade.sample);
+    assert.ok(
+      surface.triangles?.length && surface.lines?.length && slices[0].triangles.length && volume && shade.sample);
     break;
   }
   const from = shown.length;
@@ -375,7 +406,11 @@ async function aPictureOnTheWay() {
     shown.push(level);
     setTimeout(() => engine.seen());
   });
-  await engine.open({ module: compile(readFileSync(join(built, 'tetlod.wasm'))), source: { read: async (from) => bytes.slice(from) }, target: {} });
+  await engine.open({
+    module: compile(readFileSync(join(built, 'tetlod.wasm'))),
+    source: { read: async (from) => bytes.slice(from) },
+    target: {}
+  });
   await engine.show({ field: 'Pressure', surface: true, morph: false });
   await engine.refineTo({}, 0);
   console.log(`# pictures of levels ${shown.join(', ')}`);
@@ -396,7 +431,8 @@ async function waitsForADescriptionToo() {
     return times.length === 1;
   };
   const retries = [];
-  const stream = await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { on: { retry: ({ detail }) => retries.push(detail) } });
+  const stream =
+    await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { on: { retry: ({ detail }) => retries.push(detail) } });
   assert.equal(retries.length, 1);
   assert.ok(times[1] - times[0] >= 1990, `${times[1] - times[0]} ms`);
   stream.close();
@@ -408,7 +444,8 @@ async function waitsForADescriptionToo() {
 async function givesUpAndGoesOnLater() {
   const host = await fileHost(bytes);
   const errors = [];
-  const stream = await TetlodStream.open(host.url, { retries: 1, on: { error: ({ detail }) => errors.push(detail.message) } });
+  const stream =
+    await TetlodStream.open(host.url, { retries: 1, on: { error: ({ detail }) => errors.push(detail.message) } });
   await stream.refineTo({ level: 3 });
   host.fault = (request, response) => { response.writeHead(500).end(); return true; };
   await assert.rejects(stream.refineTo(), /500 .*2 attempts/);
@@ -482,7 +519,8 @@ async function aFileThatChanges() {
 }
 
 async function whatIsNotAStream() {
-  const host = await fileHost(Buffer.from('<!doctype html><title>Welcome</title><p>Nothing to see here, but long enough for a header.'));
+  const host = await fileHost(
+    Buffer.from('<!doctype html><title>Welcome</title><p>Nothing to see here, but long enough for a header.'));
   await assert.rejects(TetlodStream.open(host.url), /not a tetlod stream/);
   host.bytes = () => null;
   await assert.rejects(TetlodStream.open(host.url), /404/);
@@ -530,7 +568,8 @@ async function picturesOfEveryStep() {
   const pictures = [];
   stream.addEventListener('pictures', ({ detail }) => pictures.push(detail));
   const value = (info.fields[0].range[0] + info.fields[0].range[1]) / 2;
-  await stream.show({ field: name, surface: true, slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] });
+  await stream.show(
+    { field: name, surface: true, slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] });
   const moves = () => pictures.some(({ level, t }) => level > 0 && t > 0 && t < 1);
   for (let i = 0; i < 5 && !moves(); i++) { // a machine that is busy may see a jump
     await stream.refineTo({ level: 0 });
@@ -567,27 +606,40 @@ async function picturesOfEveryStep() {
   await stream.refineTo({ level: 3 });
   assert.deepEqual([...new Set(pictures.map((picture) => picture.t))], [1]);
   pictures.length = 0;
-  const everything = { field: name, surface: true, edges: true, clip: { origin: centre, normal: [1, 0, 0] }, volume: { size: 16 },
-    slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] };
+  const everything = {
+    field: name,
+    surface: true,
+    edges: true,
+    clip: { origin: centre, normal: [1, 0, 0] },
+    volume: { size: 16 },
+    slices: [{ origin: centre, normal: [0, 0, 1] }],
+    isosurfaces: [{ value }]
+  };
   await stream.show(everything);
   await stream.refineTo({ level: middle });
   for (const { t: at, volume, surface, slices, isosurfaces } of pictures) {
     assert.equal(volume === undefined, at !== 1);
-    assert.ok(surface.triangles.length && surface.lines.length && slices[0].lines.length && isosurfaces[0].normals.length);
-    for (const part of [surface, ...slices, ...isosurfaces]) part.points.forEach((x, i) => assert.ok(i % 3 || x <= centre[0] + 1e-4));
+    assert.ok(
+      surface.triangles.length && surface.lines.length && slices[0].lines.length && isosurfaces[0].normals.length);
+    for (const part of [surface, ...slices, ...isosurfaces])
+      part.points.forEach((x, i) => assert.ok(i % 3 || x <= centre[0] + 1e-4));
   }
   const { dims, voxels } = pictures.at(-1).volume;
   assert.equal(voxels.length, 2 * dims[0] * dims[1] * dims[2]);
   const { values: found, tet } = await stream.probe(centre) ?? assert.fail('nothing in the middle');
-  assert.ok(tet < info.levels[middle].tets && found[name][0] >= info.fields[0].range[0] && found[name][0] <= info.fields[0].range[1]);
+  assert.ok(tet < info.levels[middle].tets && found[name][0] >= info.fields[0].range[0]
+    && found[name][0] <= info.fields[0].range[1]);
   assert.equal(await stream.probe(high.map((x) => x + 1)), null);
   // a plane that is dragged: only the newest place is drawn
   pictures.length = 0;
-  for (let i = 0; i < 50; i++) stream.show({ ...everything, slices: [{ origin: centre.map((x) => x + i * 1e-3), normal: [0, 0, 1] }] });
-  while (!pictures.some(({ slices }) => Math.abs(slices[0].points[2] - centre[2] - 0.049) < 1e-6)) await heard(stream, 'pictures');
+  for (let i = 0; i < 50; i++)
+    stream.show({ ...everything, slices: [{ origin: centre.map((x) => x + i * 1e-3), normal: [0, 0, 1] }] });
+  while (!pictures.some(({ slices }) => Math.abs(slices[0].points[2] - centre[2] - 0.049) < 1e-6))
+    await heard(stream, 'pictures');
   assert.ok(pictures.length < 10);
   assert.ok(pictures.every(({ volume }) => volume === undefined)); // it is the same
-  for (const change of [{ clip: null }, { volume: { size: 17 } }, { volume: { size: 17, logarithmic: true } }, { component: 'magnitude', field: 'Velocity' }]) {
+  for (const change of [{ clip: null }, { volume: { size: 17 } }, { volume: { size: 17, logarithmic: true } },
+         { component: 'magnitude', field: 'Velocity' }]) {
     stream.show(Object.assign(everything, change));
     while (!(await heard(stream, 'pictures')).volume);
   }
@@ -609,7 +661,8 @@ function moduleThatTraps(name) {
       if (byte < 128) return value;
     }
   };
-  at = wasm.indexOf(`${String.fromCharCode(name.length)}${name}\0`, 'latin1') + name.length + 2; // its export: name, kind, number
+  at = wasm.indexOf(`${String.fromCharCode(name.length)}${name}\0`, 'latin1') + name.length
+    + 2; // its export: name, kind, number
   const wanted = number() - WebAssembly.Module.imports(new WebAssembly.Module(wasm)).length;
   for (at = 8; wasm[at] !== 10;) { // the section of code
     at++;
@@ -635,12 +688,18 @@ function moduleThatTraps(name) {
 // A trap ends the stream, and all that waits hears why.
 async function aDecoderThatTraps() {
   const host = await fileHost(bytes);
-  for (const [name, act] of [['view_probe', (stream) => stream.probe([0, 0, 0])], ['view_surface', (stream) => stream.show({ surface: true })]]) {
+  for (const [name, act] of [['view_probe', (stream) => stream.probe([0, 0, 0])],
+         ['view_surface', (stream) => stream.show({ surface: true })]]) {
     const stream = await TetlodStream.open(host.url, { wasm: moduleThatTraps(name) });
     host.hold = stream.received; // the rest does not come
     const said = heard(stream, 'error');
-    const waiting = [stream.refineTo(), act(stream).then(() => said).then(({ message }) => { throw new Error(message); })];
-    for (const settled of await Promise.allSettled(waiting)) assert.match(settled.reason?.message ?? '', /^the decoder stopped: unreachable; open the stream again$/);
+    const waiting = [
+      stream.refineTo(), act(stream).then(() => said).then(({ message }) => {
+        throw new Error(message);
+      })
+    ];
+    for (const settled of await Promise.allSettled(waiting))
+      assert.match(settled.reason?.message ?? '', /^the decoder stopped: unreachable; open the stream again$/);
     assert.match((await said).message, /^the decoder stopped/);
     await assert.rejects(stream.mesh(), /the stream is closed/);
     host.hold = Infinity;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A series whose mesh changes: steps on both sides of every border, from a server, hosts of files and a file; in the page without a blank picture.
+// A series whose mesh changes: steps on both sides of every border, from a server, hosts of files and a file; in the
+// page without a blank picture.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { createHash } from 'node:crypto';
@@ -19,7 +20,8 @@ make('sample', 'wake', '--size', '10', '--steps', String(STEPS), '--remesh', Str
 make('build', 'changes.pvd', '--field', 'Pressure', '--quiet', '-o', 'changes.tetlod');
 
 // The lists of tests/golden: band by band, all steps of a group.
-const listOf = (topology) => readFileSync(`${golden}${topology ? `.${topology}` : ''}.steps`, 'utf8').trim().split('\n');
+const listOf = (topology) =>
+  readFileSync(`${golden}${topology ? `.${topology}` : ''}.steps`, 'utf8').trim().split('\n');
 
 function hashOf({ fields }, series) {
   const hash = createHash('sha256');
@@ -35,13 +37,15 @@ async function everyStep(source, order) {
   const all = topologies.flatMap(({ times }, topology) => times.map((time, own) => ({ time, topology, own })));
   for (const step of order(all.length)) {
     const { topology, own, time } = all[step];
-    const at = new Promise((resolve) => stream.addEventListener('step', ({ detail }) => resolve(detail), { once: true }));
+    const at =
+      new Promise((resolve) => stream.addEventListener('step', ({ detail }) => resolve(detail), { once: true }));
     const { reached } = await stream.seekStep(step, { error: 0 });
     const { bands, times } = stream.series;
     assert.ok(reached);
     assert.deepEqual([(await at).step, (await at).time, stream.topology, times[step]], [step, time, topology, time]);
     const band = bands.length - 1;
-    assert.equal(hashOf(await stream.mesh(), stream.series), listOf(topology)[band * topologies[topology].times.length + own], `step ${step}`);
+    assert.equal(hashOf(await stream.mesh(), stream.series),
+      listOf(topology)[band * topologies[topology].times.length + own], `step ${step}`);
     assert.equal(stream.level, bands[band].level);
     changed ||= topology > 0;
     const now = stream.received + stream.receivedSteps + stream.receivedBefore;
@@ -110,7 +114,8 @@ async function theLastOneWins() {
   const stream = await TetlodStream.open(new Blob([readFileSync(golden)]));
   await stream.seekStep(0);
   const answers = await Promise.all([2, 0, 4, 3, 2].map((step) => stream.seekStep(step, { error: 0 })));
-  assert.deepEqual([0, 2, 3, 4].map((i) => answers[i].reached), [false, false, false, true]); // step 0 was shown already
+  assert.deepEqual(
+    [0, 2, 3, 4].map((i) => answers[i].reached), [false, false, false, true]); // step 0 was shown already
   assert.equal(stream.topology, 1);
   const [crossing, back] = await Promise.all([stream.seekStep(4), stream.refineTo({ level: 0 })]);
   assert.deepEqual([crossing.reached, back.reached, stream.topology, stream.level], [false, true, 1, 0]);
@@ -153,7 +158,8 @@ async function noBlankPicture() {
   await page.evaluate(() => {
     window.drawn = [];
     const { scene } = window.tetlod;
-    const count = () => [scene.surface, ...scene.slices].reduce((sum, { part }) => sum + (part?.triangles?.length ?? 0), 0);
+    const count =
+      () => [scene.surface, ...scene.slices].reduce((sum, { part }) => sum + (part?.triangles?.length ?? 0), 0);
     scene.addEventListener('render', () => window.drawn.push(count()));
   });
   const shown = [];
@@ -161,7 +167,8 @@ async function noBlankPicture() {
     await page.locator('#player-on').click();
     await page.waitForFunction((wanted) => window.tetlod.settled && window.tetlod.at?.step === wanted &&
       window.drawn.length >= wanted, step); // a step is drawn in a frame of its own
-    shown.push(await page.evaluate(() => [window.tetlod.stream.topology, window.tetlod.stream.info.tets, document.getElementById('player-now').textContent]));
+    shown.push(await page.evaluate(() => [window.tetlod.stream.topology, window.tetlod.stream.info.tets,
+                                     document.getElementById('player-now').textContent]));
   }
   assert.deepEqual(shown.map(([topology]) => topology), [0, 1, 1, 2, 2]);
   assert.ok(shown[0][1] < shown[1][1] && shown[2][1] < shown[3][1], JSON.stringify(shown));
@@ -171,7 +178,10 @@ async function noBlankPicture() {
 }
 
 async function playsOverBorders() {
-  await page.evaluate(() => { window.seen = []; window.tetlod.stream.addEventListener('step', ({ detail }) => window.seen.push(detail.step)); });
+  await page.evaluate(() => {
+    window.seen = [];
+    window.tetlod.stream.addEventListener('step', ({ detail }) => window.seen.push(detail.step));
+  });
   await page.locator('#player-play').click();
   await page.waitForFunction((steps) => new Set(window.seen).size === steps, STEPS);
   await page.locator('#player-play').click();
@@ -180,7 +190,14 @@ async function playsOverBorders() {
 }
 
 await run([
-  ofAServer, ofHostsOfFiles, ofAFile, ofAVtkhdfFile, theLastOneWins, anotherStreamIsRefused, noBlankPicture, playsOverBorders,
+  ofAServer,
+  ofHostsOfFiles,
+  ofAFile,
+  ofAVtkhdfFile,
+  theLastOneWins,
+  anotherStreamIsRefused,
+  noBlankPicture,
+  playsOverBorders,
 ]);
 await browser.close();
 await server.stop();

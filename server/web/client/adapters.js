@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Parts of pictures as the libraries that draw them have them. A part without triangles has those of the one before.
 
-/** Of three.js: fills `geometry`, a BufferGeometry, with a part; attribute `value` has the field. `three`: the library. */
+/** Of three.js: fills `geometry`, a BufferGeometry, with a part; attribute `value` has the field. `three`: the library.
+ * */
 export function toGeometry(part, geometry, { BufferAttribute }) {
   geometry.setAttribute('position', new BufferAttribute(part.points, 3));
   geometry.setAttribute('value', new BufferAttribute(part.values, 1));

@@ -9,12 +9,14 @@ function fieldsOf(info, name) {
     return controlled.length ? controlled : info.fields;
   }
   const field = info.fields.find((f) => f.name === name);
-  if (!field) throw new RangeError(`there is no field '${name}'; there are: ${info.fields.map((f) => f.name).join(', ')}`);
+  if (!field)
+    throw new RangeError(`there is no field '${name}'; there are: ${info.fields.map((f) => f.name).join(', ')}`);
   return [field];
 }
 
 // NodeId, GlobalIds, node_id, ID; but neither grid nor FLUID.
-const saysIds = (name) => /^ids?$/i.test(name) || /Ids?$/.test(name) || /[^A-Z]IDs?$/.test(name) || /[^a-zA-Z]ids?$/.test(name);
+const saysIds = (name) =>
+  /^ids?$/i.test(name) || /Ids?$/.test(name) || /[^A-Z]IDs?$/.test(name) || /[^a-zA-Z]ids?$/.test(name);
 const isConstant = ({ range }) => range && !(range[1] > range[0]);
 
 /** The field that is shown first: one that drove the contraction, but neither numbers of things nor a constant. */
@@ -49,8 +51,9 @@ function levelWithin(info, key, most) {
 }
 
 /**
- * How far a value of a level may be from the original's: of a component, or of the length of all, from the errors of each.
- * `certified`: proved; else it is the largest that was measured. `local`: what the local bound says of it at a place, if it is known.
+ * How far a value of a level may be from the original's: of a component, or of the length of all, from the errors of
+ * each. `certified`: proved; else it is the largest that was measured. `local`: what the local bound says of it at a
+ * place, if it is known.
  */
 export function boundOf(info, level, name, component, local) {
   const { components, range: [low, high] } = info.fields.find((f) => f.name === name);

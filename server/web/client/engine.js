@@ -91,9 +91,15 @@ export class Engine {
   // `part`: {cid, offset, size} of the stream, if it is one inside the source; of `fields` it may lack some.
   async open({ module, refining, source, part, fields, retries, target }) {
     this.#refining = refining;
-    const options = { signal: this.#stop.signal, retries, onRetry: (detail) => this.#emit('retry', detail), onBytes: (count) => this.#emit('fetched', count) };
+    const options = {
+      signal: this.#stop.signal,
+      retries,
+      onRetry: (detail) => this.#emit('retry', detail),
+      onBytes: (count) => this.#emit('fetched', count)
+    };
     const read = source.blob ? readerOf(source.blob) : source.read;
-    if (part) this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part), read ? options : {});
+    if (part)
+      this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part), read ? options : {});
     else this.#source = read ? new Held(read, options) : new Source(source, { ...options, target, fields });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
@@ -105,7 +111,8 @@ export class Engine {
     this.#info = this.#base = this.#view.describe();
     this.#source.cid = this.#info.cid;
     for (const topology of this.#info.topologies ?? []) topology.offset += this.#source.base;
-    if (part && part.cid !== this.#info.cid) throw new FetchError('a topology group is another stream than the table says');
+    if (part && part.cid !== this.#info.cid)
+      throw new FetchError('a topology group is another stream than the table says');
     if (part) names = names?.filter((name) => this.#info.fields.some((field) => field.name === name)) ?? null;
     if (this.#source.partial) this.#source.levels = this.#info.levels;
     if (names) this.#fields = names.map((name) => this.#fieldIndex(name));
@@ -116,7 +123,8 @@ export class Engine {
     this.#fetchLoop();
     this.#showLoop();
     this.#series = this.#info.time && this.#openSeries();
-    this.#series?.catch((error) => this.#emit('error', { message: `the steps in time cannot be read: ${error.message}` }));
+    this.#series?.catch(
+      (error) => this.#emit('error', { message: `the steps in time cannot be read: ${error.message}` }));
     return { info: this.#info, fields: names ?? this.#info.fields.map(({ name }) => name) };
   }
 
@@ -196,7 +204,8 @@ export class Engine {
    * at each end, if it is held.
    */
   line([from, to]) {
-    if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0)) throw new RangeError('a line needs pictures with a field');
+    if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0))
+      throw new RangeError('a line needs pictures with a field');
     this.#filter();
     this.#colour();
     const found = { level: this.#shown, ends: this.#view.along(from, to) };
@@ -214,7 +223,9 @@ export class Engine {
   #localBound() {
     const { shade, cellShade } = this.#spec;
     const { name } = this.#info.fields[shade] ?? {};
-    return cellShade < 0 ? this.#info.fields.findIndex(({ bounds }, f) => bounds && bounds === name && (!this.#fields || this.#fields.includes(f))) : -1;
+    return cellShade < 0 ? this.#info.fields.findIndex(
+             ({ bounds }, f) => bounds && bounds === name && (!this.#fields || this.#fields.includes(f)))
+                         : -1;
   }
 
   /** Fetches the values of a field of cells; `cells` gives those of all the original's tetrahedra, too. */
@@ -231,7 +242,9 @@ export class Engine {
   async show(spec) {
     const checked = spec && this.#checkSpec(spec);
     const number = ++this.#shows;
-    for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1, checked?.threshold?.cells ? checked.threshold.field : -1]) if (field >= 0) await this.#loadCells(field);
+    for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1,
+           checked?.threshold?.cells ? checked.threshold.field : -1])
+      if (field >= 0) await this.#loadCells(field);
     if (checked?.vectors) this.#vectors ??= await import('./vectors.js');
     if (number === this.#shows) this.#apply(checked); // else a later one came before the bytes
   }
@@ -376,7 +389,9 @@ export class Engine {
     this.#view.forget();
     this.#groups = new Groups((...wanted) => this.#readGroup(series, ...wanted), (band, error) => {
       if (error && band === this.#time?.band) this.#fail(error);
-      if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
+      if (this.#time)
+        this.#emit('buffered',
+          { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
       this.#wake();
     });
     this.#emit('series', series);
@@ -387,11 +402,15 @@ export class Engine {
   // keep.
   #readGroup({ fields, group: size, displacement }, band, group, signal) {
     const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
-      .filter(({ name }) => !this.#fields || name === displacement || this.#fields.some((f) => this.#base.fields[f].name === name));
-    const addressOf = (name) => (routes) =>
-      canList([name]) && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
-    return Promise.all(wanted.map(async ({ name, offset, size: length }) =>
-      ({ offset, bytes: length ? await this.#source.apart(offset, length, { addressOf: addressOf(name), signal }) : new Uint8Array() })));
+                     .filter(({ name }) => !this.#fields || name === displacement
+                         || this.#fields.some((f) => this.#base.fields[f].name === name));
+    const addressOf = (name) => (routes) => canList([name])
+      && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
+    return Promise.all(wanted.map(async ({ name, offset, size: length }) => ({
+      offset,
+      bytes: length ? await this.#source.apart(offset, length, { addressOf: addressOf(name), signal })
+                    : new Uint8Array()
+    })));
   }
 
   #leaveSteps() {
@@ -458,7 +477,9 @@ export class Engine {
   #cellIndex(name) {
     const { cellFields } = this.#info;
     const index = cellFields.findIndex((field) => field.name === name);
-    if (index < 0) throw new RangeError(`there are no values of cells '${name}'; there are: ${cellFields.map((f) => f.name).join(', ') || 'none'}`);
+    if (index < 0)
+      throw new RangeError(
+        `there are no values of cells '${name}'; there are: ${cellFields.map((f) => f.name).join(', ') || 'none'}`);
     return index;
   }
 
@@ -478,7 +499,8 @@ export class Engine {
     await this.#stepCells(field, this.#cellsAt);
     if (!this.#base.time) this.#cellBytes.delete(field); // there is no other step
     const whole = components === 1 && type.startsWith('int');
-    this.#emit('cells', { field: name, bytes: size, regions: whole ? countRegions(this.#view.cells(field, this.#info.tets)) : null });
+    this.#emit('cells',
+      { field: name, bytes: size, regions: whole ? countRegions(this.#view.cells(field, this.#info.tets)) : null });
   }
 
   // Values of cells become those of a step.
@@ -729,7 +751,9 @@ export class Engine {
 
   #fieldIndex(name) {
     const index = this.#info.fields.findIndex((field) => field.name === name);
-    if (index < 0) throw new RangeError(`there is no field '${name}'; there are: ${this.#info.fields.map((f) => f.name).join(', ')}`);
+    if (index < 0)
+      throw new RangeError(
+        `there is no field '${name}'; there are: ${this.#info.fields.map((f) => f.name).join(', ')}`);
     if (this.#fields && !this.#fields.includes(index)) throw new RangeError(`the field '${name}' was not opened`);
     return index;
   }
@@ -737,30 +761,79 @@ export class Engine {
   #component({ name, components }, component = 0) {
     if (component === 'magnitude') return -1;
     if (Number.isInteger(component) && component >= 0 && component < components) return component;
-    throw new RangeError(`the field '${name}' has ${components} components; component is one of their numbers from 0, or 'magnitude'`);
+    throw new RangeError(
+      `the field '${name}' has ${components} components; component is one of their numbers from 0, or 'magnitude'`);
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null, formula = null, warp = null, refine = null, box = null }) {
+  #checkSpec({
+    field,
+    component,
+    cellField,
+    regions = null,
+    surface = false,
+    edges = false,
+    slices = [],
+    isosurfaces = [],
+    threshold = null,
+    clip = null,
+    volume = null,
+    vectors = null,
+    rays = false,
+    morph = true,
+    tag = null,
+    formula = null,
+    warp = null,
+    refine = null,
+    box = null
+  }) {
     const defined = formula && this.#checkFormula(formula);
     const shade = formula ? this.#info.fields.length : field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
-    if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined && what.cellField === undefined)) throw new RangeError('an isosurface or threshold needs a field');
-    if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
+    if (shade < 0 &&
+      [...isosurfaces, threshold].some((what) => what && what.field === undefined && what.cellField === undefined))
+      throw new RangeError('an isosurface or threshold needs a field');
+    if (volume && !(volume.size >= 2 && volume.size <= 512))
+      throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const cellShade = cellField === undefined ? -1 : this.#cellIndex(cellField);
     const componentOf = (what) => what.component ?? (what.field === undefined && cellShade < 0 ? component : 0);
     const valueOf = (what) => {
       if (what.formula) return { field: shade, component: 0 };
-      return { field: of(what.field), component: this.#component(this.#info.fields[of(what.field)], componentOf(what)) };
+      return {
+        field: of(what.field),
+        component: this.#component(this.#info.fields[of(what.field)], componentOf(what))
+      };
     };
-    const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
+    const ofCells = ({ cellField: name, component: of = 0 }) => ({
+      cells: true,
+      field: this.#cellIndex(name),
+      component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of)
+    });
     return {
-      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, formula: defined,
+      surface,
+      edges,
+      slices,
+      clip,
+      volume,
+      rays,
+      morph,
+      tag,
+      shade,
+      cellShade,
+      formula: defined,
       box: box && this.#checkBox(box),
-      warp: warp && this.#checkWarp(warp), refine: refine && this.#checkRefine(refine), vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
+      warp: warp && this.#checkWarp(warp),
+      refine: refine && this.#checkRefine(refine),
+      vectors: vectors && this.#checkVectors(vectors),
+      regions: regions && this.#checkRegions(regions),
       component: shade < 0 || formula ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
-      threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold)) },
+      threshold: threshold && {
+        low: -Infinity,
+        high: Infinity,
+        ...threshold,
+        ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold))
+      },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
   }
@@ -768,7 +841,8 @@ export class Engine {
   #checkWarp({ field: name, scale = 1, outline = false }) {
     const field = this.#fieldIndex(name);
     const { components } = this.#info.fields[field];
-    if (components !== 3) throw new RangeError(`the field '${name}' has ${components} components, points are moved by 3`);
+    if (components !== 3)
+      throw new RangeError(`the field '${name}' has ${components} components, points are moved by 3`);
     if (!Number.isFinite(scale)) throw new RangeError(`warp.scale is a number, not ${scale}`);
     return { by: { field, scale }, outline };
   }
@@ -779,7 +853,8 @@ export class Engine {
   }
 
   #checkRefine({ boxes, target = {} }) {
-    if (!(boxes.length >= 1 && boxes.length <= 16 && boxes.every(isBox))) throw new RangeError('refine.boxes are 1 to 16 boxes of six numbers each, the least corner first');
+    if (!(boxes.length >= 1 && boxes.length <= 16 && boxes.every(isBox)))
+      throw new RangeError('refine.boxes are 1 to 16 boxes of six numbers each, the least corner first');
     return { boxes, level: chooseLevel(this.#base, target) };
   }
 
@@ -791,15 +866,19 @@ export class Engine {
   #checkRegions({ field: name, hidden = [] }) {
     const field = this.#cellIndex(name);
     const { components, type } = this.#info.cellFields[field];
-    if (components !== 1 || !type.startsWith('int')) throw new RangeError(`the values of cells '${name}' are not whole numbers of one component, as regions are`);
+    if (components !== 1 || !type.startsWith('int'))
+      throw new RangeError(`the values of cells '${name}' are not whole numbers of one component, as regions are`);
     return { field, hidden: hidden.map(Number) };
   }
 
   #checkVectors({ field: name, kind = 'arrows', count = 300, size = 1, places = null }) {
     const field = this.#fieldIndex(name);
-    if (this.#info.fields[field].components !== 3) throw new RangeError(`the field '${name}' has ${this.#info.fields[field].components} components, vectors have 3`);
-    if (!['arrows', 'streamlines'].includes(kind)) throw new RangeError(`vectors.kind is arrows or streamlines, not '${kind}'`);
-    if (!(Number.isInteger(count) && count >= 1 && count <= 10000)) throw new RangeError(`vectors.count is a whole number from 1 to 10000, not ${count}`);
+    if (this.#info.fields[field].components !== 3)
+      throw new RangeError(`the field '${name}' has ${this.#info.fields[field].components} components, vectors have 3`);
+    if (!['arrows', 'streamlines'].includes(kind))
+      throw new RangeError(`vectors.kind is arrows or streamlines, not '${kind}'`);
+    if (!(Number.isInteger(count) && count >= 1 && count <= 10000))
+      throw new RangeError(`vectors.count is a whole number from 1 to 10000, not ${count}`);
     if (!(size > 0 && size <= 100)) throw new RangeError(`vectors.size is from 0 to 100, not ${size}`);
     return { field, kind, count, size, places: places?.slice(0, 10000) ?? null };
   }
@@ -842,7 +921,9 @@ export class Engine {
   // The vectors whose length colours; null: what colours is linear.
   get #lengthOf() {
     const { shade, component, cellShade } = this.#spec;
-    return cellShade < 0 && shade >= 0 && component < 0 && !this.#spec.formula ? { field: shade, components: this.#info.fields[shade].components } : null;
+    return cellShade < 0 && shade >= 0 && component < 0 && !this.#spec.formula
+      ? { field: shade, components: this.#info.fields[shade].components }
+      : null;
   }
 
   #drawRays() {
@@ -873,12 +954,20 @@ export class Engine {
     const range = this.#colour();
     if (shade < 0 && cellShade < 0) return null;
     const cells = cellShade >= 0;
-    const { name } = cells ? this.#info.cellFields[cellShade] : this.#info.fields[shade] ?? { name: this.#spec.formula.text };
+    const { name } =
+      cells ? this.#info.cellFields[cellShade] : this.#info.fields[shade] ?? { name: this.#spec.formula.text };
     const of = cells ? cellComponent : component;
     const key = JSON.stringify([this.#shown, cells || this.#at, cells, name, of]);
     const fresh = t === 1 && key !== this.#sampleOf;
     if (fresh) this.#sampleOf = key;
-    return { field: name, cells, component: of < 0 ? 'magnitude' : of, formula: Boolean(this.#spec.formula) && !cells, range, sample: fresh ? this.#view.sample() : undefined };
+    return {
+      field: name,
+      cells,
+      component: of < 0 ? 'magnitude' : of,
+      formula: Boolean(this.#spec.formula) && !cells,
+      range,
+      sample: fresh ? this.#view.sample() : undefined
+    };
   }
 
   #draw(t) {
@@ -890,7 +979,8 @@ export class Engine {
       surface: this.#drawSurface(),
       rays: this.#drawRays(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
-      isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
+      isosurfaces:
+        isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
       zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),
       finer: this.#finer && this.#tools.drawFiner(this.#view, this.#finer.told, this.#spec),
     };
@@ -900,7 +990,8 @@ export class Engine {
   // in a move.
   #drawZone({ field, component, value }, t) {
     if (this.#spec.formula && field === this.#info.fields.length) return null; // nothing is proved of it
-    const at = (level) => boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
+    const at = (level) =>
+      boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
     const { bound: fine, certified } = at(this.#shown);
     const bound = t < 1 ? fine + (1 - t) * (at(this.#coarser).bound - fine) : fine;
     let near = true;
@@ -917,7 +1008,8 @@ export class Engine {
   #drawVolume(t) {
     const { volume, shade, component, cellShade, cellComponent, threshold, regions, box, clip } = this.#spec;
     if (!volume) return null;
-    const what = [volume.size, volume.logarithmic, shade, component, cellShade, cellComponent, threshold, regions, box, clip];
+    const what =
+      [volume.size, volume.logarithmic, shade, component, cellShade, cellComponent, threshold, regions, box, clip];
     const key = JSON.stringify([this.#shown, this.#at, ...what]);
     if (t < 1 || key === this.#volumeOf) return undefined;
     this.#volumeOf = key;
@@ -958,7 +1050,18 @@ export class Engine {
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
     this.#drawing = { time: performance.now() - started, tets: this.#info.levels[this.#shown].tets };
-    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, outline, seconds });
+    this.#emit('pictures', {
+      tag: this.#spec.tag,
+      level: this.#shown,
+      step: this.#at?.step ?? null,
+      t,
+      origin: this.#view.centre,
+      ...parts,
+      volume,
+      vectors,
+      outline,
+      seconds
+    });
     await this.#workUntil(seen);
   }
 
@@ -1021,7 +1124,10 @@ export class Engine {
   async #workUntil(seen) {
     let waiting = true;
     const patient = new AbortController();
-    Promise.race([seen, sleep(patience, patient.signal)]).catch(() => {}).finally(() => { waiting = false; this.#wake(); });
+    Promise.race([seen, sleep(patience, patient.signal)]).catch(() => {}).finally(() => {
+      waiting = false;
+      this.#wake();
+    });
     while (waiting && !this.#closed) {
       if (!this.#time && this.#within > this.#view.level && this.#step()) await this.#takeTurn();
       else if (waiting) await this.#change();

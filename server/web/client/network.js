@@ -4,8 +4,10 @@
 import { chooseLevel, firstField } from './choose.js';
 
 const OPENING = 32768;  // header, index and first levels of most streams, if more is not needed yet
-const FIRST = 65536;    // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
-const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; later ones as much as all before them, up to
+const FIRST =
+  65536; // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
+const LEAST =
+  1 << 17; // that one request may ask for, if so much is needed; later ones as much as all before them, up to
 const MOST = 1 << 20;
 const longest = 30_000; // milliseconds without an answer or a byte, and between two attempts at most a third of it
 
@@ -51,7 +53,8 @@ function retryAfter(headers) {
 
 async function failureOf(answer) {
   let detail = '';
-  if (/json/.test(answer.headers.get('Content-Type') ?? '')) detail = (await answer.json().catch(() => ({}))).detail ?? '';
+  if (/json/.test(answer.headers.get('Content-Type') ?? ''))
+    detail = (await answer.json().catch(() => ({}))).detail ?? '';
   else await answer.body?.cancel();
   if (answer.status === 416) return new FetchError(`the stream ends too early: ${answer.url} has no bytes there`);
   const message = `${answer.url}: ${detail || `${answer.status} ${answer.statusText}`}`;
@@ -96,7 +99,8 @@ async function ask(url, { signals, ...options }) {
 const budgets = { error: 'error', absError: 'abs_error', level: 'level', tets: 'tets', bytes: 'bytes' };
 
 // '+' stands for itself in the server's queries: no URLSearchParams.
-export const query = (values) => Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
+export const query = (values) =>
+  Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
 
 // A list in a query has commas between the names.
 export const canList = (names) => !names.some((name) => name.includes(','));
@@ -106,7 +110,9 @@ function prefixQuery({ field, measure, ...target } = {}, fields) {
   const given = Object.keys(budgets).filter((key) => target[key] !== undefined);
   return query({
     ...(given.length === 1 ? { [budgets[given[0]]]: target[given[0]] } : { bytes: OPENING }),
-    ...(field !== undefined && { field }), ...(measure !== undefined && { measure }), ...(fields !== undefined && { fields }),
+    ...(field !== undefined && { field }),
+    ...(measure !== undefined && { measure }),
+    ...(fields !== undefined && { fields }),
   });
 }
 
@@ -115,7 +121,8 @@ export class Source {
   #target;           // what the first request asks for
   #least;            // of a file: bytes that its first request asks for
   #served;           // by a server's routes; else ranges of a file
-  #early = null;     // a server's description: the first attempt to get it, which is on its way together with the first bytes
+  #early =
+    null; // a server's description: the first attempt to get it, which is on its way together with the first bytes
   #routes = null;    // of the server: {level, records, stream}, URL templates
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
@@ -130,9 +137,11 @@ export class Source {
   #size = Infinity;  // then: its bytes
   #placed = false;   // it is known whether it is in one
 
-  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is tried again, `onBytes(count)` for all
+  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is
+   * tried again, `onBytes(count)` for all
    *  bytes of answers, also of those that are asked for once more or given up. */
-  constructor({ url, headers, credentials }, { target, fields, signal, retries = 8, onRetry = () => {}, onBytes = () => {} } = {}) {
+  constructor({ url, headers, credentials },
+    { target, fields, signal, retries = 8, onRetry = () => {}, onBytes = () => {} } = {}) {
     this.#url = url;
     this.#request = { headers, credentials };
     this.#served = isServed(url);
@@ -221,7 +230,8 @@ export class Source {
   }
 
   #drop() {
-    if (this.#answer?.at < this.#answer?.end) this.#answer.reader.cancel().catch(() => {}); // else its connection may be used again
+    if (this.#answer?.at < this.#answer?.end)
+      this.#answer.reader.cancel().catch(() => {}); // else its connection may be used again
     this.#answer = null;
     this.#dropAhead();
   }
@@ -338,7 +348,8 @@ export class Source {
       const answer = await this.#fetch(url);
       const end = Number(answer.headers.get('Content-Length'));
       if (end > 0 && !/^text\//.test(answer.headers.get('Content-Type') ?? '')) {
-        this.partial = this.fields !== undefined && answer.headers.has('Tetlod-Level'); // hosts of files know no queries
+        this.partial =
+          this.fields !== undefined && answer.headers.has('Tetlod-Level'); // hosts of files know no queries
         return { reader: answer.body.getReader(), at: 0, end };
       }
       await answer.body?.cancel();
@@ -350,13 +361,26 @@ export class Source {
 
   async #askDescription() {
     const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
-    const described = new Uint8Array(await answer.arrayBuffer().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); }));
+    const described = new Uint8Array(await answer.arrayBuffer().catch((error) => {
+      throw new Retry(`${this.#url}: ${error.message}`);
+    }));
     this.#onBytes(described.length);
     const { cid, levels, links, fields = [] } = parsed(described, this.#url);
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
     const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
-    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
-    return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream), group: links.group && absolute(links.group) } };
+    const absolute = (link) =>
+      new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
+    return {
+      cid,
+      levels,
+      fields,
+      routes: {
+        level: absolute(links.level),
+        records: absolute(links.records),
+        stream: absolute(links.stream),
+        group: links.group && absolute(links.group)
+      }
+    };
   }
 
   // The field by the description, which also knows the level of a target: the answer then has all that it takes. Where
@@ -424,7 +448,8 @@ export class Source {
     const range = { Range: `bytes=${from}-${last}` };
     const { status, headers, body } = await this.#fetch(this.#url, { headers: range, cache: 'no-store' });
     const validator = headers.get('ETag') ?? headers.get('Last-Modified') ?? '';
-    if (this.#validator && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
+    if (this.#validator && validator !== this.#validator)
+      throw new FetchError(`${this.#url} has changed; open it again`);
     this.#validator = validator;
     if (status !== 206) return { reader: body.getReader(), at: -this.base, end: this.#size };
     const [, start = from, stop = last] = /^bytes (\d+)-(\d+)\//.exec(headers.get('Content-Range') ?? '') ?? [];

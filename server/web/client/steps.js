@@ -22,8 +22,8 @@ export function chooseBandAt(series, error, errors, metadata) {
 }
 
 /**
- * The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise.
- * `own`: errors of fields at a step that is shown, in place of its band's.
+ * The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands
+ * promise. `own`: errors of fields at a step that is shown, in place of its band's.
  */
 export function infoOfSteps(info, series, band, own = {}) {
   const rangesOf = (fields) => new Map(fields.map(({ name, range }) => [name, range]));
@@ -34,15 +34,16 @@ export function infoOfSteps(info, series, band, own = {}) {
   const errorsAt = (k) => Object.fromEntries([...ranges.keys()].map((name) => [name, { max: errorAt(k, name) }]));
   return {
     ...info,
-    fields: info.fields.map((field) => ({ ...field, range: ranges.get(field.name) ?? field.range, controlled: ranges.has(field.name) })),
+    fields: info.fields.map(
+      (field) => ({ ...field, range: ranges.get(field.name) ?? field.range, controlled: ranges.has(field.name) })),
     cellFields: info.cellFields.map((field) => ({ ...field, range: cells.get(field.name) ?? field.range })),
     levels: info.levels.map((level, k) => ({ ...level, errors: { ...level.errors, ...errorsAt(k) } })),
   };
 }
 
 /**
- * The bytes of groups of steps: of a band one after the other, in the order in which they are needed, kept while there is room.
- * A group that does not come holds up its own band only.
+ * The bytes of groups of steps: of a band one after the other, in the order in which they are needed, kept while there
+ * is room. A group that does not come holds up its own band only.
  */
 export class Groups {
   #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = new Map(); // of bands: {group, stop}
@@ -64,7 +65,8 @@ export class Groups {
   take(band, groups) {
     const reading = this.#reading.get(band)?.group;
     if (reading !== undefined && !groups.includes(reading)) this.#drop(band);
-    this.#wanted = groups.filter((group) => group !== reading && !this.#kept.has(`${band}/${group}`)).map((group) => [band, group]);
+    this.#wanted =
+      groups.filter((group) => group !== reading && !this.#kept.has(`${band}/${group}`)).map((group) => [band, group]);
     this.#next();
     const key = `${band}/${groups[0]}`;
     const pieces = this.#kept.get(key) ?? null;
@@ -77,7 +79,8 @@ export class Groups {
 
   /** Numbers of the groups of a band that are here. */
   of(band) {
-    return [...this.#kept.keys()].map((key) => key.split('/').map(Number)).filter(([b]) => b === band).map(([, group]) => group);
+    return [...this.#kept.keys()].map((key) => key.split('/').map(Number)).filter(([b]) => b === band).map(([,
+      group]) => group);
   }
 
   /** What is under way is not waited for any more; who wants it asks again. */
@@ -95,7 +98,8 @@ export class Groups {
     const [band, group] = this.#wanted.shift();
     const stop = new AbortController();
     this.#reading.set(band, { group, stop });
-    const [pieces, error] = await this.#read(band, group, stop.signal).then((read) => [read], (problem) => [null, problem]);
+    const [pieces, error] =
+      await this.#read(band, group, stop.signal).then((read) => [read], (problem) => [null, problem]);
     if (stop.signal.aborted) return;
     this.#reading.delete(band);
     if (pieces) this.#keep(`${band}/${group}`, pieces);

@@ -11,7 +11,8 @@ const CustomEvent = globalThis.CustomEvent ?? class extends Event {
 
 // Bundlers know the worker by this very expression.
 async function startWorker() {
-  if (typeof Worker !== 'undefined') return { worker: new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' }) };
+  if (typeof Worker !== 'undefined')
+    return { worker: new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' }) };
   const threads = 'node:worker_threads'; // not a literal: bundlers for browsers need not know it
   return { worker: new (await import(threads)).Worker(new URL('./worker.js', import.meta.url)) };
 }
@@ -44,7 +45,11 @@ function described(source) {
   if (typeof Blob !== 'undefined' && source instanceof Blob) return { blob: source };
   if (isReader(source)) return { page: true };
   const { url, headers, credentials } = typeof source === 'string' || source instanceof URL ? { url: source } : source;
-  return { url: new URL(url, globalThis.document?.baseURI ?? globalThis.location?.href).href, headers: headers && Object.fromEntries(new Headers(headers)), credentials };
+  return {
+    url: new URL(url, globalThis.document?.baseURI ?? globalThis.location?.href).href,
+    headers: headers && Object.fromEntries(new Headers(headers)),
+    credentials
+  };
 }
 
 function listen(worker, onMessage, onError) {
@@ -62,8 +67,8 @@ function errorOf({ name, message, status }) {
 }
 
 // A frame is seen when the next one begins; pages that are hidden have no frames, nor has node.
-const nextFrame = (call) =>
-  (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
+const nextFrame = (call) => (
+  typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
 
 // What a message leaves out because it is the same as in the last one, from `kept`.
 function completed(pictures, kept) {
@@ -169,7 +174,24 @@ class Link {
 let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
-  #link; #next = null; #crossing = null; #ahead = null; #asks = 0; #asking = null; #topologies = []; #options; #spec = null; #step = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
+  #link;
+  #next = null;
+  #crossing = null;
+  #ahead = null;
+  #asks = 0;
+  #asking = null;
+  #topologies = [];
+  #options;
+  #spec = null;
+  #step = null;
+  #replacing = Promise.resolve();
+  #closed = false;
+  #tellEnded;
+  #ended = new Promise((resolve) => {
+    this.#tellEnded = resolve;
+  });
+  #reader = null;
+  #reading = new AbortController();
   #look = null;
   info = null;
   fields = []; // names of those that are decoded
@@ -180,16 +202,20 @@ export class TetlodStream extends EventTarget {
   receivedSteps = 0; // bytes of steps, beside those
   receivedBefore = 0; // bytes of topology groups that were shown before, beside all those
   bytes = 0; // of the whole stream, all topology groups among them
-  series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
-  topology = 0; // the topology group that is shown, of a series whose mesh changes: `info`, levels and bands are its own, times those of all
+  // Of a series in time, from the event `series` on: {group, times, bands: [{error, level}], fields: [{name, range}],
+  // displacement: name or null}
+  series = null;
+  // The topology group that is shown, of a series whose mesh changes: `info`, levels and bands are its own, times those
+  // of all
+  topology = 0;
 
   /**
    * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or
-   * {url, headers, credentials} as of fetch; a Blob or File; or {read(from, to, signal)}, which resolves to a Uint8Array.
-   * Options: `target`, as of refineTo, which it goes on to: its bytes come with the first ones; `fields`, the names of
-   * those to decode (all), or 'first', the first that drove the contraction where the source can leave out the others,
-   * which addFields brings later; `signal`; `retries` of a request that fails (8); `on`, listeners by the name of their
-   * event, which also hear what happens while it opens; `wasm`, URL of the module.
+   * {url, headers, credentials} as of fetch; a Blob or File; or {read(from, to, signal)}, which resolves to a
+   * Uint8Array. Options: `target`, as of refineTo, which it goes on to: its bytes come with the first ones; `fields`,
+   * the names of those to decode (all), or 'first', the first that drove the contraction where the source can leave out
+   * the others, which addFields brings later; `signal`; `retries` of a request that fails (8); `on`, listeners by the
+   * name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
    */
   static async open(source, { target, fields, signal, retries, on = {}, wasm } = {}) {
     signal?.throwIfAborted();
@@ -200,7 +226,11 @@ export class TetlodStream extends EventTarget {
     try {
       const told = described(source);
       if (told.page) stream.#reader = source;
-      stream.#options = { source: told, retries, wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href };
+      stream.#options = {
+        source: told,
+        retries,
+        wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href
+      };
       stream.#link = stream.#newLink();
       stream.#take(await stream.#link.open({ ...stream.#options, fields, target }));
       stream.#topologies = stream.info.topologies;
@@ -227,8 +257,9 @@ export class TetlodStream extends EventTarget {
   }
 
   /**
-   * Shows a step of a series in time: in `band`, or in the coarsest one within `error` (exact); with `blend`, values pass into it
-   * from those of the step before, in so many milliseconds. Resolves as refineTo does, which leads back to the first step's levels.
+   * Shows a step of a series in time: in `band`, or in the coarsest one within `error` (exact); with `blend`, values
+   * pass into it from those of the step before, in so many milliseconds. Resolves as refineTo does, which leads back to
+   * the first step's levels.
    */
   async seekStep(step, { band, error, blend } = {}, { signal } = {}) {
     const { topology, own } = this.#placeOf(step);
@@ -248,7 +279,8 @@ export class TetlodStream extends EventTarget {
     try {
       return await this.#call(action, argument, id);
     } catch (error) {
-      if (mine !== this.#asks && error.name === 'AbortError' && !this.#closed && !signal?.aborted) return { level: this.level, reached: false };
+      if (mine !== this.#asks && error.name === 'AbortError' && !this.#closed && !signal?.aborted)
+        return { level: this.level, reached: false };
       throw error;
     } finally {
       signal?.removeEventListener('abort', stop);
@@ -264,7 +296,8 @@ export class TetlodStream extends EventTarget {
       if (own < times.length) return { topology, own };
       own -= times.length;
     }
-    if (this.#topologies.length) throw new RangeError(`step is a whole number from 0 to ${step - own - 1}, not ${step}`);
+    if (this.#topologies.length)
+      throw new RangeError(`step is a whole number from 0 to ${step - own - 1}, not ${step}`);
     return { topology: 0, own: step };
   }
 
@@ -342,7 +375,9 @@ export class TetlodStream extends EventTarget {
   // The next group is opened while the last steps of this one are shown.
   #lookAhead(step) {
     const { length } = this.#topologies;
-    if (!length || this.#ahead || this.#crossing || step + this.series.group < this.#topologies[this.topology].times.length) return;
+    if (!length || this.#ahead || this.#crossing
+      || step + this.series.group < this.#topologies[this.topology].times.length)
+      return;
     this.#ahead = this.#prepare((this.topology + 1) % length);
     const { link, opened } = this.#ahead;
     opened.then(() => link.call(nextId++, 'seekStep', { ...this.#step, step: 0, blend: 0 })).catch(() => {});
@@ -362,8 +397,8 @@ export class TetlodStream extends EventTarget {
   }
 
   /**
-   * Decodes these fields, too, from now on. Pictures and meshes go on without them until they are there, at the level that
-   * is shown; it costs what opening the stream at this level costs, and its memory meanwhile.
+   * Decodes these fields, too, from now on. Pictures and meshes go on without them until they are there, at the level
+   * that is shown; it costs what opening the stream at this level costs, and its memory meanwhile.
    */
   addFields(names) {
     this.#replacing = this.#replacing.catch(() => {}).then(() => this.#addFields(names));
@@ -376,8 +411,8 @@ export class TetlodStream extends EventTarget {
   }
 
   /**
-   * Gives back the memory that finer levels took: the level that is shown is decoded anew, in another worker that takes over.
-   * It costs what opening the stream at this level costs.
+   * Gives back the memory that finer levels took: the level that is shown is decoded anew, in another worker that takes
+   * over. It costs what opening the stream at this level costs.
    */
   compact() {
     this.#replacing = this.#replacing.catch(() => {}).then(() => this.#replace(this.fields));
@@ -389,7 +424,8 @@ export class TetlodStream extends EventTarget {
     this.#next = this.#newLink();
     try {
       this.#next.topology = this.topology;
-      const opened = await this.#next.open({ ...this.#optionsOf(this.topology), fields, target: { level: this.level } });
+      const opened = await this.#next.open(
+        { ...this.#optionsOf(this.topology), fields, target: { level: this.level } });
       let target;
       do {
         target = { level: this.level }; // the other one goes on
@@ -443,7 +479,8 @@ export class TetlodStream extends EventTarget {
     return this.#call('probe', point);
   }
 
-  /** {level, ends, bounds}: the value that colours the pictures, along a segment: [at, value] of begin and end of each piece, exactly as the mesh has it;
+  /** {level, ends, bounds}: the value that colours the pictures, along a segment: [at, value] of begin and end of each
+   * piece, exactly as the mesh has it;
    *  `bounds`: how far off it is at most at each of these ends, where the field's local bound is loaded. */
   line(from, to) {
     return this.#call('line', [from, to]);
@@ -467,7 +504,8 @@ export class TetlodStream extends EventTarget {
     return this.#call('prove', { quantity, persistence });
   }
 
-  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null. */
+  /** Pictures at rest of the finest level of at most so many tetrahedra, which is coarser than what is shown, or null.
+   * */
   draft(tets) {
     return this.#call('draft', tets);
   }
@@ -487,7 +525,8 @@ export class TetlodStream extends EventTarget {
     if (this.#look) link.send({ action: 'look', argument: this.#look });
   }
 
-  /** Which pictures to make of this and every following level; null: none. `whole`: the first ones leave nothing out that is the same. */
+  /** Which pictures to make of this and every following level; null: none. `whole`: the first ones leave nothing out
+   * that is the same. */
   async show(spec, { whole = false } = {}) {
     if (whole) this.#link.send({ action: 'forget' });
     await this.#call('show', spec);
@@ -495,9 +534,9 @@ export class TetlodStream extends EventTarget {
   }
 
   /**
-   * The pictures of a spec one after the other, whenever the next ones are asked for the newest; each is complete: it has the
-   * triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left: what was shown before
-   * is shown again.
+   * The pictures of a spec one after the other, whenever the next ones are asked for the newest; each is complete: it
+   * has the triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left:
+   * what was shown before is shown again.
    */
   async *frames(spec) {
     const before = this.#spec;
@@ -582,7 +621,10 @@ export class TetlodStream extends EventTarget {
     if (event === 'cells') this.receivedCells += detail.bytes;
     Object.assign(this, link.received);
     if (event === 'series') this.series = this.#whole(detail);
-    this.#dispatch(event, event === 'series' ? this.series : event === 'step' || event === 'buffered' ? this.#ofAll(detail, link) : detail);
+    this.#dispatch(event,
+      event === 'series'                           ? this.series
+        : event === 'step' || event === 'buffered' ? this.#ofAll(detail, link)
+                                                   : detail);
     if (event === 'step') this.#lookAhead(detail.step);
     if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));
   }

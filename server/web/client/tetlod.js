@@ -49,7 +49,8 @@ function guarded(exports, broken) {
       throw error;
     }
   };
-  return Object.fromEntries(Object.entries(exports).map(([name, value]) => [name, typeof value === 'function' ? guard(value) : value]));
+  return Object.fromEntries(
+    Object.entries(exports).map(([name, value]) => [name, typeof value === 'function' ? guard(value) : value]));
 }
 
 /** The exports of a module of ours. */
@@ -90,7 +91,8 @@ export class View {
   // Calls `use` with the address of a copy of the bytes.
   #lend(bytes, use) {
     const address = this.#code.view_allocate(bytes.byteLength) >>> 0;
-    if (!address) throw new TetlodError(10, `out of memory: the browser gives the decoder no ${bytes.byteLength} bytes more`);
+    if (!address)
+      throw new TetlodError(10, `out of memory: the browser gives the decoder no ${bytes.byteLength} bytes more`);
     new Uint8Array(this.#code.memory.buffer, address, bytes.byteLength)
       .set(new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength));
     try {
@@ -152,7 +154,8 @@ export class View {
 
   /** Copies of the current level's arrays. `fields` are those of describe(). */
   mesh(fields) {
-    const [vertices, tets, level, positions, values, corners, parents] = this.#words(this.#code.view_mesh(this.#view), 7);
+    const [vertices, tets, level, positions, values, corners, parents] =
+      this.#words(this.#code.view_mesh(this.#view), 7);
     const addresses = this.#words(values, fields.length);
     return {
       level,
@@ -265,7 +268,8 @@ export class View {
    */
   series(fields) {
     const list = Uint32Array.from(fields ?? []);
-    this.#check(this.#lend(list, (address) => this.#code.view_series(this.#view, address, fields ? list.length : NONE)));
+    this.#check(
+      this.#lend(list, (address) => this.#code.view_series(this.#view, address, fields ? list.length : NONE)));
     return parse(this.#text(this.#code.view_describe_series(this.#view)));
   }
 
@@ -308,10 +312,12 @@ export class View {
    */
   define({ inputs, program }) {
     const words = Float64Array.from([...inputs, ...program].flat());
-    this.#check(this.#lend(words, (address) => this.#code.view_define(this.#view, address, inputs.length, program.length)));
+    this.#check(
+      this.#lend(words, (address) => this.#code.view_define(this.#view, address, inputs.length, program.length)));
   }
 
-  /** From now on points are moved by `scale` times a field of vectors, {field, scale}; null: they are not. True if that is new. */
+  /** From now on points are moved by `scale` times a field of vectors, {field, scale}; null: they are not. True if that
+   * is new. */
   warp(by) {
     const key = JSON.stringify(by);
     if (key === this.#warp) return false;
@@ -320,7 +326,8 @@ export class View {
     return true;
   }
 
-  /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now, whose
+  /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now,
+   * whose
    *  least and greatest value it returns. */
   shade(field, component) {
     return [...this.#doubles(this.#code.view_shade(this.#view, field, component), 2)];
@@ -339,7 +346,8 @@ export class View {
     return { offset, size };
   }
 
-  /** Decodes values of cells at a step, whose bytes are put: the field with this number of describe().cellFields. After a
+  /** Decodes values of cells at a step, whose bytes are put: the field with this number of describe().cellFields. After
+   * a
    *  failure they are NaN. */
   loadCells(field, step = 0) {
     this.#check(this.#code.view_load_cells(this.#view, field, step));
@@ -380,16 +388,18 @@ export class View {
   }
 
   /**
-   * From now on pictures are of tetrahedra whose corners, or which themselves (`cells`), have values from `low` to `high` of `range` at the end of a move, or of all (null),
-   * but not of those of `regions`: {field, hidden}, numbers of a field of cells that is loaded; null: none are left out.
-   * And of what is in `box`, if there is one, whose faces close it.
+   * From now on pictures are of tetrahedra whose corners, or which themselves (`cells`), have values from `low` to
+   * `high` of `range` at the end of a move, or of all (null), but not of those of `regions`: {field, hidden}, numbers
+   * of a field of cells that is loaded; null: none are left out. And of what is in `box`, if there is one, whose faces
+   * close it.
    */
   filter(range, regions, box) {
     if (range) this.#code.view_threshold(this.#view, range.cells, range.field, range.component, range.low, range.high);
     else this.#code.view_unthreshold(this.#view);
     this.#code.view_box(this.#view, box ? 1 : 0, ...(box ?? [0, 0, 0, 0, 0, 0]));
     const hidden = Float64Array.from(regions?.hidden ?? []).sort();
-    this.#check(this.#lend(hidden, (address) => this.#code.view_hide(this.#view, regions?.field ?? 0, address, hidden.length)));
+    this.#check(
+      this.#lend(hidden, (address) => this.#code.view_hide(this.#view, regions?.field ?? 0, address, hidden.length)));
     this.#check(this.#code.view_filter(this.#view));
   }
 
@@ -436,14 +446,19 @@ export class View {
     return this.#words(this.#code.view_ray_data(this.#view), 11);
   }
 
-  /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call. `lengthOf`: {field,
+  /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call.
+   * `lengthOf`: {field,
    *  components} of the field whose length colours, or null. */
   flow(field, lengthOf) {
     const [vertexCount, tetCount, , , vertices, corners, neighbours, , , ofTets, hasOfTets] = this.#rayData();
-    const valuesOf = (of, components) => this.#doubles(this.#code.view_values(this.#view, of), components * vertexCount);
+    const valuesOf = (of, components) =>
+      this.#doubles(this.#code.view_values(this.#view, of), components * vertexCount);
     return {
-      cells: hasOfTets ? this.#floats(ofTets, tetCount) : null, vertices: this.#floats(vertices, 4 * vertexCount),
-      corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount), vectors: valuesOf(field, 3),
+      cells: hasOfTets ? this.#floats(ofTets, tetCount) : null,
+      vertices: this.#floats(vertices, 4 * vertexCount),
+      corners: this.#words(corners, 4 * tetCount),
+      neighbours: this.#words(neighbours, 4 * tetCount),
+      vectors: valuesOf(field, 3),
       lengths: lengthOf && { values: valuesOf(lengthOf.field, lengthOf.components), components: lengthOf.components },
     };
   }
@@ -460,14 +475,20 @@ export class View {
    * What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. `lengthOf`: as of flow().
    */
   rays({ keep = false, lengthOf = null } = {}) {
-    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes, ofTets, hasOfTets] = this.#rayData();
+    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes, ofTets,
+      hasOfTets] = this.#rayData();
     const placed = {
       vectors: lengthOf?.components <= 4 ? this.#vectors(lengthOf, vertexCount) : null,
       vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice(),
       cells: hasOfTets ? this.#floats(ofTets, 4 * Math.ceil(tetCount / 4)).slice() : null,
     };
     const words = (address, count) => this.#words(address, 4 * count).slice();
-    return keep ? placed : { ...placed, corners: words(corners, tetCount), neighbours: words(neighbours, tetCount), faces: words(faces, faceCount) };
+    return keep ? placed : {
+      ...placed,
+      corners: words(corners, tetCount),
+      neighbours: words(neighbours, tetCount),
+      faces: words(faces, faceCount)
+    };
   }
 
   /** The value that colours along a segment: [at, value] of begin and end of each piece, `at` from 0 to 1. */
@@ -477,7 +498,8 @@ export class View {
     return this.#doubles(ends, count ? 4 * count : 0).slice();
   }
 
-  /** {tet, values: {field: [components]}, cells: {the same of fields of cells that are loaded}} of the mesh that is shown, or null outside.
+  /** {tet, values: {field: [components]}, cells: {the same of fields of cells that are loaded}} of the mesh that is
+   * shown, or null outside.
    *  `fields` and `cellFields` are those of describe(). */
   probe([x, y, z], fields, cellFields = []) {
     const tet = this.#code.view_probe(this.#view, x, y, z) >>> 0;

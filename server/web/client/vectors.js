@@ -19,13 +19,14 @@ const across = (d) => unit(cross(d, Math.abs(d[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]
 
 /** A mesh with values, and which tetrahedron is behind which face. */
 export class Flow {
-  // `vertices`: place and the value that colours, four numbers for each; `vectors`: three for each; `neighbours`: 4 times the
-  // tetrahedron opposite each corner, plus which of its faces that is, or NONE; `cells`: values of tetrahedra that colour instead, or null;
-  // `lengths`: {values, components} of vectors whose length colours instead, or null
+  // `vertices`: place and the value that colours, four numbers for each; `vectors`: three for each; `neighbours`: 4
+  // times the tetrahedron opposite each corner, plus which of its faces that is, or NONE; `cells`: values of tetrahedra
+  // that colour instead, or null; `lengths`: {values, components} of vectors whose length colours instead, or null
   constructor({ vertices, corners, neighbours, vectors, cells = null, lengths = null }) {
     Object.assign(this, { vertices, corners, neighbours, vectors, cells, lengths, tets: corners.length / 4 });
     this.fastest = 0;
-    for (let v = 0; v < vectors.length; v += 3) this.fastest = Math.max(this.fastest, Math.hypot(vectors[v], vectors[v + 1], vectors[v + 2]));
+    for (let v = 0; v < vectors.length; v += 3)
+      this.fastest = Math.max(this.fastest, Math.hypot(vectors[v], vectors[v + 1], vectors[v + 2]));
   }
 
   #corner(tet, i) {
@@ -40,7 +41,8 @@ export class Flow {
     return dot(b, cross(c, d));
   }
 
-  /** `count` tetrahedra at equal distances in the mesh's order by volume: as many in each part as it has of the volume. */
+  /** `count` tetrahedra at equal distances in the mesh's order by volume: as many in each part as it has of the volume.
+   * */
   seeds(count) {
     let whole = 0;
     for (let t = 0; t < this.tets; t++) whole += Math.abs(this.#volume(t));
@@ -99,7 +101,8 @@ export class Flow {
 
   vectorAt({ tet, weights }) {
     const sum = [0, 0, 0];
-    for (let i = 0; i < 4; i++) for (let k = 0; k < 3; k++) sum[k] += weights[i] * this.vectors[3 * this.corners[4 * tet + i] + k];
+    for (let i = 0; i < 4; i++)
+      for (let k = 0; k < 3; k++) sum[k] += weights[i] * this.vectors[3 * this.corners[4 * tet + i] + k];
     return sum;
   }
 
@@ -111,7 +114,8 @@ export class Flow {
     return Math.hypot(...Array.from({ length: components }, (_, c) => at(values, components, c)));
   }
 
-  // One step of `length` along the flow, or against it where that is negative (Runge and Kutta's of order 4); null: it leads out, or nowhere.
+  // One step of `length` along the flow, or against it where that is negative (Runge and Kutta's of order 4); null: it
+  // leads out, or nowhere.
   #step(at, length) {
     const direction = (place) => {
       const vector = place && this.vectorAt(place);
@@ -156,7 +160,9 @@ class Solid {
     const rim = ids.flatMap((id, i) => {
       const next = (i + 1) % 3;
       const own = before[i] < 0 ? [id] : [];
-      return before[i] < 0 === before[next] < 0 ? own : [...own, this.#between(id, ids[next], before[i] / (before[i] - before[next]))];
+      return before[i] < 0 === before[next] < 0
+        ? own
+        : [...own, this.#between(id, ids[next], before[i] / (before[i] - before[next]))];
     });
     for (let i = 2; i < rim.length; i++) this.#triangles.push(rim[0], rim[i - 1], rim[i]);
   }
@@ -171,8 +177,14 @@ class Solid {
   }
 
   get part() {
-    return { points: Float32Array.from(this.#points), values: Float32Array.from(this.#values), triangles: Uint32Array.from(this.#triangles),
-      vectors: null, normals: Float32Array.from(this.#normals), lines: null };
+    return {
+      points: Float32Array.from(this.#points),
+      values: Float32Array.from(this.#values),
+      triangles: Uint32Array.from(this.#triangles),
+      vectors: null,
+      normals: Float32Array.from(this.#normals),
+      lines: null
+    };
   }
 }
 
@@ -203,7 +215,8 @@ function drawArrow(solid, flow, at, longest) {
   const value = flow.shadeAt(at);
   const along = (part) => add(at.point, way, (part - 0.5) * length);
   const shaft = [0, 0.6].map((part) => ring(solid, along(part), way, side, 0.05 * length, value));
-  const head = [[0.6, 0.14], [1, 0]].map(([part, radius]) => ring(solid, along(part), way, side, radius * length, value));
+  const head =
+    [[0.6, 0.14], [1, 0]].map(([part, radius]) => ring(solid, along(part), way, side, radius * length, value));
   join(solid, ...shaft);
   join(solid, ...head);
 }

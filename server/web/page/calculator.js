@@ -14,7 +14,8 @@ function exampleOf({ fields }) {
   ];
   const quoted = (name) => (/^[\p{L}_][\p{L}\p{N}_:]*$/u.test(name) ? name : `"${name}"`);
   if (vector)
-    return `norm(${quoted(vector.name)})${scalar ? ` * ${quoted(scalar.name)}` : ` + ${quoted(vector.name)}.${componentNames(vector.components)[0]}`}`;
+    return `norm(${quoted(vector.name)})${
+      scalar ? ` * ${quoted(scalar.name)}` : ` + ${quoted(vector.name)}.${componentNames(vector.components)[0]}`}`;
   return `sqrt(abs(${quoted(fields[0].name)}))`;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Canvases that are drawn over the picture, sharp on any screen. A saved picture has them with more pixels: data-pixels.
+// Canvases that are drawn over the picture, sharp on any screen. A saved picture has them with more pixels:
+// data-pixels.
 
 export function sized(canvas) {
   const { width, height } = canvas.getBoundingClientRect();

@@ -18,7 +18,9 @@ function pointsOf(text) {
 
 // 'r g b' or 'x r g b', of 0..1 or 0..255; other lines are words
 function pointsOfLines(text) {
-  const rows = text.split('\n').map((line) => line.trim().split(/[\s,;]+/).map(Number)).filter((row) => [3, 4].includes(row.length) && row.every(Number.isFinite));
+  const rows = text.split('\n')
+                 .map((line) => line.trim().split(/[\s,;]+/).map(Number))
+                 .filter((row) => [3, 4].includes(row.length) && row.every(Number.isFinite));
   const points = rows.map((row, i) => (row.length === 3 ? [i, ...row] : row));
   const scale = points.some(([, ...color]) => color.some((c) => c > 1)) ? 255 : 1;
   return points.map(([x, ...color]) => [x, ...color.map((c) => c / scale)]);
@@ -28,9 +30,11 @@ function pointsOfLines(text) {
 export function mapOfFile(text) {
   const points = pointsOf(text).sort((a, b) => a[0] - b[0]);
   if (points.length < 2 || !(points.at(-1)[0] > points[0][0]) || !points.flat().every(Number.isFinite))
-    throw new Error('the file has no colours: ParaView’s presets (JSON, XML) and lines of red, green and blue are read');
+    throw new Error(
+      'the file has no colours: ParaView’s presets (JSON, XML) and lines of red, green and blue are read');
   const [first, last] = [points[0][0], points.at(-1)[0]];
-  const even = points.length <= most && points.every(([x], i) => Math.abs((x - first) / (last - first) - i / (points.length - 1)) < 1e-3);
+  const even = points.length <= most
+    && points.every(([x], i) => Math.abs((x - first) / (last - first) - i / (points.length - 1)) < 1e-3);
   const size = even ? points.length : most;
   const colorAt = (x) => {
     const next = Math.max(1, points.findIndex(([at]) => at >= x));
@@ -39,5 +43,7 @@ export function mapOfFile(text) {
     return from.map((c, i) => Math.round(255 * Math.min(1, Math.max(0, c + t * (to[i] - c)))));
   };
   const hex = (color) => color.map((c) => c.toString(16).padStart(2, '0')).join('');
-  return Array.from({ length: size }, (_, i) => hex(colorAt(i === size - 1 ? last : first + (i / (size - 1)) * (last - first)))).join('-');
+  return Array
+    .from({ length: size }, (_, i) => hex(colorAt(i === size - 1 ? last : first + (i / (size - 1)) * (last - first))))
+    .join('-');
 }

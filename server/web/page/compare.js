@@ -74,7 +74,8 @@ function wordsOf({ difference, info, store: { state } }) {
   } = difference;
   const unit = unitOf(info, state.field);
   const amount = `${significant(roundedUp(bound, 2), 2)}${unit && ` ${unit}`}`;
-  return `${titleOf(info, state)} here less there: the originals' difference is within ± ${amount} of it (${certified ? 'certified' : 'measured'}), where both have a place.`;
+  return `${titleOf(info, state)} here less there: the originals' difference is within ± ${amount} of it (${
+    certified ? 'certified' : 'measured'}), where both have a place.`;
 }
 
 /** Follows the state's keys `other` and `compare`; second_view.js has the frame. */

@@ -3,7 +3,21 @@
 
 import { cssGradient, mapNames } from './colors.js';
 import { bindNumber, byId, element, options } from './dom.js';
-import { colouredOf, componentName, errorOf, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, tensorParts, unitOf, wantedLevel } from './levels.js';
+import {
+  colouredOf,
+  componentName,
+  errorOf,
+  fieldOf,
+  measureFor,
+  measureNames,
+  isosurfacesOf,
+  measuresOf,
+  spanOf,
+  targetFieldOf,
+  tensorParts,
+  unitOf,
+  wantedLevel
+} from './levels.js';
 import { errorForLevel, errorSpan, wordsOfBound } from './promises.js';
 import { reachOf } from './geometry.js';
 import { notice } from './notices.js';
@@ -58,8 +72,10 @@ export class Controls {
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVolume(),
-      () => this.bindView()];
+    return [
+      () => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(),
+      () => this.bindVolume(), () => this.bindView()
+    ];
   }
 
   // ---- detail
@@ -71,10 +87,14 @@ export class Controls {
     const span = () => spanOf(fieldOf(this.info, targetFieldOf(this.info, store.state)));
     slider.addEventListener('input', () => store.set({ error: this.errorAt(Number(slider.value)) }));
     const numbers = [
-      bindNumber(byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
-      bindNumber(byId('error-absolute'), () => plain(store.state.error * span(), 3), (x) => store.set({ error: clamp(x / (span() || 1), 0, 1) })),
-      bindNumber(byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
-      bindNumber(byId('max-bytes'), () => (store.state.maxBytes ? plain(store.state.maxBytes / 1e6) : ''), (x) => store.set({ maxBytes: Math.max(0, x * 1e6) })),
+      bindNumber(
+        byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
+      bindNumber(byId('error-absolute'), () => plain(store.state.error * span(), 3),
+        (x) => store.set({ error: clamp(x / (span() || 1), 0, 1) })),
+      bindNumber(
+        byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
+      bindNumber(byId('max-bytes'), () => (store.state.maxBytes ? plain(store.state.maxBytes / 1e6) : ''),
+        (x) => store.set({ maxBytes: Math.max(0, x * 1e6) })),
     ];
     for (const [id, key] of [['max-tets', 'maxTets'], ['max-bytes', 'maxBytes']])
       byId(id).addEventListener('input', (event) => event.target.value.trim() === '' && store.set({ [key]: 0 }));
@@ -139,7 +159,10 @@ export class Controls {
       const { components } = colouredOf(info, state).field;
       const tensor = !state.cells && [6, 9].includes(components) ? Object.entries(tensorParts) : [];
       byId('component-row').hidden = components === 1;
-      options(component, [['magnitude', 'magnitude'], ...tensor, ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
+      options(component, [
+        ['magnitude', 'magnitude'], ...tensor,
+        ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])
+      ]);
       component.value = state.component;
       if (component.selectedIndex < 0) component.value = 'magnitude'; // a tensor's part, of another field
     });
@@ -148,7 +171,8 @@ export class Controls {
       const [low, high] = this.viewer.colorRange();
       store.set({ range: 'manual', low, high, ...patch });
     };
-    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.viewer.colorRange()[i]), (x) => hand({ [key]: x })));
+    this.followRange = ['low', 'high'].map(
+      (key, i) => bindNumber(byId(key), () => plain(this.viewer.colorRange()[i]), (x) => hand({ [key]: x })));
     byId('range').addEventListener('change', (event) => {
       const [low, high] = this.shownRange ?? [0, 1];
       if (event.target.value === 'manual') store.set({ low, high });
@@ -179,7 +203,8 @@ export class Controls {
     for (const update of this.followRange) update();
     const { log, reversed } = this.store.state;
     for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(map, reversed, '90deg');
-    for (const id of ['histogram', 'transfer-histogram']) drawHistogram(byId(id), sample ? histogram(sample, range, log, 64) : []);
+    for (const id of ['histogram', 'transfer-histogram'])
+      drawHistogram(byId(id), sample ? histogram(sample, range, log, 64) : []);
     this.listIsosurfaces(this.store.state.isosurfaces);
   }
 
@@ -205,7 +230,8 @@ export class Controls {
   addSlice(axis) {
     const { slices } = this.store.state;
     const normal = this.normal(axis);
-    const taken = [0, ...slices.filter((p) => p.normal.every((c, i) => c === normal[i])).map((p) => p.at).sort((a, b) => a - b), 1];
+    const taken =
+      [0, ...slices.filter((p) => p.normal.every((c, i) => c === normal[i])).map((p) => p.at).sort((a, b) => a - b), 1];
     const gaps = taken.slice(1).map((at, i) => ({ width: at - taken[i], at: (at + taken[i]) / 2 }));
     const { at } = gaps.reduce((best, gap) => (gap.width > best.width + 1e-9 ? gap : best));
     this.setInner({ slices: [...slices, { normal, at: Number(at.toPrecision(4)) }] });
@@ -226,9 +252,11 @@ export class Controls {
 
   bindLayers() {
     const { store } = this;
-    for (const button of document.querySelectorAll('[data-slice]')) button.addEventListener('click', () => this.addSlice(button.dataset.slice));
+    for (const button of document.querySelectorAll('[data-slice]'))
+      button.addEventListener('click', () => this.addSlice(button.dataset.slice));
     for (const button of document.querySelectorAll('[data-clip]'))
-      button.addEventListener('click', () => store.set({ clip: { normal: this.normal(button.dataset.clip), at: store.state.clip?.at ?? 0.5 } }));
+      button.addEventListener('click',
+        () => store.set({ clip: { normal: this.normal(button.dataset.clip), at: store.state.clip?.at ?? 0.5 } }));
     byId('add-isosurface').addEventListener('click', () => this.addIsosurface());
     byId('line').addEventListener('change', () => this.toggleLine());
     store.watch(['line'], (state) => { byId('line').checked = Boolean(state.line); });
@@ -236,9 +264,11 @@ export class Controls {
       this.listPlanes(byId('slices'), state.slices, 'Slice', (slices) => this.setInner({ slices }));
       byId('slice-edges-row').hidden = !state.slices.length;
     });
-    store.watch(['clip'], (state) =>
-      this.listPlanes(byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
-    store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component', 'formula'], (state) => this.listIsosurfaces(state.isosurfaces));
+    store.watch(['clip'],
+      (state) => this.listPlanes(
+        byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
+    store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component', 'formula'],
+      (state) => this.listIsosurfaces(state.isosurfaces));
     const opacity = byId('isosurface-opacity');
     opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
     store.watch(['isosurfaceOpacity'], (state) => {
@@ -273,8 +303,14 @@ export class Controls {
       const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `${name} ${i + 1}: place` });
       const third = flips
         ? element('button', { type: 'button', className: 'small', ariaLabel: 'Keep the other side' }, 'flip')
-        : element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `${name} ${i + 1}: place in percent` });
-      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove ${name.toLowerCase()} ${i + 1}` }, '×');
+        : element('input', {
+            className: 'number',
+            inputMode: 'decimal',
+            autocomplete: 'off',
+            ariaLabel: `${name} ${i + 1}: place in percent`
+          });
+      const remove = element(
+        'button', { type: 'button', className: 'remove', ariaLabel: `Remove ${name.toLowerCase()} ${i + 1}` }, '×');
       const place = element('input', { className: 'number place', inputMode: 'decimal', autocomplete: 'off' });
       place.ariaLabel = `${name} ${i + 1}: coordinate`;
       place.addEventListener('change', () => {
@@ -284,7 +320,9 @@ export class Controls {
       });
       axis.addEventListener('change', () => put(i, { normal: this.normal(axis.value) }));
       slider.addEventListener('input', () => put(i, { at: slider.value / 1000 }));
-      if (flips) third.addEventListener('click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
+      if (flips)
+        third.addEventListener(
+          'click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
       else third.addEventListener('change', () => put(i, { at: clamp((parseNumber(third.value) || 0) / 100, 0, 1) }));
       remove.addEventListener('click', () => change(box.planes.filter((_, k) => k !== i)));
       return element('div', { className: 'item' }, axis, slider, third, place, remove);
@@ -295,7 +333,12 @@ export class Controls {
       if (document.activeElement !== place) place.value = plain(from + planes[i].at * (to - from));
       const at = axisOf(planes[i].normal);
       const negative = axisOf(planes[i].normal.map((c) => -c || 0));
-      options(axis, [['x', 'x'], ['y', 'y'], ['z', 'z'], ['view', 'view'], ...(at ? [] : negative ? [['now', `−${negative}`]] : [['now', 'free']])]);
+      options(axis, [
+        ['x', 'x'], ['y', 'y'], ['z', 'z'], ['view', 'view'],
+        ...(at         ? []
+            : negative ? [['now', `−${negative}`]]
+                       : [['now', 'free']])
+      ]);
       axis.value = at ?? 'now';
       slider.value = 1000 * planes[i].at;
       slider.ariaValueText = `${percent(planes[i].at, 3)}, ${place.value}`;
@@ -310,18 +353,22 @@ export class Controls {
       const [least, most] = this.isosurfaceSpan();
       return { least, length: most - least || 1 };
     };
-    const change = (i, value) => store.set({ isosurfaces: store.state.isosurfaces.map((v, k) => (k === i ? clamp(value, 0, 1) : v)) });
+    const change = (i, value) =>
+      store.set({ isosurfaces: store.state.isosurfaces.map((v, k) => (k === i ? clamp(value, 0, 1) : v)) });
     const rows = this.rows(byId('isosurfaces'), values.length, (i) => {
       const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `Isosurface ${i + 1}: value` });
-      const number = element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `Isosurface ${i + 1}: value` });
-      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
+      const number = element('input',
+        { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `Isosurface ${i + 1}: value` });
+      const remove =
+        element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
       slider.addEventListener('input', () => change(i, span().least + (slider.value / 1000) * span().length));
       number.addEventListener('change', () => {
         const [from, to] = this.viewer.isosurfaceRange();
         const value = parseNumber(number.value);
         if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
       });
-      remove.addEventListener('click', () => this.setInner({ isosurfaces: store.state.isosurfaces.filter((_, k) => k !== i) }));
+      remove.addEventListener(
+        'click', () => this.setInner({ isosurfaces: store.state.isosurfaces.filter((_, k) => k !== i) }));
       return element('div', { className: 'item iso' }, slider, number, remove);
     });
     byId('isosurface-body').hidden = !values.length;
@@ -341,8 +388,10 @@ export class Controls {
     if (!zone) return;
     const { domainError } = this.info.levels[level];
     const field = isosurfacesOf(this.info, this.store.state).field;
-    const moved = domainError > 1e-9 ? `; where the boundary moved, within ${percent(domainError)} of the diagonal` : '';
-    byId('zone-words').textContent = `The original's isosurface lies between the shells: ${wordsOfBound(this.info, field, zone)}${moved}.`;
+    const moved =
+      domainError > 1e-9 ? `; where the boundary moved, within ${percent(domainError)} of the diagonal` : '';
+    byId('zone-words').textContent =
+      `The original's isosurface lies between the shells: ${wordsOfBound(this.info, field, zone)}${moved}.`;
   }
 
   // ---- volume rendering and the view
@@ -366,7 +415,8 @@ export class Controls {
 
   bindView() {
     const { actions, store } = this;
-    const views = [['+x', '+x'], ['-x', '−x'], ['+y', '+y'], ['-y', '−y'], ['+z', '+z'], ['-z', '−z'], ['oblique', '∡']];
+    const views =
+      [['+x', '+x'], ['-x', '−x'], ['+y', '+y'], ['-y', '−y'], ['+z', '+z'], ['-z', '−z'], ['oblique', '∡']];
     byId('looks').append(...views.map(([view, text]) => {
       const name = view === 'oblique' ? 'Look from a corner' : `Look from ${text}`;
       const button = element('button', { type: 'button', className: 'small', ariaLabel: name, title: name }, text);

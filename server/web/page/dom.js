@@ -40,7 +40,8 @@ export function coalesced(draw) {
 export const pause = () => globalThis.scheduler?.yield?.() ?? new Promise((resolve) => setTimeout(resolve));
 
 // Choices, as pairs of value and text.
-export const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
+export const options = (select, pairs) =>
+  select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
 
 // A text field for a number: what cannot be read falls back to what holds. It follows what holds unless somebody types.
 export function bindNumber(input, read, write) {

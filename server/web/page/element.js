@@ -10,22 +10,33 @@ import { count } from './numbers.js';
 import { Viewer } from './viewer.js';
 
 const style = `
-:host { display: block; position: relative; height: 400px; overflow: hidden; font: 14px/1.4 system-ui, sans-serif; --tetlod-background: light-dark(#eceff3, #0b0f14); }
+:host { display: block; position: relative; height: 400px; overflow: hidden; font: 14px/1.4 system-ui, sans-serif;
+  --tetlod-background: light-dark(#eceff3, #0b0f14); }
 :host([hidden]) { display: none; }
 .stage { position: absolute; inset: 0; background: var(--tetlod-background); color: light-dark(#17202b, #dfe6ee); }
-.on-white { background: #fff; color-scheme: light; } .on-grey { background: #8a9099; color-scheme: light; } .on-black { background: #000; color-scheme: dark; }
+.on-white { background: #fff; color-scheme: light; } .on-grey { background: #8a9099; color-scheme: light; }
+.on-black { background: #000; color-scheme: dark; }
 .picture, .over, .over svg { position: absolute; inset: 0; width: 100%; height: 100%; }
 .picture { touch-action: none; cursor: grab; } .picture canvas { display: block; width: 100%; height: 100%; }
 .over { pointer-events: none; }
-.over text { font-size: 12px; fill: currentColor; text-anchor: middle; dominant-baseline: central; opacity: .75; } .over .name { font-style: italic; font-weight: 600; }
-.bar { position: absolute; left: 50%; bottom: 8px; width: min(430px, 90%); height: 54px; transform: translateX(-50%); pointer-events: none; }
-.notice { position: absolute; left: 8px; top: 8px; max-width: 90%; padding: .3rem .6rem; border-radius: 6px; background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
+.over text { font-size: 12px; fill: currentColor; text-anchor: middle; dominant-baseline: central; opacity: .75; }
+.over .name { font-style: italic; font-weight: 600; }
+.bar { position: absolute; left: 50%; bottom: 8px; width: min(430px, 90%); height: 54px; transform: translateX(-50%);
+  pointer-events: none; }
+.notice { position: absolute; left: 8px; top: 8px; max-width: 90%; padding: .3rem .6rem; border-radius: 6px;
+  background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
 .notice:empty, [hidden] { display: none !important; }
-.readout { position: absolute; right: 8px; top: 8px; max-width: 60%; padding: .3rem .6rem; border-radius: 6px; font-size: 12px; font-variant-numeric: tabular-nums; background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
-.time { position: absolute; left: 50%; bottom: 66px; width: min(560px, calc(100% - 24px)); transform: translateX(-50%); }
-#player { display: grid; grid-template-columns: auto 1fr auto; gap: 2px 8px; align-items: center; padding: 4px 8px; border-radius: 6px; font-size: 12px; background: color-mix(in srgb, var(--tetlod-background) 85%, transparent); }
-#player .buttons { display: flex; gap: 3px; } #player .track { position: relative; display: grid; } #player .track > * { grid-area: 1 / 1; width: 100%; margin: 0; }
-#player-buffer { height: 3px; align-self: end; pointer-events: none; } #player-buffer rect { fill: currentColor; opacity: .5; }
+.readout { position: absolute; right: 8px; top: 8px; max-width: 60%; padding: .3rem .6rem; border-radius: 6px;
+  font-size: 12px; font-variant-numeric: tabular-nums;
+  background: color-mix(in srgb, var(--tetlod-background) 80%, transparent); }
+.time { position: absolute; left: 50%; bottom: 66px; width: min(560px, calc(100% - 24px));
+  transform: translateX(-50%); }
+#player { display: grid; grid-template-columns: auto 1fr auto; gap: 2px 8px; align-items: center; padding: 4px 8px;
+  border-radius: 6px; font-size: 12px; background: color-mix(in srgb, var(--tetlod-background) 85%, transparent); }
+#player .buttons { display: flex; gap: 3px; } #player .track { position: relative; display: grid; }
+#player .track > * { grid-area: 1 / 1; width: 100%; margin: 0; }
+#player-buffer { height: 3px; align-self: end; pointer-events: none; } #player-buffer rect { fill: currentColor;
+  opacity: .5; }
 #player p { grid-column: 1 / -1; margin: 0; } #player p:empty { display: none; }`;
 
 // "1%" or "0.01"
@@ -281,10 +292,12 @@ export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
       settled,
     } = viewer;
     this.#tellReadout(viewer);
-    const { pages, worst = level, tets = info.levels[level].tets } = viewer.finer?.pages === undefined ? {} : viewer.finer;
+    const { pages, worst = level, tets = info.levels[level].tets } =
+      viewer.finer?.pages === undefined ? {} : viewer.finer;
     const error = errorOf(info.levels[worst], shownField(info, state), shownMeasure(info, state));
     this.dispatchEvent(new CustomEvent('level', { detail: { level: worst, tets, error, pages, settled } }));
   }
 }
 
-if (globalThis.customElements && !customElements.get('tetlod-view')) customElements.define('tetlod-view', TetlodView); // a page may have it from several servers
+if (globalThis.customElements && !customElements.get('tetlod-view'))
+  customElements.define('tetlod-view', TetlodView); // a page may have it from several servers

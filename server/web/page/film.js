@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A film of what is shown: once around it, or the steps of a series. Frames are drawn first, however long that takes, and
-// recorded at their pace afterwards.
+// A film of what is shown: once around it, or the steps of a series. Frames are drawn first, however long that takes,
+// and recorded at their pace afterwards.
 
 import { byId, element } from './dom.js';
 import { add, cross, dot, scale, unit } from './geometry.js';

@@ -6,7 +6,8 @@ const isSigned = ([low, high]) => low < 0 && high > 0 && Math.min(-low, high) > 
 
 // Fields of solids: what one looks at is on their surface.
 const solidFields = /displ|deform|stress|strain|mises|plastic|damage/i;
-const flowFields = [/veloc|momentum|^u$/i, /press|mach|vortic|^p$/i]; // that flows have both kinds of, with stresses or not
+const flowFields =
+  [/veloc|momentum|^u$/i, /press|mach|vortic|^p$/i]; // that flows have both kinds of, with stresses or not
 
 /** Whether the stream shows a body, not what flows or spreads within walls. */
 export function isSolid({ fields, cellFields = [] }) {
@@ -35,8 +36,8 @@ const tail = 0.01; // of the values, on each side
 const few = 0.5;   // of the range: when so much of it is the tails', they are cut off
 
 /**
- * The colours' range where none is chosen. `sample`: sorted values of the mesh. Outliers, which would leave one colour to
- * all others, are beyond its ends; values of both signs have zero in the middle.
+ * The colours' range where none is chosen. `sample`: sorted values of the mesh. Outliers, which would leave one colour
+ * to all others, are beyond its ends; values of both signs have zero in the middle.
  */
 export function autoRange([low, high], sample) {
   const at = (fraction) => sample[Math.round(fraction * (sample.length - 1))];
@@ -48,7 +49,8 @@ export function autoRange([low, high], sample) {
   return [-most, most];
 }
 
-/** How many values of a sorted sample lie in each of `bins` equal parts of [low, high]; of their logarithms if `log`. */
+/** How many values of a sorted sample lie in each of `bins` equal parts of [low, high]; of their logarithms if `log`.
+ * */
 export function histogram(sample, [low, high], log, bins) {
   const of = log ? Math.log10 : (x) => x;
   const counts = new Uint32Array(bins);

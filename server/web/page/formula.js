@@ -30,7 +30,8 @@ const signs = { '−': '-', '×': '*', '·': '*', '÷': '/' };
 
 function wordsOf(text) {
   const words = [];
-  const pattern = /\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|"([^"]*)"|([\p{L}_][\p{L}\p{N}_:]*)|([-+*/^(),.−×·÷]))/uy;
+  const pattern =
+    /\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|"([^"]*)"|([\p{L}_][\p{L}\p{N}_:]*)|([-+*/^(),.−×·÷]))/uy;
   for (pattern.lastIndex = 0; pattern.lastIndex < text.trimEnd().length;) {
     const at = pattern.lastIndex;
     const found = pattern.exec(text);

@@ -27,7 +27,8 @@ export function planeOf(bounds, { normal, at }) {
   return { origin: add(centre, n, low + at * (high - low) - dot(centre, n)), normal: n };
 }
 
-/** Where a plane is along its normal, from side to side of the bounds; for one across an axis these are its coordinates. */
+/** Where a plane is along its normal, from side to side of the bounds; for one across an axis these are its
+ * coordinates. */
 export function reachOf(bounds, { normal }) {
   const [low, high] = extent(bounds, unit(normal));
   const negative = normal.filter((c) => c !== 0).length === 1 && normal.some((c) => c < 0);
@@ -86,7 +87,8 @@ export function pickPart(part, from, direction, facing = 0) {
     const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
     const e1x = points[b] - points[a], e1y = points[b + 1] - points[a + 1], e1z = points[b + 2] - points[a + 2];
     const e2x = points[c] - points[a], e2y = points[c + 1] - points[a + 1], e2z = points[c + 2] - points[a + 2];
-    const px = direction[1] * e2z - direction[2] * e2y, py = direction[2] * e2x - direction[0] * e2z, pz = direction[0] * e2y - direction[1] * e2x;
+    const px = direction[1] * e2z - direction[2] * e2y, py = direction[2] * e2x - direction[0] * e2z,
+          pz = direction[0] * e2y - direction[1] * e2x;
     const det = e1x * px + e1y * py + e1z * pz;
     if (det === 0 || facing * det < 0) continue;
     const inverse = 1 / det;
@@ -101,7 +103,11 @@ export function pickPart(part, from, direction, facing = 0) {
     best = distance;
     found = { t, weights: [1 - u - v, u, v] };
   }
-  return found && { distance: best, value: valueIn(part, [...triangles.subarray(found.t, found.t + 3)], found.weights), point: add(from, direction, best) };
+  return found && {
+    distance: best,
+    value: valueIn(part, [...triangles.subarray(found.t, found.t + 3)], found.weights),
+    point: add(from, direction, best)
+  };
 }
 
 // Which of `lines` (pairs of points) each side of each triangle is, three to a triangle; -1: none of them.

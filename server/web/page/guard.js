@@ -4,5 +4,6 @@ addEventListener('error', ({ target }) => {
   if (target?.tagName !== 'SCRIPT') return;
   const place = document.getElementById('loading') ?? document.body.appendChild(document.createElement('p'));
   place.hidden = false;
-  place.textContent = 'A part of this page could not be loaded. Reload the page; if that does not help, clear the browser\u2019s cache.';
+  place.textContent =
+    'A part of this page could not be loaded. Reload the page; if that does not help, clear the browser\u2019s cache.';
 }, true);

@@ -38,7 +38,8 @@ export class Handles {
     knob.outline.classList.toggle('held', Boolean(knob.held));
     // the knob sits where the outline is highest in the picture
     const { clientWidth, clientHeight } = this.layer;
-    const top = clipToWindow(screen, clientWidth, clientHeight, 14).reduce((best, p) => (!best || p.y < best.y ? p : best), null);
+    const top =
+      clipToWindow(screen, clientWidth, clientHeight, 14).reduce((best, p) => (!best || p.y < best.y ? p : best), null);
     knob.button.hidden = !top;
     if (!top) return;
     knob.button.style.transform = `translate(${top.x}px, ${top.y}px)`;
@@ -48,7 +49,8 @@ export class Handles {
   }
 
   makeKnob(key) {
-    const button = element('button', { type: 'button', className: 'knob', role: 'slider', 'aria-valuemin': '0', 'aria-valuemax': '100' });
+    const button = element(
+      'button', { type: 'button', className: 'knob', role: 'slider', 'aria-valuemin': '0', 'aria-valuemax': '100' });
     const outline = svg('polygon', { class: key });
     const knob = { button, outline, held: null };
     button.classList.add(key);
@@ -60,7 +62,12 @@ export class Handles {
         this.update();
       });
     button.addEventListener('keydown', (event) => {
-      const step = { ArrowUp: 0.01, ArrowRight: 0.01, ArrowDown: -0.01, ArrowLeft: -0.01, PageUp: 0.1, PageDown: -0.1 }[event.key];
+      const step = { ArrowUp: 0.01,
+        ArrowRight: 0.01,
+        ArrowDown: -0.01,
+        ArrowLeft: -0.01,
+        PageUp: 0.1,
+        PageDown: -0.1 }[event.key];
       if (!step) return;
       event.preventDefault();
       knob.entry.move(clamp(knob.entry.plane.at + step, 0, 1));

@@ -3,7 +3,8 @@
 
 import { byId } from './dom.js';
 
-const typing = (target) => target.matches?.('input:not([type=checkbox]):not([type=range]), textarea, select') || target.closest?.('dialog');
+const typing = (target) =>
+  target.matches?.('input:not([type=checkbox]):not([type=range]), textarea, select') || target.closest?.('dialog');
 
 // `actions`: what each key does, by the key. vtk.js has shortcuts of its own, which these stand before.
 export function bindKeys(actions) {

@@ -21,17 +21,18 @@ const replacementsFor = (names, formula) => {
       'Vertex',
       '//VTK::Color::Impl',
       `${names.map((name) => `${name}VS = ${name}MC;`).join('\n')}\n//VTK::Color::Impl`,
-    ),
+      ),
     at(
       'Fragment',
       '//VTK::Color::Dec',
-      `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;${formula?.functions ?? ''}
+      `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;${
+        formula?.functions ?? ''}
 float lengthPlace() {
   float value = ${value};
   if (lengthIsLogarithmic != 0) value = value > 0.0 ? 0.30102999566 * log2(value) : -38.0;
   return clamp(lengthTexels.x + lengthTexels.y * value, -1000.0, 1000.0);
 }\n//VTK::Color::Dec`,
-    ),
+      ),
     at('Fragment', 'tcoordVCVSOutput.st', 'vec2(lengthPlace(), 0.49)', false),
   ];
 };

@@ -9,7 +9,8 @@ export const measureNames = {
   rms: 'root mean square',
 };
 
-export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) => info.levels[0].errors[field]?.[m] !== undefined);
+export const measuresOf = (info, field) =>
+  Object.keys(measureNames).filter((m) => info.levels[0].errors[field]?.[m] !== undefined);
 
 // The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it (of
 // a local
@@ -19,7 +20,9 @@ export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) 
 export function targetFieldOf(info, { field, errorField }) {
   if (fieldOf(info, errorField)) return errorField;
   const shown = shownField(info, { field });
-  return fieldOf(info, shown)?.controlled ? shown : (firstField(info.fields.filter((f) => f.controlled))?.name ?? field ?? info.fields[0].name);
+  return fieldOf(info, shown)?.controlled
+    ? shown
+    : (firstField(info.fields.filter((f) => f.controlled))?.name ?? field ?? info.fields[0].name);
 }
 
 // The wanted measure where the field has it, else the strictest that it has.
@@ -86,7 +89,8 @@ export function colouredOf(info, state) {
 export const localBoundOf = (info, name) => info.fields.find((f) => f.bounds === name)?.name;
 
 // Fields of cells whose numbers can be those of regions.
-export const regionFields = (info) => info.cellFields.filter(({ components, type }) => components === 1 && type.startsWith('int')).map(({ name }) => name);
+export const regionFields = (info) =>
+  info.cellFields.filter(({ components, type }) => components === 1 && type.startsWith('int')).map(({ name }) => name);
 
 // Whose isosurfaces: of what is coloured, or of another field, of its length if it has several components.
 export function isosurfacesOf(info, state) {
@@ -109,8 +113,10 @@ export const warpField = (info, { warp }) => (vectorFields(info).includes(warp) 
 
 // Names of the fields that the picture needs; probes and a plotted line tell the local bound, where there is one.
 export const shownFields = (info, state) => [...new Set([
-  state.field, ...(warpField(info, state) ? [state.warp] : []), ...(colouredOf(info, state).formula?.fields ?? []), ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
-  (state.pins.length || state.line ? localBoundOf(info, state.field) : null) ?? state.field])];
+  state.field, ...(warpField(info, state) ? [state.warp] : []), ...(colouredOf(info, state).formula?.fields ?? []),
+  ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
+  (state.pins.length || state.line ? localBoundOf(info, state.field) : null) ?? state.field
+])];
 
 export function titleOf(info, state) {
   const { field: { name, components }, component, formula } = colouredOf(info, state);
@@ -144,7 +150,12 @@ export const componentName = (components, i) => componentNames(components)[i];
 // ---- functions of components (formula.js, which is loaded when one is shown)
 
 /** What is drawn of tensors beside their components. */
-export const tensorParts = { mises: 'von Mises', principal1: 'largest principal', principal2: 'middle principal', principal3: 'smallest principal' };
+export const tensorParts = {
+  mises: 'von Mises',
+  principal1: 'largest principal',
+  principal2: 'middle principal',
+  principal3: 'smallest principal'
+};
 const isTensor = ({ components }) => components === 6 || components === 9;
 
 let Formula = null;

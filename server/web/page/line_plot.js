@@ -27,7 +27,8 @@ const plotHtml = `
   <section id="line-plot" class="chart" aria-labelledby="line-words" hidden>
     <p id="line-words"></p>
     <button type="button" class="small" id="line-csv" title="Save the values as CSV">CSV</button>
-    <button type="button" class="small" id="line-vtp" title="Save the line with its values, for ParaView and VTK">VTP</button>
+    <button type="button" class="small" id="line-vtp"
+      title="Save the line with its values, for ParaView and VTK">VTP</button>
     <button type="button" class="small" id="line-close" aria-label="No plot over a line">×</button>
     <svg id="line-drawing" role="img" aria-label="The values along the line"></svg>
   </section>`;

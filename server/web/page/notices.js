@@ -12,11 +12,13 @@ export function button(words, act) {
   return made;
 }
 
-// One message for each `key`; `seconds`: when it goes by itself, 0: it stays until cleared or closed; `place`: id of where it is.
+// One message for each `key`; `seconds`: when it goes by itself, 0: it stays until cleared or closed; `place`: id of
+// where it is.
 export function notice(key, message, { failed = false, seconds = 4, children = [], place = 'notices' } = {}) {
   clear(key);
   const close = element('button', { type: 'button', ariaLabel: 'Close' }, '×');
-  const box = element('div', { className: `notice${failed ? ' failed' : ''}`, id: `notice-${key}` }, element('span', {}, message), ...children, close);
+  const box = element('div', { className: `notice${failed ? ' failed' : ''}`, id: `notice-${key}` },
+    element('span', {}, message), ...children, close);
   close.addEventListener('click', () => clear(key));
   byId(place).append(box);
   messages.set(key, { box, timer: seconds ? setTimeout(() => clear(key), 1000 * seconds) : 0 });

@@ -5,8 +5,8 @@ import { chooseFile } from './choose_file.js';
 import { byId } from './dom.js';
 import { Viewer } from './viewer.js';
 
-// view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
-// lies at the root of the site.
+// view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This
+// module lies at the root of the site.
 export const root = new URL('.', import.meta.url);
 export const id = decoded(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
 const file = new URLSearchParams(location.search).get('stream');
@@ -29,4 +29,5 @@ function nameOf(from) {
 }
 
 const below = () => (matchMedia('(max-width: 900px)').matches ? 132 : 64); // player.css
-export const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar'), below }, location.hash);
+export const viewer =
+  new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar'), below }, location.hash);

@@ -6,7 +6,20 @@ import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
 import { bindKeys } from './keys.js';
-import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, shownField, shownMeasure, spanOf, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
+import {
+  defaultTets,
+  errorOf,
+  fieldOf,
+  levelForError,
+  memoryOf,
+  shownField,
+  shownMeasure,
+  spanOf,
+  targetFieldOf,
+  titleOf,
+  unitOf,
+  wantedLevel
+} from './levels.js';
 import { promiseOf } from './promises.js';
 import { button, clear, notice } from './notices.js';
 import { bytes, count, percent, roundedUp, significant } from './numbers.js';
@@ -27,7 +40,9 @@ function askForMore() {
   const wanted = info.levels[levelForError(info, state)];
   if (state.maxTets || (info.paged && state.pixels) || wanted.tets <= defaultTets()) return;
   const look = info.paged ? [button('Detail where I look', () => store.set({ pixels: 2 }))] : [];
-  notice('budget', `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${bytes(memoryOf(wanted.tets))} of memory.`,
+  notice('budget',
+    `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${
+      bytes(memoryOf(wanted.tets))} of memory.`,
     { seconds: 0, place: 'asks', children: [...look, button('Load it', () => store.set({ maxTets: wanted.tets }))] });
 }
 
@@ -40,7 +55,9 @@ function askForField() {
   const measure = shownMeasure(info, state);
   const wanted = info.levels[levelForError(info, { ...state, errorField: state.field })];
   if (level >= 0 && errorOf(info.levels[level], state.field, measure) <= state.error) return;
-  notice('field', `${state.field} is not controlled: the error shown is measured. ${percent(state.error)} of it takes ${count(wanted.tets)} tetrahedra, ${bytes(wanted.bytes)}.`,
+  notice('field',
+    `${state.field} is not controlled: the error shown is measured. ${percent(state.error)} of it takes ${
+      count(wanted.tets)} tetrahedra, ${bytes(wanted.bytes)}.`,
     { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ errorField: state.field }))] });
 }
 
@@ -69,14 +86,19 @@ function tellShown() {
   const field = shownField(info, state);
   const { finer } = viewer;
   const error = errorOf(viewer.told.levels[finer?.worst ?? level], field, measure);
-  put('shown-error', percent(roundedUp(error, 3)), error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${unitOf(info, field) || 'in its units'}` : 'exact');
+  put('shown-error', percent(roundedUp(error, 3)),
+    error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${
+      unitOf(info, field) || 'in its units'}`
+          : 'exact');
   const tets = finer?.tets ?? now.tets;
   put('shown-tets', count(tets), percent(tets / info.tets));
   byId('promise').textContent = promiseOf(viewer.told, level);
   if (finer?.finest) put('shown-level', `${finer.worst}–${finer.finest}`);
   else put('shown-level', String(level), `of ${info.levels.length - 1}`);
   const { at } = viewer;
-  if (id) byId('download').href = `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
+  if (id)
+    byId('download').href =
+      `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
   byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;
 }
 
@@ -89,7 +111,8 @@ function countFrames() {
   const isMoving = () => viewer.scene.interactor.isAnimating();
   const tell = coalesced(() => {
     const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
-    byId('shown-fps').textContent = intervals.length > 2 ? `${rate < 9.5 ? significant(rate, 2) : Math.round(rate)} /s` : '–';
+    byId('shown-fps').textContent =
+      intervals.length > 2 ? `${rate < 9.5 ? significant(rate, 2) : Math.round(rate)} /s` : '–';
   });
   viewer.scene.addEventListener('render', () => {
     const now = performance.now();
@@ -156,7 +179,9 @@ function watchScene() {
     axes.update();
     tools?.update();
   });
-  scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
+  scene.addEventListener('lost',
+    () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.',
+      { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
   scene.addEventListener('camera', () => store.set({ camera: scene.camera() }));
   byId('picture').addEventListener('dblclick', (event) => {
@@ -170,8 +195,15 @@ function watchScene() {
 function planes() {
   const { slices, clip } = store.state;
   const move = (i) => (at) => store.set({ slices: store.state.slices.map((p, k) => (k === i ? { ...p, at } : p)) });
-  const found = slices.map((plane, i) => ({ key: `slice-${i}`, label: `Slice ${i + 1}: place across the volume`, plane, move: move(i) }));
-  if (clip) found.push({ key: 'clip', label: 'Clip: place across the volume', plane: clip, move: (at) => store.set({ clip: { ...store.state.clip, at } }) });
+  const found = slices.map(
+    (plane, i) => ({ key: `slice-${i}`, label: `Slice ${i + 1}: place across the volume`, plane, move: move(i) }));
+  if (clip)
+    found.push({
+      key: 'clip',
+      label: 'Clip: place across the volume',
+      plane: clip,
+      move: (at) => store.set({ clip: { ...store.state.clip, at } })
+    });
   return found;
 }
 
@@ -179,7 +211,8 @@ function planes() {
 function viewNormal() {
   const { towards } = viewer.scene.axes();
   const axis = towards.findIndex((c) => Math.abs(c) > 0.999);
-  return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
+  return axis < 0 ? towards.map((c) => Number(c.toPrecision(4)))
+                  : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
 }
 
 // What is there is asked for from now on: its error, which the panel shows and the link has.
@@ -190,11 +223,13 @@ function togglePanel() {
   byId('panel-toggle').ariaExpanded = String(!closed);
 }
 
-const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
+const toggleFullScreen = () =>
+  (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
 const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
 const textsOfPicture = () => ({
   Title: name,
-  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.told, viewer.level)}; content ${viewer.info.cid}`,
+  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${
+    viewer.info.levels.length - 1}: ${promiseOf(viewer.told, viewer.level)}; content ${viewer.info.cid}`,
   Source: new URL(location.pathname + location.search + viewer.fragment, location).href,
   Software: 'tetlod',
 });
@@ -204,7 +239,8 @@ const drawOver = () => {
 };
 const sharing = () => import('./share.js');
 const copyLink = async () => (await sharing()).copyLink();
-const asShown = () => ({ size: tools?.pictureSize() ?? null, redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
+const asShown = () =>
+  ({ size: tools?.pictureSize() ?? null, redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
 const save = async () =>
   (await sharing()).savePicture(viewer.scene, `${name}-${viewer.level}`, { texts: textsOfPicture(), ...asShown() });
 const picture = async () => (await sharing()).pictureOf(viewer.scene, asShown());
@@ -214,8 +250,9 @@ const inPicture = (act) => (event) => (document.activeElement === byId('picture'
 function bindActions() {
   const { scene } = viewer;
   const showHelp = async () => (await import('./keys_list.js')).showKeys();
-  for (const [id, act] of [['screenshot', save], ['save-png', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
-    ['panel-toggle', togglePanel], ['help-open', showHelp]])
+  for (const [id, act] of [['screenshot', save], ['save-png', save], ['stop', stop], ['copy-link', copyLink],
+         ['fullscreen', toggleFullScreen], ['theme', switchTheme], ['panel-toggle', togglePanel],
+         ['help-open', showHelp]])
     byId(id).addEventListener('click', act);
   const toggleSlice = (axis) => () => {
     const normal = { x: 0, y: 1, z: 2 }[axis];
@@ -270,7 +307,14 @@ async function openTools() {
     compass.draw(viewer.scene.axes());
     handles = new tool.Handles(byId('handles'), viewer.scene, planes);
     handles.update();
-    tools = new tool.Tools(viewer, { layer: byId('handles'), save: saveAs, picture, pointer: () => probe.at, canOpenAnother: typeof source === 'string', controls });
+    tools = new tool.Tools(viewer, {
+      layer: byId('handles'),
+      save: saveAs,
+      picture,
+      pointer: () => probe.at,
+      canOpenAnother: typeof source === 'string',
+      controls
+    });
     tools.update();
   } catch (error) {
     notice('tools', `Some of the controls cannot be loaded: ${error.message}`, { failed: true, seconds: 0 });

@@ -15,7 +15,13 @@ export class Plot {
     this.line = svg('path', { class: 'line' });
     this.present = svg('circle', { class: 'present', r: 3.5 });
     this.point = svg('circle', {
-      id: 'plot-point', class: 'wanted', r: 6, tabindex: 0, role: 'slider', 'aria-label': 'Level wanted', 'aria-valuemin': 0,
+      id: 'plot-point',
+      class: 'wanted',
+      r: 6,
+      tabindex: 0,
+      role: 'slider',
+      'aria-label': 'Level wanted',
+      'aria-valuemin': 0,
     });
     drawing.append(this.received, this.parts, this.line, this.present, this.point);
     drawing.addEventListener('pointerdown', (event) => {
@@ -63,7 +69,10 @@ export class Plot {
     if (!width || !this.levels.length) return;
     Object.assign(this, { width, height });
     this.drawing.setAttribute('viewBox', `0 0 ${width} ${height}`);
-    this.line.setAttribute('d', this.levels.map((l, i) => `${i ? 'H' : 'M'}${this.x(l.bytes).toFixed(1)}${i ? 'V' : ','}${this.y(l.error).toFixed(1)}`).join(''));
+    this.line.setAttribute('d',
+      this.levels
+        .map((l, i) => `${i ? 'H' : 'M'}${this.x(l.bytes).toFixed(1)}${i ? 'V' : ','}${this.y(l.error).toFixed(1)}`)
+        .join(''));
     this.parts.replaceChildren(...this.errorTicks(), ...this.byteTicks());
     this.place();
   }
@@ -73,8 +82,10 @@ export class Plot {
     for (let e = Math.floor(Math.log10(this.most)); 10 ** e >= this.least * 0.999; e--) powers.push(10 ** e);
     const every = Math.ceil(powers.length / 5);
     const few = powers.length < 3; // then halves and fifths between them, too
-    const values = few ? [...powers, 10 ** Math.floor(Math.log10(this.least))].flatMap((p) => [5 * p, 2 * p, p]) : powers.filter((_, i) => i % every === 0);
-    const rows = values.filter((v) => v <= this.most && v >= this.least).map((v) => [this.y(v), percent(v, 1).replace('\u202f', '')]);
+    const values = few ? [...powers, 10 ** Math.floor(Math.log10(this.least))].flatMap((p) => [5 * p, 2 * p, p])
+                       : powers.filter((_, i) => i % every === 0);
+    const rows = values.filter((v) => v <= this.most && v >= this.least)
+                   .map((v) => [this.y(v), percent(v, 1).replace('\u202f', '')]);
     if (this.levels.at(-1).error === 0) rows.push([this.y(0), '0']);
     const apart = rows.filter(([y], i) => rows.slice(i + 1).every(([other]) => Math.abs(other - y) > 12));
     return apart.flatMap(([y, text]) => [
@@ -88,13 +99,19 @@ export class Plot {
     const candidates = [];
     for (let p = 10 ** Math.floor(Math.log10(first)); p <= last; p *= 10) candidates.push(p, 2 * p, 5 * p);
     const ends = [];
-    return candidates
-      .filter((n) => n >= first && n <= last)
+    return candidates.filter((n) => n >= first && n <= last)
       .filter((n) => ends.every((e) => Math.abs(this.x(n) - this.x(e)) > 48) && ends.push(n))
-      .flatMap((n) => [
-        svg('line', { class: 'grid', x1: this.x(n), x2: this.x(n), y1: this.height - box.bottom, y2: this.height - box.bottom + 4 }),
-        svg('text', { x: clamp(this.x(n), box.left + 10, this.width - 18), y: this.height - 6, 'text-anchor': 'middle' }, bytes(n).replace('.00', '').replace('.0', '')),
-      ]);
+      .flatMap((n) => [svg('line', {
+        class: 'grid',
+        x1: this.x(n),
+        x2: this.x(n),
+        y1: this.height - box.bottom,
+        y2: this.height - box.bottom + 4
+      }),
+                 svg('text',
+                   { x: clamp(this.x(n), box.left + 10, this.width - 18), y: this.height - 6, 'text-anchor': 'middle' },
+                   bytes(n).replace('.00', '').replace('.0', '')),
+    ]);
   }
 
   place() {
@@ -107,7 +124,12 @@ export class Plot {
     this.present.style.display = this.shown < 0 || this.shown === this.wanted ? 'none' : '';
     if (this.shown >= 0) at(this.present, this.levels[this.shown]);
     const right = this.got ? this.x(this.got) : box.left;
-    for (const [name, value] of Object.entries({ x: box.left, y: box.top, width: Math.max(0, right - box.left), height: this.height - box.top - box.bottom }))
+    for (const [name, value] of Object.entries({
+           x: box.left,
+           y: box.top,
+           width: Math.max(0, right - box.left),
+           height: this.height - box.top - box.bottom
+         }))
       this.received.setAttribute(name, value);
     this.point.setAttribute('aria-valuenow', this.wanted);
     const { error, bytes: size } = this.levels[this.wanted];
@@ -124,7 +146,16 @@ export class Plot {
   }
 
   key(event) {
-    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10, Home: -Infinity, End: Infinity };
+    const steps = {
+      ArrowRight: 1,
+      ArrowUp: 1,
+      ArrowLeft: -1,
+      ArrowDown: -1,
+      PageUp: 10,
+      PageDown: -10,
+      Home: -Infinity,
+      End: Infinity
+    };
     if (!(event.key in steps)) return;
     event.preventDefault();
     this.choose(clamp(this.wanted + steps[event.key], 0, this.levels.length - 1));

@@ -8,7 +8,8 @@ const crcTable = Uint32Array.from({ length: 256 }, (_, n) => {
 });
 const crcOf = (bytes) => ~bytes.reduce((c, byte) => crcTable[(c ^ byte) & 255] ^ (c >>> 8), ~0) >>> 0;
 
-// Length, type and data, checksum of type and data. A keyword is Latin-1, the text UTF-8, not compressed, of no language.
+// Length, type and data, checksum of type and data. A keyword is Latin-1, the text UTF-8, not compressed, of no
+// language.
 function chunkOf(keyword, text) {
   const data = new TextEncoder().encode(`iTXt${keyword}\0\0\0\0\0${text}`);
   const chunk = new Uint8Array(8 + data.length);
@@ -23,4 +24,5 @@ const header = 33; // signature and IHDR, which come first
 
 /** A PNG with these texts by keyword. */
 export const withTexts = (png, texts) =>
-  new Blob([png.slice(0, header), ...Object.entries(texts).map(([key, text]) => chunkOf(key, text)), png.slice(header)], { type: 'image/png' });
+  new Blob([png.slice(0, header), ...Object.entries(texts).map(([key, text]) => chunkOf(key, text)), png.slice(header)],
+    { type: 'image/png' });

@@ -19,7 +19,9 @@ export class Probe {
     // a touch that does not move probes
     picture.addEventListener('pointerdown', (event) => (this.pressed = [event.offsetX, event.offsetY]));
     picture.addEventListener('pointerup', (event) => {
-      if (event.pointerType === 'mouse' || Math.hypot(event.offsetX - this.pressed?.[0], event.offsetY - this.pressed?.[1]) > 6) return;
+      if (event.pointerType === 'mouse'
+        || Math.hypot(event.offsetX - this.pressed?.[0], event.offsetY - this.pressed?.[1]) > 6)
+        return;
       this.at = { x: event.offsetX, y: event.offsetY };
       this.look();
     });
@@ -40,9 +42,8 @@ export class Probe {
     this.hit = hit;
     if (!hit) return;
     const position = this.world(hit).map((c) => significant(c, 4)).join(', ');
-    this.box.replaceChildren(
-      element('b', {}, `${this.title()} ${significant(hit.value, 5)}`), element('br'), element('span', {}, `at ${position}`),
-      element('span', { className: 'others' }, this.others ?? ''));
+    this.box.replaceChildren(element('b', {}, `${this.title()} ${significant(hit.value, 5)}`), element('br'),
+      element('span', {}, `at ${position}`), element('span', { className: 'others' }, this.others ?? ''));
     const { width, height } = this.box.getBoundingClientRect();
     const room = this.picture.getBoundingClientRect();
     const x = this.at.x + 18 + width > room.width ? this.at.x - width - 14 : this.at.x + 18;
@@ -60,7 +61,11 @@ export class Probe {
     try {
       const answer = await this.stream.probe(this.world(hit));
       const fields = Object.entries({ ...answer?.values, ...answer?.cells }).filter(([name]) => name !== this.title());
-      others = fields.map(([name, v]) => `${name} ${v.length > 1 ? `(${v.map((c) => significant(c, 3)).join(', ')})` : significant(v[0], 4)}`).join('\n');
+      others =
+        fields
+          .map(([name, v]) =>
+                 `${name} ${v.length > 1 ? `(${v.map((c) => significant(c, 3)).join(', ')})` : significant(v[0], 4)}`)
+          .join('\n');
     } catch {
       others = ''; // a closed stream has no values
     }

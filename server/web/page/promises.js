@@ -9,7 +9,8 @@ import { count, percent, roundedUp, significant } from './numbers.js';
 export function promiseOf({ finer, ...info }, level) {
   if (finer?.pages >= 0) return `${promiseOf(info, finer.worst)} in the picture; elsewhere ${promiseOf(info, level)}`;
   if (finer)
-    return `${promiseOf(info, level)}; in boxes ${promiseOf(info, finer.boxLevel)}; between them ${count(finer.between)} tetrahedra without a bound`;
+    return `${promiseOf(info, level)}; in boxes ${promiseOf(info, finer.boxLevel)}; between them ${
+      count(finer.between)} tetrahedra without a bound`;
   const { errors } = info.levels[level];
   const held = info.fields
     .filter((f) => f.controlled)
@@ -22,9 +23,11 @@ export function promiseOf({ finer, ...info }, level) {
     .filter((f) => !f.controlled && !f.bounds)
     .map(({ name }) => ({ name, sampled: errors[name].sampled }));
   const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
-  const rest =
-    worst &&
-    `${others.length === 1 ? `${worst.name} not controlled:` : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
+  const rest = worst
+    && `${
+      others.length === 1
+        ? `${worst.name} not controlled:`
+        : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
   return [held.join(', '), rest].filter(Boolean).join('; ');
 }
 
@@ -42,10 +45,10 @@ export function errorSpan(info, state) {
 }
 
 // '± 0.04 (0.5 %, certified)' of what boundOf gives; a length's bound is in proportion to a component's range.
-export const wordsOfBound = (info, name, { bound, certified }) =>
-  bound
-    ? `± ${amountOf(info, name, roundedUp(bound, 2))} (${percent(roundedUp(bound / (spanOf(fieldOf(info, name)) || 1), 3))}, ${certified ? 'certified' : 'measured'})`
-    : 'exact';
+export const wordsOfBound = (info, name, { bound, certified }) => bound
+  ? `± ${amountOf(info, name, roundedUp(bound, 2))} (${
+    percent(roundedUp(bound / (spanOf(fieldOf(info, name)) || 1), 3))}, ${certified ? 'certified' : 'measured'})`
+  : 'exact';
 
 // How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser
 // level has no bound: null.

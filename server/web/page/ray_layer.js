@@ -33,14 +33,18 @@ export class RayLayer {
     if (!cells) return;
     const { vertices, vectors, nodes, corners, neighbours, faces, moves } = cells;
     // a texture that is not used is there, too
-    this.mapper.put({ textures: { vertices, vectors: vectors ?? vertices, nodes, corners, neighbours, faces, cells: cells.cells ?? vertices },
-      uniforms: { moves, byCells: Boolean(cells.cells), byLengths: Boolean(vectors) } });
+    this.mapper.put({
+      textures:
+        { vertices, vectors: vectors ?? vertices, nodes, corners, neighbours, faces, cells: cells.cells ?? vertices },
+      uniforms: { moves, byCells: Boolean(cells.cells), byLengths: Boolean(vectors) }
+    });
   }
 
   // `state` of the picture, [low, high] of the colours, the bounds' `sides`; `clip`: {origin, normal} or null
   style(state, range, sides, clip) {
     const key = JSON.stringify([state.map, state.reversed, state.opacity, sides]);
-    const plane = clip ? [...clip.normal, clip.normal.reduce((sum, n, i) => sum + n * clip.origin[i], 0)] : [0, 0, 0, 1];
+    const plane =
+      clip ? [...clip.normal, clip.normal.reduce((sum, n, i) => sum + n * clip.origin[i], 0)] : [0, 0, 0, 1];
     this.mapper.put({ uniforms: { range, logarithmic: state.log, clip: plane } });
     if (key === this.key) return;
     this.key = key;

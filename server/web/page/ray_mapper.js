@@ -40,11 +40,13 @@ function compile(gl, picture) {
   }
   gl.linkProgram(program);
   if (gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost()) return program;
-  throw new Error(`the graphics cannot follow rays: ${gl.getAttachedShaders(program).map((s) => gl.getShaderInfoLog(s)).join(' ')}`);
+  throw new Error(
+    `the graphics cannot follow rays: ${gl.getAttachedShaders(program).map((s) => gl.getShaderInfoLog(s)).join(' ')}`);
 }
 
 function sample(gl, filter) {
-  for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, filter], [gl.TEXTURE_MAG_FILTER, filter], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]])
+  for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, filter], [gl.TEXTURE_MAG_FILTER, filter],
+         [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]])
     gl.texParameteri(gl.TEXTURE_2D, key, value);
 }
 
@@ -52,14 +54,16 @@ function sample(gl, filter) {
 function upload(gl, texture, data) {
   const texels = data.length / 4;
   const rows = Math.max(1, Math.ceil(texels / width));
-  const [inner, format, type] = data instanceof Float32Array ? [gl.RGBA32F, gl.RGBA, gl.FLOAT] : [gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT];
+  const [inner, format, type] =
+    data instanceof Float32Array ? [gl.RGBA32F, gl.RGBA, gl.FLOAT] : [gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT];
   gl.bindTexture(gl.TEXTURE_2D, texture);
   gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
   gl.texImage2D(gl.TEXTURE_2D, 0, inner, width, rows, 0, format, type, null);
   const whole = Math.floor(texels / width);
   if (whole) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, whole, format, type, data, 0);
-  if (texels % width) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, whole, texels % width, 1, format, type, data, 4 * whole * width);
+  if (texels % width)
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, whole, texels % width, 1, format, type, data, 4 * whole * width);
   sample(gl, gl.NEAREST);
 }
 
@@ -131,7 +135,9 @@ class Drawing {
     const passed = now - this.last;
     this.last = moves ? now : 0;
     if (!moves || passed > pause * this.by) return moves ? this.by : 1;
-    this.by = passed > slow ? Math.min(8, this.by * Math.min(3, Math.sqrt((1.5 * passed) / slow))) : passed < quick ? Math.max(1, this.by / 1.1) : this.by;
+    this.by = passed > slow ? Math.min(8, this.by * Math.min(3, Math.sqrt((1.5 * passed) / slow)))
+      : passed < quick      ? Math.max(1, this.by / 1.1)
+                            : this.by;
     return this.by;
   }
 
@@ -232,7 +238,8 @@ const newNode = macro.newInstance((publicAPI, model, initial = {}) => {
     window.getShaderCache().setLastShaderProgramBound(null);
     const uniforms = model.renderable.uniforms();
     const moves = uniforms.moves || renderer.getRenderable().getVTKWindow().getInteractor().isAnimating();
-    drawing.draw({ textures, uniforms }, mat4.invert(new Float64Array(16), toPicture), window.getTextureUnitManager(), opaque?.getHandle(), moves);
+    drawing.draw({ textures, uniforms }, mat4.invert(new Float64Array(16), toPicture), window.getTextureUnitManager(),
+      opaque?.getHandle(), moves);
   };
   publicAPI.delete = macro.chain(() => drawing?.close(), publicAPI.delete);
 }, 'tetlodOpenGLRayMapper');

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rays through tetrahedra, in GLSL. Vertices are seen along the ray: across it (xy), how far along it (z), their value (w).
-// A ray that is in a face goes on by the side of the tetrahedron that surrounds it there. Neighbours see their common
-// face alike, so that no ray gets lost between them, and a flat tetrahedron is passed like any other.
+// Rays through tetrahedra, in GLSL. Vertices are seen along the ray: across it (xy), how far along it (z), their value
+// (w). A ray that is in a face goes on by the side of the tetrahedron that surrounds it there. Neighbours see their
+// common face alike, so that no ray gets lost between them, and a flat tetrahedron is passed like any other.
 
 export const width = 2048; // texels of a texture's row
 
@@ -29,7 +29,9 @@ uniform usampler2D corners, neighbours, faces;
 uniform mat4 toWorld;           // from the picture's cube to the vertices' coordinates
 uniform uint nodeCount, tetCount;
 uniform vec2 range;             // of the colours, of logarithms if logarithmic
-uniform bool logarithmic, hasOpaque, byCells, byLengths; // byCells: tetrahedra have the values, four to a texel of cells; byLengths: those of vectors are
+uniform bool logarithmic, hasOpaque;
+uniform bool byCells;           // tetrahedra have the values, four to a texel of cells
+uniform bool byLengths;         // values are lengths of vectors
 uniform vec4 clip;              // drawn is where dot(clip.xyz, p) < clip.w
 in vec2 place;
 out vec4 seen;
@@ -109,7 +111,8 @@ float seat(vec4 linear) { return clamp(position(valueOf(linear)), 0.0, 1.0); }
 // In a face, with weights of its corners.
 vec4 linearIn(uvec3 id, vec3 w, vec3 values) {
   if (!byLengths) return vec4(dot(w, values), 0.0, 0.0, 0.0);
-  return w.x * texelFetch(vectors, at(id.x), 0) + w.y * texelFetch(vectors, at(id.y), 0) + w.z * texelFetch(vectors, at(id.z), 0);
+  return w.x * texelFetch(vectors, at(id.x), 0) + w.y * texelFetch(vectors, at(id.y), 0)
+    + w.z * texelFetch(vectors, at(id.z), 0);
 }
 
 // Colour and opacity of a piece between two places.
@@ -118,7 +121,8 @@ void pass(Place from, Place to) {
   if (z1 <= z0) return;
   vec2 part = (vec2(z0, z1) - from.z) / (to.z - from.z);
   vec4 first = mix(from.linear, to.linear, part.x), last = mix(from.linear, to.linear, part.y);
-  float low = seat(first), high = seat(last), between = byLengths ? seat(0.5 * (first + last)) : 0.5 * (low + high); // a length may sink
+  float low = seat(first), high = seat(last);
+  float between = byLengths ? seat(0.5 * (first + last)) : 0.5 * (low + high); // a length may sink
   float steps = clamp(ceil(128.0 * max(abs(high - low), 2.0 * abs(between - 0.5 * (low + high)))), 1.0, 128.0);
   for (float i = 0.5; i < steps; i++) {
     float x = seat(mix(first, last, i / steps));
@@ -167,7 +171,7 @@ void follow(uint number, float z) {
 void look() {
   origin = unproject(-1.0);
   direction = normalize(unproject(1.0) - origin);
-  across = normalize(abs(direction.x) < 0.6 ? cross(vec3(1.0, 0.0, 0.0), direction) : cross(vec3(0.0, 1.0, 0.0), direction));
+  across = normalize(cross(abs(direction.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0), direction));
   up = cross(direction, across);
   extent = vec2(0.0, FAR);
   if (hasOpaque) {

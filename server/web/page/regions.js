@@ -20,11 +20,16 @@ export function bindRegions(viewer) {
   const able = regionFields(info);
   byId('regions-body').hidden = !able.length;
   if (!able.length) return;
-  choice.replaceChildren(element('option', { value: none }, 'none'), ...able.map((name) => element('option', { value: name }, name)));
+  choice.replaceChildren(
+    element('option', { value: none }, 'none'), ...able.map((name) => element('option', { value: name }, name)));
 
   // what is left is looked at from outside
-  const hide = (hidden) => store.set({ hidden: hidden.sort((a, b) => a - b), ...(hidden.length && !store.state.hidden.length ? { surface: 'solid' } : {}) });
-  const put = (number, shown) => hide(shown ? store.state.hidden.filter((n) => n !== number) : [...store.state.hidden, number]);
+  const hide = (hidden) => store.set({
+    hidden: hidden.sort((a, b) => a - b),
+    ...(hidden.length && !store.state.hidden.length ? { surface: 'solid' } : {})
+  });
+  const put = (number, shown) =>
+    hide(shown ? store.state.hidden.filter((n) => n !== number) : [...store.state.hidden, number]);
   const numbers = () => (viewer.regions.get(store.state.regions) ?? []).map(({ number }) => number);
   choice.addEventListener('change', () => store.set({ regions: choice.value, hidden: [] }));
   byId('regions-show').addEventListener('click', () => hide([]));
@@ -47,7 +52,10 @@ export function bindRegions(viewer) {
   };
   store.watch(['regions'], ({ regions }) => {
     tell();
-    if (regions && !viewer.regions.has(regions)) stream.loadCells(regions).catch((error) => { words.textContent = error.message; });
+    if (regions && !viewer.regions.has(regions))
+      stream.loadCells(regions).catch((error) => {
+        words.textContent = error.message;
+      });
   });
   store.watch(['hidden'], tick);
   viewer.addEventListener('cells', tell);

@@ -118,7 +118,8 @@ export class Sampler {
     return best;
   }
 
-  /** `points` are relative to `origin`; NaN where nothing is. `values(row)` makes a value of the components of `field`. */
+  /** `points` are relative to `origin`; NaN where nothing is. `values(row)` makes a value of the components of `field`.
+   * */
   async at(points, origin, { values, components }, valueOf) {
     const found = new Float64Array(points.length / 3);
     const row = new Array(components);

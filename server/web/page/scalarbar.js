@@ -9,8 +9,8 @@ const margin = 26;
 const top = 24;
 const thick = 10;
 
-// `title`: the field; [low, high]: values (not logarithms); `below`, `above`: there are others; `marks`: values that are drawn
-// as isosurfaces
+// `title`: the field; [low, high]: values (not logarithms); `below`, `above`: there are others; `marks`: values that
+// are drawn as isosurfaces
 export function drawScalarBar(canvas, { title, low, high, log, map, reversed, below, above, marks }) {
   const { context, width, color, fontFamily } = sized(canvas);
   if (!width) return;

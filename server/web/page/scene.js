@@ -84,7 +84,12 @@ export class Scene extends EventTarget {
     this.slices = [];
     this.isosurfaces = [];
     this.zones = []; // two for each isosurface that has one
-    this.rough = { surface: new Layer(this.renderer, this.lookup, this.lineLookup), slices: [], isosurfaces: [], zones: [] };
+    this.rough = {
+      surface: new Layer(this.renderer, this.lookup, this.lineLookup),
+      slices: [],
+      isosurfaces: [],
+      zones: []
+    };
     this.fine = null; // what those are drawn in place of, while they are
     this.vectors = []; // arrows or streamlines, if there are any
     this.edges = {}; // beside the layers, by name
@@ -114,8 +119,8 @@ export class Scene extends EventTarget {
     this.view.getCanvas().addEventListener('webglcontextlost', () => this.reopenView(), { once: true });
   }
 
-  // The browser took the graphics context away. Points, triangles, and textures' data are still here, so that a new canvas
-  // draws the same picture; a browser that has no context to give now is asked again.
+  // The browser took the graphics context away. Points, triangles, and textures' data are still here, so that a new
+  // canvas draws the same picture; a browser that has no context to give now is asked again.
   async reopenView() {
     this.dispatchEvent(new Event('lost'));
     const lost = this.view;
@@ -143,8 +148,8 @@ export class Scene extends EventTarget {
     context?.getExtension('WEBGL_lose_context')?.loseContext(); // browsers have few, and collect garbage late
   }
 
-  // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it. `below`: pixels of what lies over the
-  // picture at the bottom, beside the scalar bar.
+  // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it. `below`: pixels of what
+  // lies over the picture at the bottom, beside the scalar bar.
   setBounds(bounds, parallel, below = 0) {
     this.bottom += below;
     this.resize();
@@ -179,7 +184,9 @@ export class Scene extends EventTarget {
   eye() {
     const camera = this.renderer.getActiveCamera();
     const parallel = camera.getParallelProjection();
-    return this.state?.surface === 'inside' ? [parallel ? camera.getDirectionOfProjection() : camera.getPosition(), parallel] : null;
+    return this.state?.surface === 'inside'
+      ? [parallel ? camera.getDirectionOfProjection() : camera.getPosition(), parallel]
+      : null;
   }
 
   aspect() {
@@ -201,8 +208,8 @@ export class Scene extends EventTarget {
 
   // ---- what is shown
 
-  // The worker's message. What it leaves out (undefined) stays, null is nothing. Its points are relative to its `origin`,
-  // the scene's to the middle of the bounds.
+  // The worker's message. What it leaves out (undefined) stays, null is nothing. Its points are relative to its
+  // `origin`, the scene's to the middle of the bounds.
   update(pictures, state, lengths) {
     this.draft(null);
     this.lengths = lengths;
@@ -211,13 +218,15 @@ export class Scene extends EventTarget {
     this.updateList('slices', pictures.slices, state.log);
     this.updateList('isosurfaces', pictures.isosurfaces, state.log);
     this.updateList('zones', pictures.zones?.flatMap((zone) => zone?.sides ?? []), state.log);
-    if (pictures.vectors !== undefined) this.updateList('vectors', pictures.vectors ? [pictures.vectors] : [], state.log);
+    if (pictures.vectors !== undefined)
+      this.updateList('vectors', pictures.vectors ? [pictures.vectors] : [], state.log);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
     }
     if (pictures.rays !== undefined) {
-      this.cells = pictures.rays && { ...this.cells, ...pictures.rays, range: pictures.shade.range, moves: pictures.t < 1 };
+      this.cells =
+        pictures.rays && { ...this.cells, ...pictures.rays, range: pictures.shade.range, moves: pictures.t < 1 };
       this.rays?.update(this.cells);
     }
     this.restyle(state);
@@ -274,7 +283,8 @@ export class Scene extends EventTarget {
     const clip = state.clip && planeOf(this.bounds, state.clip);
     const sides = add(this.bounds[1], this.bounds[0], -1);
     this.rays.place(this.offset);
-    this.rays.style({ ...state, ...this.colors }, this.range, sides, clip && { ...clip, origin: add(clip.origin, this.offset, -1) });
+    this.rays.style(
+      { ...state, ...this.colors }, this.range, sides, clip && { ...clip, origin: add(clip.origin, this.offset, -1) });
   }
 
   restyle(state) {
@@ -287,9 +297,11 @@ export class Scene extends EventTarget {
     this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
-    for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
+    for (const isosurface of this.isosurfaces)
+      isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const part of [this.surface, ...this.slices]) part.shaded = state.shading === 'all';
-    for (const isosurface of [...this.isosurfaces, ...this.zones, ...this.vectors]) isosurface.shaded = state.shading !== 'off';
+    for (const isosurface of [...this.isosurfaces, ...this.zones, ...this.vectors])
+      isosurface.shaded = state.shading !== 'off';
     for (const zone of this.zones) zone.triangles.actor.getProperty().setOpacity(zoneOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
@@ -336,7 +348,8 @@ export class Scene extends EventTarget {
     const light = 0.3 * color[0] + 0.59 * color[1] + 0.11 * color[2] > 0.5;
     const ink = light ? [0.1, 0.13, 0.18] : [0.86, 0.89, 0.93];
     this.lineInk = ink;
-    this.boxColor = color.map((c, i) => 0.7 * c + 0.3 * ink[i]); // opaque: what is translucent is drawn in passes of its own
+    this.boxColor =
+      color.map((c, i) => 0.7 * c + 0.3 * ink[i]); // opaque: what is translucent is drawn in passes of its own
     this.render();
   }
 
@@ -422,7 +435,8 @@ export class Scene extends EventTarget {
   setParallel(parallel) {
     const camera = this.renderer.getActiveCamera();
     if (camera.getParallelProjection() === parallel) return;
-    const half = Math.tan((camera.getViewAngle() * Math.PI) / 360) / (camera.getUseHorizontalViewAngle() ? this.aspect() : 1);
+    const half =
+      Math.tan((camera.getViewAngle() * Math.PI) / 360) / (camera.getUseHorizontalViewAngle() ? this.aspect() : 1);
     if (parallel) camera.setParallelScale(camera.getDistance() * half);
     else camera.dolly((camera.getDistance() * half) / camera.getParallelScale());
     camera.setParallelProjection(parallel);
@@ -504,11 +518,16 @@ export class Scene extends EventTarget {
     const fitted = (wide, high) => (camera.getParallelProjection() ? high : Math.min(wide, high));
     const factor = fitted(width, height) / fitted(room.width, room.height);
     const [centre, { x, y, depth }] = [camera.getFocalPoint(), point].map((p) => this.toScreen(p));
-    return { x: (width / room.width) * centre.x + factor * (x - centre.x), y: (height / room.height) * centre.y + factor * (y - centre.y), depth };
+    return {
+      x: (width / room.width) * centre.x + factor * (x - centre.x),
+      y: (height / room.height) * centre.y + factor * (y - centre.y),
+      depth
+    };
   }
 
   toWorld(x, y, depth) {
-    return this.view.displayToWorld(x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
+    return this.view.displayToWorld(
+      x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
   }
 
   ray(x, y) {
@@ -521,9 +540,11 @@ export class Scene extends EventTarget {
     const ray = this.ray(x, y);
     const from = add(ray.from, this.offset, -1);
     const hits = this.layers()
-      .filter((layer) => layer.part?.triangles?.length && layer.visible && !this.zones.includes(layer) && !(layer === this.surface && this.state.surface === 'glass'))
-      .map((layer) => pickPart(layer.part, from, ray.direction, layer === this.surface && this.state.surface === 'inside' ? -1 : 0))
-      .filter(Boolean);
+                   .filter((layer) => layer.part?.triangles?.length && layer.visible && !this.zones.includes(layer)
+                       && !(layer === this.surface && this.state.surface === 'glass'))
+                   .map((layer) => pickPart(layer.part, from, ray.direction,
+                          layer === this.surface && this.state.surface === 'inside' ? -1 : 0))
+                   .filter(Boolean);
     const nearest = hits.reduce((best, hit) => (!best || hit.distance < best.distance ? hit : best), null);
     return nearest && { value: nearest.value, point: add(nearest.point, this.offset) };
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A second view beside the first, or behind a curtain over it, turned together with it: the same page in a frame. It is of
-// the same stream, with a state of its own, which is part of the link; or of another one, in the state of the first.
+// A second view beside the first, or behind a curtain over it, turned together with it: the same page in a frame. It is
+// of the same stream, with a state of its own, which is part of the link; or of another one, in the state of the first.
 
 import { pageOf } from './compare.js';
 import { byId, element } from './dom.js';
@@ -86,7 +86,8 @@ function makeCurtain(store, stage) {
   return bar;
 }
 
-/** Follows the state's keys `second`, `other`, `compare` and `curtain`. `hasAddress`: whether another page can open the stream. */
+/** Follows the state's keys `second`, `other`, `compare` and `curtain`. `hasAddress`: whether another page can open the
+ * stream. */
 export function bindSecondView(viewer, hasAddress) {
   const { store } = viewer;
   const box = byId('second');

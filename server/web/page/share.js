@@ -16,7 +16,8 @@ function fitBar(bar, room) {
   return both;
 }
 
-// What lies over the picture, beside it as on the screen, below, in the middle or at the left, and never smaller: words can be read in any picture.
+// What lies over the picture, beside it as on the screen, below, in the middle or at the left, and never smaller: words
+// can be read in any picture.
 function drawOver(context, shot, { redraw, layers }) {
   const { width, height } = shot;
   const stage = byId('stage').getBoundingClientRect();
@@ -24,12 +25,15 @@ function drawOver(context, shot, { redraw, layers }) {
   for (const layer of layers) layer.drawOn(context, shot, factor);
   const [bar, compass] = ['scalarbar', 'compass'].map(byId);
   const room = width / factor;
-  const over = (room >= stage.width || fitBar(bar, room) ? [bar, compass] : [bar]).filter((canvas) => canvas.getBoundingClientRect().width);
+  const over = (room >= stage.width || fitBar(bar, room)
+      ? [bar, compass]
+      : [bar]).filter((canvas) => canvas.getBoundingClientRect().width);
   for (const canvas of over) canvas.dataset.pixels = factor;
   redraw();
   for (const canvas of over) {
     const box = canvas.getBoundingClientRect();
-    const left = canvas === compass ? (box.left - stage.left) * factor : width / 2 + (box.left - stage.left - stage.width / 2) * factor;
+    const left = canvas === compass ? (box.left - stage.left) * factor
+                                    : width / 2 + (box.left - stage.left - stage.width / 2) * factor;
     const place = [left, height - (stage.bottom - box.top) * factor, box.width * factor, box.height * factor];
     context.fillStyle = getComputedStyle(canvas).backgroundColor;
     context.fillRect(...place);
@@ -40,7 +44,8 @@ function drawOver(context, shot, { redraw, layers }) {
   redraw();
 }
 
-/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws the bar and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
+/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws the bar
+ * and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
 export async function savePicture(scene, name, { size, texts, redraw, layers }) {
   const canvas = await pictureOf(scene, { size, redraw, layers });
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));

@@ -27,7 +27,8 @@ class Appended {
   #size = 0;
 
   array(name, values, components = 1) {
-    const text = `<DataArray type="${types.get(values.constructor)}" Name="${escaped(name)}" NumberOfComponents="${components}" format="appended" offset="${this.#size}"/>`;
+    const text = `<DataArray type="${types.get(values.constructor)}" Name="${escaped(name)}" NumberOfComponents="${
+      components}" format="appended" offset="${this.#size}"/>`;
     this.#blocks.push(Uint32Array.of(values.byteLength), values);
     this.#size += 4 + values.byteLength;
     return text;
@@ -36,7 +37,8 @@ class Appended {
   blob(text, type = 'PolyData') {
     return new Blob(
       [
-        `<?xml version="1.0"?>\n<VTKFile type="${type}" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n`,
+        `<?xml version="1.0"?>\n<VTKFile type="${
+          type}" version="1.0" byte_order="LittleEndian" header_type="UInt32">\n`,
         `${text}\n<AppendedData encoding="raw">_`,
         ...this.#blocks,
         '</AppendedData>\n</VTKFile>\n',
@@ -53,15 +55,21 @@ function cells(file, corners, each) {
 }
 
 /**
- * VTK's XML PolyData. `positions`: three numbers a point; `arrays`: [name, values of points, components (1)]; `triangles` or
- * `lines`: corners; `notes`: [name, number] of the whole.
+ * VTK's XML PolyData. `positions`: three numbers a point; `arrays`: [name, values of points, components (1)];
+ * `triangles` or `lines`: corners; `notes`: [name, number] of the whole.
  */
 export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [] }) {
   const file = new Appended();
   const parts = [
-    `<FieldData>${notes.map(([name, value]) => file.array(name, Float64Array.of(value)).replace('NumberOfComponents', 'NumberOfTuples="1" NumberOfComponents')).join('')}</FieldData>`,
-    `<Piece NumberOfPoints="${positions.length / 3}" NumberOfVerts="0" NumberOfLines="${lines.length / 2}" NumberOfStrips="0" NumberOfPolys="${triangles.length / 3}">`,
-    `<PointData Scalars="${escaped(arrays[0][0])}">${arrays.map(([name, values, components]) => file.array(name, values, components)).join('')}</PointData>`,
+    `<FieldData>${
+      notes
+        .map(([name, value]) => file.array(name, Float64Array.of(value))
+                                  .replace('NumberOfComponents', 'NumberOfTuples="1" NumberOfComponents'))
+        .join('')}</FieldData>`,
+    `<Piece NumberOfPoints="${positions.length / 3}" NumberOfVerts="0" NumberOfLines="${
+      lines.length / 2}" NumberOfStrips="0" NumberOfPolys="${triangles.length / 3}">`,
+    `<PointData Scalars="${escaped(arrays[0][0])}">${
+      arrays.map(([name, values, components]) => file.array(name, values, components)).join('')}</PointData>`,
     `<Points>${file.array('Points', positions, 3)}</Points>`,
     `<Lines>${cells(file, lines, 2)}</Lines>`,
     `<Polys>${cells(file, triangles, 3)}</Polys>`,
@@ -93,7 +101,8 @@ export function vtuOf({ positions, tets, numbers, fields, cells: values }, info,
   return file.blob(`<UnstructuredGrid>\n${parts.join('\n')}\n</UnstructuredGrid>`, 'UnstructuredGrid');
 }
 
-/** A part of the picture; where the length of vectors colours, also these: what is between points is the length of their mean. */
+/** A part of the picture; where the length of vectors colours, also these: what is between points is the length of
+ * their mean. */
 export function vtpOfPart({ points, values, vectors, triangles }, origin, title, notes) {
   const positions = Float64Array.from(points, (x, i) => origin[i % 3] + x);
   const arrays = vectors ? [[`${title} vectors`, vectors, vectors.length / values.length]] : [];
@@ -115,7 +124,8 @@ function boundsOf(points) {
   return { min, max };
 }
 
-/** glTF's binary form: a part with the colours that it has in the picture, and its values. `colorOf(value)`: [r, g, b] of 0..255. */
+/** glTF's binary form: a part with the colours that it has in the picture, and its values. `colorOf(value)`: [r, g, b]
+ * of 0..255. */
 export function glbOfPart({ points, values, triangles, normals }, origin, title, colorOf) {
   const colors = Uint16Array.from({ length: 4 * values.length }, () => 65535);
   values.forEach((value, v) =>

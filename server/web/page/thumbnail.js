@@ -35,7 +35,8 @@ function readGlb(buffer) {
 // Triangles as seen, the nearest last: { corners in the plane of the picture, value, light }.
 function project({ triangles, points }, values, components) {
   const at = (i) => [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
-  const value = (i) => (components === 1 ? values[i] : Math.hypot(...values.subarray(components * i, components * (i + 1))));
+  const value = (i) =>
+    (components === 1 ? values[i] : Math.hypot(...values.subarray(components * i, components * (i + 1))));
   const seen = [];
   for (let t = 0; t < triangles.length; t += 3) {
     const ids = [triangles[t], triangles[t + 1], triangles[t + 2]];
@@ -54,7 +55,8 @@ function project({ triangles, points }, values, components) {
 
 function paint(canvas, seen) {
   const { context, width, height } = sized(canvas);
-  const span = (values) => values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]);
+  const span = (values) =>
+    values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]);
   const [x0, x1] = span(seen.flatMap((t) => t.corners.map((c) => c[0])));
   const [y0, y1] = span(seen.flatMap((t) => t.corners.map((c) => c[1])));
   const values = Float64Array.from(seen, (t) => t.value).sort();
@@ -82,7 +84,8 @@ function paint(canvas, seen) {
 export async function drawThumbnail(canvas, stream) {
   const field = firstField(stream.fields);
   const level = stream.levels.findLast((l) => l.tets <= 6000) ?? stream.levels[0];
-  const answer = await fetch(`v1/meshes/${encodeURIComponent(stream.id)}/${stream.cid}/levels/${level.level}/surface.glb`);
+  const answer =
+    await fetch(`v1/meshes/${encodeURIComponent(stream.id)}/${stream.cid}/levels/${level.level}/surface.glb`);
   if (!answer.ok || !field) return;
   const mesh = readGlb(await answer.arrayBuffer());
   paint(canvas, project(mesh, mesh.values(field.name), field.components));

@@ -15,7 +15,8 @@ export class TransferEditor {
     drawing.append(this.area, this.dots);
     drawing.addEventListener('dblclick', (event) => this.toggle(event));
     drawing.addEventListener('pointerdown', (event) => this.grab(event));
-    drawing.addEventListener('pointermove', (event) => this.held !== undefined && this.move(this.held, ...this.place(event)));
+    drawing.addEventListener(
+      'pointermove', (event) => this.held !== undefined && this.move(this.held, ...this.place(event)));
     for (const end of ['pointerup', 'pointercancel']) drawing.addEventListener(end, () => (this.held = undefined));
     new ResizeObserver(() => this.draw()).observe(drawing);
   }

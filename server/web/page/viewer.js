@@ -8,7 +8,19 @@ import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
 import {
-  colouredOf, fieldOf, formulaNamed, formulaText, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleOf, titleWithUnit, unitsOf, useFormulas, wantedLevel,
+  colouredOf,
+  fieldOf,
+  formulaNamed,
+  formulaText,
+  isosurfacesOf,
+  regionFields,
+  shownFields,
+  targetFieldOf,
+  titleOf,
+  titleWithUnit,
+  unitsOf,
+  useFormulas,
+  wantedLevel,
 } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
@@ -22,8 +34,10 @@ const stillness = globalThis.matchMedia?.('(prefers-reduced-motion: reduce)');
 // A link may name a field that this stream does not have.
 function valid(state, info) {
   const known = {
-    ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '',
-    cells: info.cellFields.some(({ name }) => name === state.cells) ? state.cells : '', regions: regionFields(info).includes(state.regions) ? state.regions : '',
+    ...state,
+    errorField: fieldOf(info, state.errorField) ? state.errorField : '',
+    cells: info.cellFields.some(({ name }) => name === state.cells) ? state.cells : '',
+    regions: regionFields(info).includes(state.regions) ? state.regions : '',
   };
   return fieldOf(info, state.field) ? known : { ...known, field: firstField(info.fields).name };
 }
@@ -102,11 +116,17 @@ export class Viewer extends EventTarget {
   /** From now on changes of the state are followed. */
   follow() {
     const { store, scene } = this;
-    store.watch(['map', 'cells', 'formula', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'],
-                this.recolor);
+    store.watch(
+      ['map', 'cells', 'formula', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'],
+      this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
-                 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'box', 'vectors', 'vectorField', 'vectorCount', 'vectorSize', 'seeds', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'], () => this.#remake());
+    store.watch(
+      [
+        'field', 'component', 'formula', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices',
+        'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'box', 'vectors', 'vectorField', 'vectorCount',
+        'vectorSize', 'seeds', 'volume', 'volumeSize', 'warp', 'warpScale', 'outline', 'log', 'smooth', 'refine'
+      ],
+      () => this.#remake());
     store.watch(['measure', 'errorField'], ({ refine }) => refine && this.#remake());
     store.watch(['line'], ({ seeds, vectors }) => seeds === 'line' && vectors !== 'off' && this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
@@ -206,15 +226,16 @@ export class Viewer extends EventTarget {
   #open(source, options, started) {
     const pass = (event) => this.#tell(event.type, event.detail);
     const loading = ({ detail }) => this.#tell('loading', detail);
-    return TetlodStream.open(source,
-                             { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
+    return TetlodStream.open(
+      source, { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
   }
 
   // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field
   // that is not there.
   async #openStream(source, started) {
     const { field, isosurfaceField, vectorField, warp } = this.store.state;
-    const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field, warp || field])] : 'first';
+    const fields =
+      field ? [...new Set([field, isosurfaceField || field, vectorField || field, warp || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
       .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' },
                                                                   started) : Promise.reject(error)));
@@ -227,7 +248,8 @@ export class Viewer extends EventTarget {
     this.#takeUnits();
     this.#hear();
     if (!this.#missing.length) return this.#showNow();
-    this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off', warp: '' }); // what there is, until the others are here
+    this.#showNow(
+      { ...this.store.state, isosurfaces: [], vectors: 'off', warp: '' }); // what there is, until the others are here
     this.#remake();
   }
 
@@ -237,7 +259,9 @@ export class Viewer extends EventTarget {
       this.scene = new Scene(this.#parts.picture);
       this.scene.view.get3DContext();
     } catch (error) {
-      throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
+      throw document.createElement('canvas').getContext('webgl2')
+        ? error
+        : new Error('this browser has no WebGL 2, which draws the picture');
     }
     performance.mark('tetlod-graphics');
     this.scene.addEventListener('norays', () => this.store.set({ volumeSize: 96 })); // a grid is less sharp
@@ -331,7 +355,10 @@ export class Viewer extends EventTarget {
   dataRange() {
     if (this.difference) return this.difference.range;
     const { field: { name, range, components }, cells, component, formula } = colouredOf(this.info, this.coloredState);
-    if (formula) return this.#isShade({ field: formula.text, cells, component: 0 }) ? this.shade.range : isosurfaceRange({ ...this.coloredState, isosurfaceField: '' }, this.info);
+    if (formula)
+      return this.#isShade({ field: formula.text, cells, component: 0 })
+        ? this.shade.range
+        : isosurfaceRange({ ...this.coloredState, isosurfaceField: '' }, this.info);
     if (components > 1 && this.#isShade({ field: name, cells, component })) return this.shade.range;
     return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
   }
@@ -355,9 +382,8 @@ export class Viewer extends EventTarget {
   colorRange() {
     const { range, low, high, log } = this.store.state;
     let [from, to] = range === 'manual' ? [low, high]
-      : range === 'auto' && !log ? autoRange(this.dataRange(),
-                                             this.at ? undefined : this.shade?.sample) : (range === 'visible' &&
-                                                                                          this.scene.visibleRange()) || this.dataRange();
+      : range === 'auto' && !log        ? autoRange(this.dataRange(), this.at ? undefined : this.shade?.sample)
+                                        : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
     if (from > to) [from, to] = [to, from];
     if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
     if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
@@ -384,8 +410,17 @@ export class Viewer extends EventTarget {
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: this.difference ? this.title : titleWithUnit(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
-      marks: isosurfacesOf(this.info, this.store.state).colored && !this.difference ? isosurfaces.map((f) => from + f * (to - from)) : [],
+      title: this.difference ? this.title : titleWithUnit(this.info, this.coloredState),
+      low,
+      high,
+      log,
+      map: this.colorMap,
+      reversed,
+      below: least < low,
+      above: most > high,
+      marks: isosurfacesOf(this.info, this.store.state).colored && !this.difference
+        ? isosurfaces.map((f) => from + f * (to - from))
+        : [],
     });
   }
 
@@ -432,8 +467,8 @@ export class Viewer extends EventTarget {
       this.#whole = false;
       await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked }, { whole });
     } catch (error) {
-      if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed',
-                                                                                { message: error.message, retry: this.show });
+      if (!['AbortError', 'InvalidStateError'].includes(error.name))
+        this.#tell('failed', { message: error.message, retry: this.show });
     }
     if (fields.length) this.#tell('fieldsloaded', { fields });
   }

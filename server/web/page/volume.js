@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Direct volume rendering of the grid that the worker resamples. A voxel has two components: its value, which takes colour
-// and opacity from the transfer functions, and how much of it is seen, which multiplies the opacity: nothing shines
-// outside of the mesh and before the clip plane, and the rim is as sharp as the grid is.
+// Direct volume rendering of the grid that the worker resamples. A voxel has two components: its value, which takes
+// colour and opacity from the transfer functions, and how much of it is seen, which multiplies the opacity: nothing
+// shines outside of the mesh and before the clip plane, and the rim is as sharp as the grid is.
 
 import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Volume.js';
 import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
@@ -61,7 +61,8 @@ export class VolumeLayer {
   // `table`: the map's colours. All at once: vtk.js sorts and compares all points for each that is added.
   color(table, [low, high]) {
     const at = (i) => low + ((high - low) * i) / (table.length - 1);
-    this.colors.setNodes(table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
+    this.colors.setNodes(
+      table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
     this.colors.setMappingRange(low, high);
   }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // node run-types.mjs FOLDER FLOW CELLS SERIES PAGED: FOLDER has stream.d.ts. Holds uses.ts against these types under
-// --strict, runs it on the package, and holds each value that comes against its type: a member of another type, one that
-// is not there, and one that the types do not know are complaints. So is a member of the class that uses.ts leaves out.
+// --strict, runs it on the package, and holds each value that comes against its type: a member of another type, one
+// that is not there, and one that the types do not know are complaints. So is a member of the class that uses.ts leaves
+// out.
 import { readFileSync, writeFileSync } from 'node:fs';
 import { join, resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
@@ -64,7 +65,8 @@ function wrong(value, type, at) {
   if (has(type, ts.TypeFlags.Null)) return value === null ? '' : `${at} is ${said(value)}, not null`;
   if (has(type, ts.TypeFlags.Undefined)) return value === undefined ? '' : `${at} is ${said(value)}, not undefined`;
   if (type.isLiteral()) return value === type.value ? '' : `${at} is ${said(value)}, not ${said(type.value)}`;
-  if (has(type, ts.TypeFlags.BooleanLiteral)) return `${value}` === checker.typeToString(type) ? '' : `${at} is ${value}`;
+  if (has(type, ts.TypeFlags.BooleanLiteral))
+    return `${value}` === checker.typeToString(type) ? '' : `${at} is ${value}`;
   for (const [flag, name] of primitives)
     if (has(type, flag)) return typeof value === name ? '' : `${at} is ${said(value)}, not a ${name}`;
   return value === null || typeof value !== 'object' ? `${at} is ${said(value)}` : wrongObject(value, type, at);
@@ -73,7 +75,8 @@ function wrong(value, type, at) {
 function wrongObject(value, type, at) {
   const name = type.symbol?.name;
   if (ArrayBuffer.isView(value) || /Array$/.test(name ?? ''))
-    if (name !== 'Array') return value.constructor.name === name ? '' : `${at} is a ${value.constructor.name}, not a ${name}`;
+    if (name !== 'Array')
+      return value.constructor.name === name ? '' : `${at} is a ${value.constructor.name}, not a ${name}`;
   if (checker.isTupleType(type)) return wrongItems(value, checker.getTypeArguments(type), at);
   if (checker.isArrayType(type)) {
     const [item] = checker.getTypeArguments(type);
@@ -93,7 +96,8 @@ function wrongObject(value, type, at) {
 }
 
 function wrongItems(value, items, at) {
-  if (!Array.isArray(value) || value.length !== items.length) return `${at} is ${said(value)}, not ${items.length} items`;
+  if (!Array.isArray(value) || value.length !== items.length)
+    return `${at} is ${said(value)}, not ${items.length} items`;
   return items.map((item, i) => wrong(value[i], item, `${at}[${i}]`)).find(Boolean) ?? '';
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Every public member of TetlodStream, with all that its arguments may have: run-types.mjs holds this against the types,
-// runs it, and holds what comes against them, too. What needs a page is held against the types only.
+// Every public member of TetlodStream, with all that its arguments may have: run-types.mjs holds this against the
+// types, runs it, and holds what comes against them, too. What needs a page is held against the types only.
 import {
   TetlodStream,
   type DrawnMesh,
@@ -89,7 +89,8 @@ async function flow(bytes: Uint8Array<ArrayBuffer>, tell: Told) {
     const shown: Pictures = tell('Pictures', pictures);
     if (shown.tag === 'whole') break;
   }
-  const refine = { boxes: [[...low, ...middle] as [number, number, number, number, number, number]], target: { error: 0 } };
+  const box = [...low, ...middle] as [number, number, number, number, number, number];
+  const refine = { boxes: [box], target: { error: 0 } };
   const finer = new Promise((resolve) => stream.addEventListener('refined', resolve, { once: true }));
   await stream.show({ field: 'Density', surface: true, refine }, { whole: true });
   await finer;
@@ -120,7 +121,8 @@ async function cells(bytes: Uint8Array<ArrayBuffer>, tell: Told) {
   const stream = await TetlodStream.open(new Blob([bytes]));
   stream.addEventListener('cells', ({ detail }) => tell('Events.cells', detail));
   const info: Info = tell('Info', stream.info);
-  const cellField = info.cellFields.find(({ type, components }) => type.startsWith('int') && components === 1)?.name ?? '';
+  const cellField = info.cellFields.find(
+    ({ type, components }) => type.startsWith('int') && components === 1)?.name ?? '';
   await stream.loadCells(cellField);
   tell('TetlodStream.cells()', await stream.cells(cellField));
   tell('TetlodStream.receivedCells', stream.receivedCells);
@@ -189,7 +191,8 @@ export async function inPage(file: File, adapt: typeof toPolyData) {
   view.step = (view.step ?? 0) + 1;
   if (!view.playing) await view.play();
   view.pause();
-  view.addEventListener('level', ({ detail }) => (detail.error + detail.tets + (detail.pages ?? 0)).toFixed(shown.length));
+  view.addEventListener('level',
+    ({ detail }) => (detail.error + detail.tets + (detail.pages ?? 0)).toFixed(shown.length));
   view.addEventListener('step', ({ detail }) => detail.time + detail.step);
   view.addEventListener('error', ({ detail }) => detail.message.trim());
   view.addEventListener('ready', () => view.stream?.info.cid.slice(0, 4));
