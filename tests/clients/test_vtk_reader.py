@@ -172,6 +172,81 @@ def test_box():
     assert made.GetOutput(1).GetNumberOfCells() == 0
 
 
+PAGED = {  # samples, options of build, box (x0, y0, z0, x1, y1, z1), outside, in the box; None: the finest
+    'ring': (('torus', '--size', '5'), ('--paged=200',), (0, 0, -1, 1.2, 1.2, 1), 0.2, None),
+    'cells': (('cube', '--size', '9'), ('--paged=200',), (0, 0, 0, .4, .4, .4), 0.1, 0.01),
+    'tail': (('fin', '--size', '12'), ('--paged=300', '--position-bits', '12', '--field-bits', '10'),
+             (-1, 0.2, 0.1, 0.5, 1, 0.9), 0.05, 0.005)}
+
+
+def add_cells(name):
+    """Values of cells: their numbers, and a vector."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
+    file, out = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
+    for at in file, out:
+        at.SetFileName(os.path.join(SCRATCH, name))
+    file.Update()
+    count = file.GetOutput().GetNumberOfCells()
+    numbers = np.arange(3 * count, dtype='i4')
+    for label, values in ('part', numbers[:count] % 37), ('flow', np.sin(numbers).reshape(-1, 3)):
+        array = numpy_to_vtk(values, deep=1)
+        array.SetName(label)
+        file.GetOutput().GetCellData().AddArray(array)
+    out.SetInputData(file.GetOutput())
+    out.Write()
+
+
+def test_region():
+    """Of a stream in pages a box gives one mesh, that of `extract --box`; the same reader goes on to another box, to a
+    level and back, with other arrays."""
+    for name, (sample, options, box, outside, inside) in PAGED.items():
+        path = os.path.join(SCRATCH, name + '.tetlod')
+        tetlod('sample', *sample, '-o', name + '.vtu')
+        if name == 'cells':
+            add_cells(name + '.vtu')
+        tetlod('build', name + '.vtu', '-o', path, *options, '--quiet')
+        made = reader(path, Error=outside, Box=True, BoxError=inside or 0)
+        parts = set()
+        for low, high in (box[:3], box[3:]), (box[:3], tuple(a + (b - a) / 3 for a, b in zip(box[:3], box[3:]))):
+            made.SetBoxBounds(*(bound for pair in zip(low, high) for bound in pair))
+            made.Update(0)
+            made.Update(1)
+            choice = ['--error', outside, '--box', '%.17g,%.17g,%.17g,%.17g,%.17g,%.17g' % (*low, *high)]
+            wanted = extracted(path, *choice, *(['--box-error', inside] if inside else []))
+            same(made.GetOutput(0), wanted, (name, low, high))
+            assert not made.said and made.GetOutput(1).GetNumberOfCells() == 0, (name, made.said)
+            parts |= set(arrays(made.GetOutput(0))['Cell', 'Region'])
+        assert {1} < parts <= {0, 1, 2}, (name, parts)
+        made.BoxOff()
+        made.SetPointArrayStatus(made.GetPointArrayName(0), 0)
+        made.Update()
+        found, level = arrays(made.GetOutput()), arrays(extracted(path, '--error', outside))
+        assert (found['points'] == level['points']).all() and (found['corners'] == level['corners']).all(), name
+        made.BoxOn()
+        made.SetPointArrayStatus(made.GetPointArrayName(0), 1)
+        made.Update()
+        same(made.GetOutput(), wanted, (name, 'again'))
+
+
+def test_region_of_url():
+    """Of a URL only the pages that the box needs are fetched."""
+    path = os.path.join(SCRATCH, 'pages.tetlod')
+    tetlod('sample', 'fin', '--size', 28, '-o', 'pages.vtu')
+    tetlod('build', 'pages.vtu', '--field', 'Pressure', '--paged=1000', '-o', path, '--quiet')
+    for box, share in ((3, 4, 7, 8, 3, 4), 0.9), ((5, 6, 7, 8, 3, 4), 0.25):  # a corner, which needs much; nothing
+        before = len(asked())
+        with host() as place:
+            made = reader(place + 'pages.tetlod', Error=0.2, Box=True, BoxError=0, BoxBounds=box)
+            made.Update()
+        text = ','.join(map(str, (*box[0::2], *box[1::2])))
+        same(made.GetOutput(0), extracted(path, '--error', 0.2, '--box', text), text)
+        spans = [list(map(int, re.findall(r'\d+', span))) for _, span, _ in asked()[before:]]
+        took, whole = sum(last + 1 - first for first, last in spans), os.path.getsize(path)
+        assert took < share * whole and len(spans) < 9, (took, whole, spans)
+
+
 def test_arrays():
     """Arrays come and go by their selection; nothing is decoded for those that are off."""
     made = reader(golden('cells_float32'), Level=1)
@@ -280,20 +355,21 @@ def test_vtkhdf():
 
 
 def check_host(place, coarse, fine):
+    before = len(asked())
     made = reader(place + 'fin.tetlod?signature=a%2Fb', Headers='X-Other: 1\nX-Key: secret', Error=0.05)
     made.Update()
     same(made.GetOutput(), coarse, 'host')
-    first = len(asked())
+    first = len(asked()) - before
     made.SetError(0)
     made.Update()
     same(made.GetOutput(), fine, 'host, all')
-    requests = asked()
+    requests = asked()[before:]
     assert all(path == '/fin.tetlod?signature=a%2Fb' and key == 'secret' for path, _, key in requests), requests
     assert first <= 3 and len(requests) - first <= 2, requests
     ranges = [tuple(map(int, re.findall(r'\d+', span))) for _, span, _ in requests]
     assert all(a[1] < b[0] for a, b in zip(ranges, ranges[1:])), ranges  # no byte twice
     same(level(place + 'whole/fin.tetlod', Error=0.05), coarse, 'a host that sends all')
-    assert len(asked()) == len(requests) + 1
+    assert len(asked()) == before + len(requests) + 1
 
 
 def test_stop():
@@ -429,7 +505,8 @@ def main():
     sys.path.insert(0, MODULE)
     tetlod('sample', 'fin', '--size', 14, '-o', 'fin.vtu')
     tetlod('build', 'fin.vtu', '-o', os.path.join(SCRATCH, 'fin.tetlod'), '--quiet')
-    run([test_levels, test_steps, test_box, test_arrays, test_urls, test_vtkhdf, test_stop, test_errors, test_pictures])
+    run([test_levels, test_steps, test_box, test_region, test_region_of_url, test_arrays, test_urls, test_vtkhdf,
+         test_stop, test_errors, test_pictures])
 
 
 main()

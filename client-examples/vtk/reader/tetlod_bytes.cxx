@@ -68,7 +68,7 @@ bool tetlod_bytes::is_url(const std::string& place)
 
 namespace
 {
-constexpr uint64_t BLOCK = 1 << 16; // what is fetched at least
+constexpr uint64_t BLOCK = 1 << 14, FIRST = 1 << 16; // what is fetched at least, and at first
 constexpr int WAIT_MS = 100;        // how late a request that is to stop may notice it
 constexpr long MAX_REDIRECTIONS = 10, SILENCE_SECONDS = 60;
 
@@ -238,18 +238,18 @@ private:
   void begin()
   {
     answer got;
-    if (get(("0-" + std::to_string(BLOCK - 1)).c_str(), got) != TETLOD_OK)
+    if (get(("0-" + std::to_string(FIRST - 1)).c_str(), got) != TETLOD_OK)
       throw std::runtime_error(said.empty() ? "cancelled" : "cannot be read: " + said);
     whole = got.status == 200;
     size = whole ? got.body.size() : got.total;
-    if (size == 0 || got.body.size() > size || (!whole && got.body.size() < std::min(BLOCK, size)))
+    if (size == 0 || got.body.size() > size || (!whole && got.body.size() < std::min(FIRST, size)))
       throw std::runtime_error("cannot be read: the host does not say how long the file is");
     bytes.reset(static_cast<unsigned char*>(std::malloc(size)));
     if (!bytes)
       throw std::runtime_error("out of memory: " + std::to_string(size) + " bytes");
     std::memcpy(bytes.get(), got.body.data(), got.body.size());
     here.assign(size / BLOCK + 1, false);
-    here[0] = true;
+    std::fill_n(here.begin(), (std::min(FIRST, size) + BLOCK - 1) / BLOCK, true);
   }
 
   // A tetlod server's mesh, or the page that shows it: its stream is named by its content id.

@@ -9,6 +9,8 @@
 namespace
 {
 constexpr uint32_t RECORDS = 1 << 12; // between two looks at whether to stop: some thousandths of a second
+constexpr uint64_t GAP = 1 << 13;     // bytes between two pages that are fetched along, for one request less
+const char PARTS[] = "Region";        // as `tetlod extract --box` names them: 0 coarse, 1 fine, 2 the transition
 
 bool has(const std::vector<std::string>& names, const std::string& name)
 {
@@ -163,7 +165,7 @@ uint32_t tetlod_stream::current_level() const
   if (found == parts.end() || !found->second.cursor)
     return 0;
   tetlod_cursor_mesh(found->second.cursor, &mesh);
-  return mesh.level;
+  return found->second.some_pages ? std::min(mesh.level, info().first_paged_level - 1) : mesh.level;
 }
 
 tetlod_stream::part& tetlod_stream::part_of(double time, uint32_t& step)
@@ -248,24 +250,43 @@ uint32_t tetlod_stream::coarse_band(double time, uint64_t tets)
 
 // ---- moving
 
-// The bytes come in one request; a cursor begins at the coarsest level.
-void tetlod_stream::make_cursor(part& at, const std::vector<uint32_t>& fields, uint32_t level)
+// The bytes come in as few requests as they need: those of a level, or of some of the pages and what is before them.
+void tetlod_stream::fetch(
+  const part& at, const std::vector<uint32_t>& fields, uint32_t level, const tetlod_page_set* pages)
 {
-  tetlod_error error = {};
   static const uint32_t none = 0;
   const uint32_t* numbers = fields.empty() ? &none : fields.data();
   const uint32_t count = static_cast<uint32_t>(fields.size());
+  level = pages ? tetlod_info(at.file)->first_paged_level - 1 : level;
   std::vector<tetlod_span> spans(tetlod_spans(at.file, TETLOD_NONE, level, numbers, count, nullptr, 0));
   tetlod_spans(at.file, TETLOD_NONE, level, numbers, count, spans.data(), spans.size());
+  if (pages)
+  {
+    const size_t before = spans.size();
+    spans.resize(before + tetlod_page_set_spans(pages, numbers, count, GAP, nullptr, 0));
+    tetlod_page_set_spans(pages, numbers, count, GAP, spans.data() + before, spans.size() - before);
+  }
   for (const tetlod_span& span : spans)
     expect(at.offset + span.offset, span.size);
+}
+
+// A cursor begins at the coarsest level.
+void tetlod_stream::make_cursor(part& at, const std::vector<uint32_t>& fields, const tetlod_page_set* pages)
+{
+  tetlod_error error = {};
+  static const uint32_t none = 0;
   if (!at.cursor)
   {
-    check(tetlod_cursor_new(&at.cursor, at.file, numbers, count, &error), error);
+    check(tetlod_cursor_new(&at.cursor, at.file, fields.empty() ? &none : fields.data(),
+            static_cast<uint32_t>(fields.size()), &error),
+      error);
     at.decoded.assign(tetlod_info(at.file)->field_count, false);
     for (uint32_t field : fields)
       at.decoded[field] = true;
   }
+  if (pages || at.some_pages)
+    check(tetlod_cursor_select(at.cursor, pages, &error), error);
+  at.some_pages = pages != nullptr;
   for (uint32_t field : fields)
     if (!at.decoded[field])
     {
@@ -274,13 +295,19 @@ void tetlod_stream::make_cursor(part& at, const std::vector<uint32_t>& fields, u
     }
 }
 
-void tetlod_stream::move(part& at, uint32_t level, const std::vector<uint32_t>& fields)
+void tetlod_stream::move(
+  part& at, uint32_t level, const std::vector<uint32_t>& fields, const tetlod_page_set* pages)
 {
   tetlod_error error = {};
   struct tetlod_mesh mesh = {};
-  make_cursor(at, fields, level);
+  struct tetlod_page_set_info set = {};
+  fetch(at, fields, level, pages);
+  make_cursor(at, fields, pages);
+  if (pages)
+    tetlod_page_set_info(pages, &set);
   tetlod_cursor_mesh(at.cursor, &mesh);
-  const double from = mesh.tets, to = tetlod_info(at.file)->levels[level].tets;
+  const double from = mesh.tets;
+  const double to = static_cast<double>(pages ? set.tets : tetlod_info(at.file)->levels[level].tets);
   for (tetlod_status status = TETLOD_MORE; status == TETLOD_MORE;)
   {
     status = tetlod_cursor_step(at.cursor, level, RECORDS, &error);
@@ -294,28 +321,100 @@ void tetlod_stream::move(part& at, uint32_t level, const std::vector<uint32_t>& 
 
 // ---- what a level holds
 
-tetlod_view tetlod_stream::level(uint32_t number, const names& fields, const names& cells)
+std::vector<uint32_t> tetlod_stream::numbers_of(const names& fields) const
 {
-  part& at = parts[0];
+  std::vector<uint32_t> numbers;
+  for (uint32_t f = 0; f < info().field_count; f++)
+    if (has(fields, info().fields[f].name))
+      numbers.push_back(f);
+  return numbers;
+}
+
+// What the cursor has; the facts are those of `number`.
+tetlod_view tetlod_stream::view_of(part& at, uint32_t number, const std::vector<uint32_t>& fields) const
+{
   const struct tetlod_info& in = info();
   struct tetlod_mesh mesh = {};
-  std::vector<uint32_t> numbers;
-  for (uint32_t f = 0; f < in.field_count; f++)
-    if (has(fields, in.fields[f].name))
-      numbers.push_back(f);
-  move(at, number, numbers);
   tetlod_cursor_mesh(at.cursor, &mesh);
   tetlod_view view = { mesh.vertices, mesh.tets, in.position_type, mesh.positions, mesh.corners, {}, {}, {}, in.cid };
   view.facts = { { "tetlod_level", number }, { "tetlod_domain_error", in.levels[number].domain_error } };
-  for (uint32_t f : numbers)
+  for (uint32_t f : fields)
   {
     const struct tetlod_field& field = in.fields[f];
     view.fields.push_back(
       { field.name, static_cast<int>(field.components), vtk_type(field.type), mesh.fields[f] });
     add_fact(view, field.name, in.levels[number].errors[f * TETLOD_MEASURES + TETLOD_MAX]);
   }
+  return view;
+}
+
+tetlod_view tetlod_stream::level(uint32_t number, const names& fields, const names& cells)
+{
+  part& at = parts[0];
+  const std::vector<uint32_t> numbers = numbers_of(fields);
+  move(at, number, numbers);
+  tetlod_view view = view_of(at, number, numbers);
   add_cells(at, cells, view, -1);
   return view;
+}
+
+// ---- finer in a box
+
+// The tail has no pages.
+uint32_t tetlod_stream::finest_region() const
+{
+  return info().level_count - 1 - (info().exact_last ? 1 : 0);
+}
+
+bool tetlod_stream::has_region(uint32_t& coarse, uint32_t fine) const
+{
+  if (info().page_count == 0 || fine < info().first_paged_level || fine > finest_region() || fine <= coarse)
+    return false;
+  coarse = std::max(coarse, info().first_paged_level - 1);
+  return true;
+}
+
+tetlod_view tetlod_stream::region(
+  uint32_t coarse, uint32_t fine, const double* box, const names& fields, const names& cells)
+{
+  part& at = parts[0];
+  const tetlod_place place = { { box[0], box[2], box[4] }, { box[1], box[3], box[5] }, 0, fine };
+  const std::vector<uint32_t> numbers = numbers_of(fields);
+  tetlod_page_set* set = nullptr;
+  tetlod_error error = {};
+  const tetlod_status status = tetlod_page_set_new(&set, at.file, coarse, &place, 1, &error);
+  const std::unique_ptr<tetlod_page_set, decltype(&tetlod_page_set_free)> pages(set, tetlod_page_set_free);
+  struct tetlod_page_set_info about = {};
+  check(status, error);
+  tetlod_page_set_info(set, &about);
+  move(at, about.level, numbers, set);
+  tetlod_view view = view_of(at, coarse, numbers);
+  names others = cells;
+  others.erase(std::remove(others.begin(), others.end(), PARTS), others.end());
+  add_cells(at, others, view, -1);
+  add_parts(at, coarse, fine, view);
+  return view;
+}
+
+// Values of cells are there for all tetrahedra of the stream: the view has some of them.
+void tetlod_stream::add_parts(part& at, uint32_t coarse, uint32_t fine, tetlod_view& view)
+{
+  std::vector<uint32_t> rows(view.tets), levels(view.tets);
+  tetlod_cursor_numbers(at.cursor, nullptr, rows.data());
+  tetlod_cursor_tet_levels(at.cursor, levels.data());
+  at.chosen.clear();
+  for (tetlod_column& column : view.cells)
+  {
+    const size_t width = static_cast<size_t>(column.components);
+    std::vector<double>& values = at.chosen[column.name];
+    for (uint32_t row : rows)
+      values.insert(values.end(), column.values + row * width, column.values + (row + 1) * width);
+    column.values = values.data();
+  }
+  std::vector<double>& marks = at.chosen[PARTS];
+  for (uint32_t level : levels)
+    marks.push_back(level >= fine ? 1 : level <= coarse ? 0 : 2);
+  view.cells.push_back({ PARTS, 1, VTK_UNSIGNED_CHAR, marks.data() });
 }
 
 // ---- what a step holds

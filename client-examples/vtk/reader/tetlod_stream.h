@@ -76,6 +76,12 @@ public:
   tetlod_view level(uint32_t level, const names& fields, const names& cells);
   uint32_t current_level() const;
 
+  // Of a stream in pages: one mesh, `coarse` outside of the box X0, X1, Y0, Y1, Z0, Z1, `fine` in it. `has_region`: can
+  // it be made with these levels? `coarse` may become finer then: no level before the pages has a mesh of this kind.
+  uint32_t finest_region() const;
+  bool has_region(uint32_t& coarse, uint32_t fine) const;
+  tetlod_view region(uint32_t coarse, uint32_t fine, const double* box, const names& fields, const names& cells);
+
   // Of a series: the band of the step whose time is nearest.
   uint32_t band_for(double time, const tetlod_choice& choice);
   uint32_t coarse_band(double time, uint64_t tets);
@@ -90,17 +96,22 @@ private:
     tetlod_cursor* cursor = nullptr;
     tetlod_series* series = nullptr;
     std::vector<bool> decoded; // the cursor's fields
-    std::map<std::string, std::vector<double>> cells;
-    std::vector<double> moved; // positions at a step
+    bool some_pages = false;   // the cursor has not all
+    std::map<std::string, std::vector<double>> cells, chosen; // chosen: those of a region
+    std::vector<double> moved;                                // positions at a step
   };
 
   void check(tetlod_status status, const tetlod_error& error) const;
   void expect(uint64_t offset, uint64_t size);
   part& part_of(double time, uint32_t& step);
-  void make_cursor(part& at, const std::vector<uint32_t>& fields, uint32_t level);
-  void move(part& at, uint32_t level, const std::vector<uint32_t>& fields);
+  std::vector<uint32_t> numbers_of(const names& fields) const;
+  void fetch(const part& at, const std::vector<uint32_t>& fields, uint32_t level, const tetlod_page_set* pages);
+  void make_cursor(part& at, const std::vector<uint32_t>& fields, const tetlod_page_set* pages);
+  void move(part& at, uint32_t level, const std::vector<uint32_t>& fields, const tetlod_page_set* pages = nullptr);
+  tetlod_view view_of(part& at, uint32_t level, const std::vector<uint32_t>& fields) const;
   void read_series(part& at, uint32_t band, uint32_t step, const names& fields);
   void add_cells(part& at, const names& wanted, tetlod_view& view, int64_t step);
+  void add_parts(part& at, uint32_t coarse, uint32_t fine, tetlod_view& view);
 
   std::unique_ptr<tetlod_bytes> bytes;
   tetlod_source source;

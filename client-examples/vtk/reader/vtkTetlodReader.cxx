@@ -209,14 +209,25 @@ void vtkTetlodReader::ReadOutputs(vtkInformationVector* outputs)
   }
   if (!warning.empty())
     vtkWarningMacro(<< held.Place << ": " << warning);
-  give(first, nullptr, 0);
   this->Coarse = first < asked;
   this->Due = false;
+  uint32_t outside = asked, fine = asked;
+  bool one_mesh = false; // of a stream in pages: output 0 is finer in the box
   if (this->Box && !this->Coarse)
   {
     choice = { this->BoxError, -1, choice.measure, choice.field, -1, 0, 0 };
-    give(std::max(wanted(), asked), this->BoxBounds, 1);
+    fine = std::max(wanted(), asked);
+    const uint32_t in_pages = this->BoxError > 0 ? fine : std::min(fine, stream.finest_region());
+    one_mesh = !series && stream.has_region(outside, in_pages);
+    fine = one_mesh ? in_pages : fine;
   }
+  if (one_mesh)
+    tetlod_fill_grid(stream.region(outside, fine, this->BoxBounds, fields, cells), nullptr,
+      vtkUnstructuredGrid::GetData(outputs, 0));
+  else
+    give(first, nullptr, 0);
+  if (this->Box && !this->Coarse && !one_mesh)
+    give(fine, this->BoxBounds, 1);
   for (int port = 0; port < this->GetNumberOfOutputPorts(); port++)
     held.Last[port]->ShallowCopy(vtkUnstructuredGrid::GetData(outputs, port));
 }

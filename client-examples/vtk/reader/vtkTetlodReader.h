@@ -8,7 +8,9 @@
  * is asked only for bytes that are missing.
  *
  * Output 0 is the level, or the step of a series whose time is nearest to the time that the pipeline asks for. With
- * Box on, output 1 has the tetrahedra within BoxError that meet the box; it is empty otherwise.
+ * Box on, output 0 of a stream in pages is one mesh, within BoxError in the box: its cell array Region is 1 there, 0
+ * outside and 2 in the transition between them. Of other streams and of steps, output 1 has the tetrahedra within
+ * BoxError that meet the box. Output 1 is empty otherwise.
  *
  * Progress events come while bytes arrive and records are decoded. AbortExecute, set meanwhile, ends the work; the
  * output is what was there before, and the next change goes on from what was decoded.
@@ -86,7 +88,7 @@ public:
   ///@}
 
   ///@{
-  /** A box, X0, X1, Y0, Y1, Z0, Z1, with an error of its own: output 1 (off). */
+  /** A box, X0, X1, Y0, Y1, Z0, Z1, with an error of its own (off). */
   vtkSetMacro(Box, bool);
   vtkGetMacro(Box, bool);
   vtkBooleanMacro(Box, bool);
