@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs in pvpython: plugin in C++, stream, its URL, series, folder for pictures. Prints what the reader gives, as lines
+"""Runs in pvpython: plugin in C++, stream, its URL, series, stream in pages, stream in a VTKHDF file, folder for
+pictures. Prints what the reader gives, as lines
 of JSON."""
 import json
 import os
 import sys
 
 from paraview.servermanager import Fetch
-from paraview.simple import ColorBy, GetActiveViewOrCreate, LoadPlugin, OpenDataFile, Render, SaveScreenshot, Show
+from paraview.simple import ColorBy, GetActiveViewOrCreate, Hide, LoadPlugin, OpenDataFile, Render, SaveScreenshot, Show
 
-plugin, stream, url, series, folder = sys.argv[1:]
+plugin, stream, url, series, paged, inside, folder = sys.argv[1:]
 LoadPlugin(plugin, remote=False, ns=globals())
 
 
@@ -35,6 +36,14 @@ file.MaxTets = 0
 file.Box, file.BoxBounds, file.BoxErrorPercent = 1, [-1, 0.5, 0.2, 1, 0.1, 0.9], 0.2
 file.UpdatePipeline()
 tell('box', file, 1)
+for name, path in ('region', paged), ('inside', inside):
+    other = TetlodStreamReader(FileName=path, ErrorPercent=5 if name == 'region' else 1)  # noqa: F821
+    if name == 'region':
+        other.Box, other.BoxBounds, other.BoxErrorPercent = 1, [0, 0.5, 0.2, 1, 0.1, 0.9], 0.2
+        region = other
+    other.UpdatePipeline()
+    tell(name, other)
+print(json.dumps(['cells', list(region.CellData.keys())]))
 
 file.Box, file.CoarseFirst, file.CoarseTets, file.ErrorPercent = 0, 1, 1000, 0.2
 file.UpdatePipeline()
@@ -57,6 +66,10 @@ for name in 'first', 'second', 'third':
     if coarse.SMProxy.GetProperty('NeedsUpdate').GetElement(0):  # what the client does by its timer
         coarse.MarkModified(coarse.SMProxy)
 
+if pictures:
+    Hide(coarse, view)
+    ColorBy(Show(region, view), ('CELLS', 'Region'))
+    SaveScreenshot('%s/reader_region.png' % folder, view)
 steps = TetlodStreamReader(FileName=series, ErrorPercent=5)  # noqa: F821
 steps.UpdatePipelineInformation()
 times = list(steps.TimestepValues)

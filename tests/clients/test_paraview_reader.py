@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The plugin in C++ of ParaView, built against the one that is installed, in pvpython ($PVPYTHON, or one that is
-installed)."""
+"""The plugin in C++ of ParaView, built against the one that is installed (or that of $ParaView_DIR, as for CMake), in
+pvpython ($PVPYTHON, or one that is installed)."""
 import glob
 import json
 import os
@@ -34,13 +34,17 @@ def expected(mesh):
 
 
 def test_plugin():
-    if not all(map(shutil.which, ('cmake', 'c++'))) or not glob.glob('/usr/lib/*/cmake/paraview-5*'):
+    found = os.environ.get('ParaView_DIR') or glob.glob('/usr/lib/*/cmake/paraview-5*')
+    if not found or not all(map(shutil.which, ('cmake', 'c++'))):
         return 'cmake, a C++ compiler or paraview-dev is not installed (make deps-vtk)'
     plugin = build()
     if not PVPYTHON:
         return 'built; pvpython is not there: Debian cannot install python3-paraview beside python3-vtk9'
-    stream, series = (os.path.join(SCRATCH, name) for name in ('fin.tetlod', 'wake.tetlod'))
+    names = ('fin.tetlod', 'wake.tetlod', 'pages.tetlod', 'fin.vtkhdf')
+    stream, series, paged, inside = (os.path.join(SCRATCH, name) for name in names)
     for arguments in (('sample', 'fin', '--size', '14', '-o', 'fin.vtu'), ('build', 'fin.vtu', '-o', stream, '--quiet'),
+                      ('convert', stream, '--stream', '-o', inside),
+                      ('build', 'fin.vtu', '--paged=1000', '-o', paged, '--quiet'),
                       ('sample', 'wake', '--size', '8', '--steps', '9', '-o', 'wake.pvd'),
                       ('build', 'wake.pvd', '--field', 'Pressure', '-o', series, '--quiet')):
         subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
@@ -48,7 +52,7 @@ def test_plugin():
     with Server(stream) as server:
         done = subprocess.run([*display, *PVPYTHON, '--force-offscreen-rendering',
                                os.path.join(ROOT, 'tests', 'clients', 'paraview_reader_script.py'), plugin, stream,
-                               server.url + 'v1/meshes/fin', series, SCRATCH],
+                               server.url + 'v1/meshes/fin', series, paged, inside, SCRATCH],
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('["')]
     said = {line[0]: line[1:] for line in lines}
@@ -60,6 +64,9 @@ def test_plugin():
     chosen = tetlod.read(stream, tets=2000, fields='Pressure')
     assert said['chosen'] == expected(chosen), done.stdout
     assert 0 < said['box'][0] < said['third'][0] / 4, done.stdout
+    region = tetlod.open(paged).region((0, 0.2, 0.1, 0.5, 1, 0.9), error='5%', box_error='0.2%')
+    assert said['region'] == expected(region) and 'Region' in said['cells'][0], done.stdout
+    assert said['inside'] == said['file 1'], done.stdout
     fine = expected(tetlod.read(stream, error='0.2%'))
     assert said['first'][0] <= 1000 < said['second'][0] and said['second'] == said['third'] == fine, done.stdout
     found = tetlod.open(series)
@@ -68,9 +75,9 @@ def test_plugin():
         assert said['step %r' % time] == expected(found.at(time, '5%')), done.stdout
     if not display and not os.environ.get('DISPLAY'):
         return None
-    names = ['reader_%s.png' % name for name in ('first', 'second', 'third')]
+    names = ['reader_%s.png' % name for name in ('first', 'second', 'third', 'region')]
     pictures = [open(os.path.join(SCRATCH, name), 'rb').read() for name in names]
-    assert 2000 < len(pictures[0]) < len(pictures[1]) and pictures[1] == pictures[2]
+    assert 2000 < len(pictures[0]) < len(pictures[1]) and pictures[1] == pictures[2] != pictures[3]
     return None
 
 
