@@ -48,7 +48,7 @@ def test_plugin():
                       ('sample', 'wake', '--size', '8', '--steps', '9', '-o', 'wake.pvd'),
                       ('build', 'wake.pvd', '--field', 'Pressure', '-o', series, '--quiet')):
         subprocess.run([TETLOD, *arguments], cwd=SCRATCH, check=True)
-    display = [] if os.environ.get('DISPLAY') or not shutil.which('xvfb-run') else ['xvfb-run', '-a']
+    display = [] if os.environ.get('DISPLAY') or not shutil.which('xvfb-run') else ['xvfb-run', '-w', '60', '-a']
     with Server(stream) as server:
         done = subprocess.run([*display, *PVPYTHON, '--force-offscreen-rendering',
                                os.path.join(ROOT, 'tests', 'clients', 'paraview_reader_script.py'), plugin, stream,

@@ -479,7 +479,7 @@ def test_pictures():
     if not shutil.which('xvfb-run'):
         return 'there is no xvfb-run'
     fin = os.path.join(SCRATCH, 'fin.tetlod')
-    done = subprocess.run(['xvfb-run', '-a', '/usr/bin/python3', '-c', PICTURES, MODULE, fin], cwd=SCRATCH,
+    done = subprocess.run(['xvfb-run', '-w', '60', '-a', '/usr/bin/python3', '-c', PICTURES, MODULE, fin], cwd=SCRATCH,
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     found = re.findall(r'^(\w+) (\d+) (True|False)$', done.stdout, re.M)
     assert done.returncode == 0 and len(found) == 3, done.stdout
