@@ -3,8 +3,9 @@
 """Runs all tests of the given build configurations, five at a time, and ends with `N passed, N failed`.
 
 A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/*/test_*
-of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
-folder that is removed after success). A program without TAP output counts as one test by its exit status.
+of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the
+tree, SCRATCH an empty folder that is removed after success). A program without TAP output counts as one test by its
+exit status.
 """
 import argparse
 import concurrent.futures
@@ -106,10 +107,12 @@ def main():
     parser.add_argument('configs', nargs='+')
     parser.add_argument('--only', help='run tests whose name has this in it')
     parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
-    parser.add_argument('--timeout', type=int, default=3000, help='seconds; what takes minutes takes many on a busy machine')
+    parser.add_argument('--timeout', type=int, default=3000,
+                        help='seconds; what takes minutes takes many on a busy machine')
     parser.add_argument('--jobs', type=int, default=5, help='more than cores: some wait, for a browser or a clock')
     options = parser.parse_args()
-    todo = [(c, p) for c in options.configs for p in tests_of(c, options.every) if not options.only or options.only in c + ':' + p]
+    todo = [(c, p) for c in options.configs for p in tests_of(c, options.every)
+            if not options.only or options.only in c + ':' + p]
     todo = in_turns(todo)
     passed = failures = skipped = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:

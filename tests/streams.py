@@ -24,8 +24,8 @@ def plain(data):
         return data
     index = tetlod.unpack(data[64:64 + size], unpacked)
     total = int.from_bytes(data[32:40], 'little') + unpacked - size
-    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8,
-                                                                         'little') + data[40:64] + index + data[64 + size:])
+    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8, 'little') + data[40:64] + index +
+                  data[64 + size:])
 
 
 def with_section(data, tag, content, further=0):
@@ -63,8 +63,9 @@ def only_ones(count):
 
 
 def crafted(levels, components=1, sections=()):
-    """A stream with a plain index, whose numbers are all as small as can be: levels as vertices, tetrahedra, bytes of the geometry and of the one
-    field's frame (0 components: no field); sections as tag, flags, bytes and unpacked size. Level 0 decodes if it has one tetrahedron."""
+    """A stream with a plain index, whose numbers are all as small as can be: levels as vertices, tetrahedra, bytes of
+    the geometry and of the one field's frame (0 components: no field); sections as tag, flags, bytes and unpacked size.
+    Level 0 decodes if it has one tetrahedron."""
     frames, fields = [], min(components, 1)
     for number, (_, _, geometry, field) in enumerate(levels):
         first = only_ones(4) if number == 0 else b''
@@ -90,5 +91,6 @@ def still_steps(steps, fields=1):
     """A table of steps in one band, whose frames have no bytes."""
     table = struct.pack('<IIII', fields, 1, steps,
                         0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 0.0) for field in range(fields))
-    table += struct.pack('<dQ', 0.5, 0) + struct.pack('<%dd' % fields, *[1.0] * fields) + struct.pack('<%dd' % steps, *range(steps))
+    table += struct.pack('<dQ', 0.5, 0) + struct.pack('<%dd' % fields, *[1.0] * fields) + struct.pack(
+        '<%dd' % steps, *range(steps))
     return table + bytes(8 * fields * steps) + tetlod.digest(b'') * (fields * ((steps + 7) // 8))

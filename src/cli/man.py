@@ -21,19 +21,29 @@ def main():
     commands = re.findall(r'^  ([\w-]+) +(.*)$', overview, re.M)
     print('.TH TETLOD 1 "" "tetlod %s" "User Commands"' % version)
     print('.SH NAME\ntetlod \\- levels of detail for tetrahedral volumes')
-    print('.SH SYNOPSIS\n.B tetlod\n.I COMMAND\n[OPTIONS] ...\n.br\n.B tetlod help\n[\\fICOMMAND\\fR]\n.br\n.B tetlod \\-\\-version')
+    print(
+        '.SH SYNOPSIS\n.B tetlod\n.I COMMAND\n[OPTIONS] ...\n.br\n.B tetlod help\n[\\fICOMMAND\\fR]\n.br\n.B tetlod '
+        '\\-\\-version'
+    )
     print('.SH DESCRIPTION')
-    print('Simplifies a tetrahedral mesh with fields by contracting it, stores every contraction as an invertible record in one\n'
-          'stream, and gives back any level of it: as a mesh file, over HTTP, or record by record.\n'
-          'A level is a byte prefix of the stream, its error is certified over the whole domain, and the finest level is the\n'
-          'original, bit for bit.')
+    print(
+        'Simplifies a tetrahedral mesh with fields by contracting it, stores every contraction as an invertible '
+        'record in one\n'
+        'stream, and gives back any level of it: as a mesh file, over HTTP, or record by record.\n'
+        'A level is a byte prefix of the stream, its error is certified over the whole domain, and the finest level '
+        'is the\n'
+        'original, bit for bit.')
     print('.SH COMMANDS')
     for name, summary in commands:
         print('.SS %s \\- %s\n.nf' % (name, quoted(summary)))
         for line in text('help', name).splitlines():
             print(quoted(line))
         print('.fi')
-    print('.SH EXIT STATUS\n0 done, 1 failed (input and output, memory), 2 usage, 3 invalid input (mesh or stream), 4 a valid stream whose levels are worse meshes\nthan its original (verify); 4 no, 5 unknown (ask, features); 4 beyond the limit, 5 undecided (diff).')
+    print(
+        '.SH EXIT STATUS\n0 done, 1 failed (input and output, memory), 2 usage, 3 invalid input (mesh or stream), 4 a '
+        'valid stream whose levels are worse meshes\nthan its original (verify); 4 no, 5 unknown (ask, features); 4 '
+        'beyond the limit, 5 undecided (diff).'
+    )
     print('.SH SEE ALSO\nThe stream is specified in format/SPEC.md of the sources.')
 
 

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: doors.py PROGRAM FOLDER SEEDS [FIRST]
 
-Random meshes and series with values of cells: `verify --against` accepts the input, exact or rounded, and refuses each changed one;
-every whole level comes out of files that are cut off. A line for each finding; exit status 1 if there is one."""
+Random meshes and series with values of cells: `verify --against` accepts the input, exact or rounded, and refuses each
+changed one; every whole level comes out of files that are cut off. A line for each finding; exit status 1 if there is
+one."""
 import os
 import random
 import subprocess
@@ -23,8 +24,8 @@ ROUNDINGS = ([], ['--keep-order'], ['--position-bits', '9'], ['--field-bits', '6
 def grid(dice, sizes):
     """A box of cubes of six tetrahedra each, with its points shaken."""
     counts = [size + 1 for size in sizes]
-    points = [[x + dice.uniform(-0.2, 0.2) for x in (i, j,
-                                                     k)] for i in range(counts[0]) for j in range(counts[1]) for k in range(counts[2])]
+    points = [[x + dice.uniform(-0.2, 0.2) for x in (i, j, k)] for i in range(counts[0]) for j in range(counts[1])
+              for k in range(counts[2])]
     steps, tets = (counts[1] * counts[2], counts[2], 1), []
     for i in range(sizes[0]):
         for j in range(sizes[1]):
@@ -62,18 +63,26 @@ class Case:
     def write(self, name, steps, times, cells):
         """A PVD file with its steps."""
         for number, values in enumerate(steps):
-            arrays = ''.join('<DataArray type="%s" Name="%s" format="ascii">%s</DataArray>' % ('Int32' if key == 'whole' else 'Float64', key, ' '.join(map(repr, data)))
+            arrays = ''.join('<DataArray type="%s" Name="%s" format="ascii">%s</DataArray>' %
+                             ('Int32' if key == 'whole' else 'Float64', key, ' '.join(map(repr, data)))
                              for key, data in cells.items())
             with open(self.path('%s_%d.vtu' % (name, number)), 'w') as file:
-                file.write('<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian"><UnstructuredGrid><Piece NumberOfPoints="%d" NumberOfCells="%d">'
-                           '<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">%s</DataArray></Points>' %
-                           (len(self.points), len(self.tets), ' '.join(repr(x) for p in self.points for x in p)))
-                file.write('<Cells><DataArray type="Int64" Name="connectivity" format="ascii">%s</DataArray><DataArray type="Int64" Name="offsets" format="ascii">%s'
-                           '</DataArray><DataArray type="UInt8" Name="types" format="ascii">%s</DataArray></Cells>' %
-                           (' '.join(str(v) for tet in self.tets for v in tet),
-                            ' '.join(str(4 * t + 4) for t in range(len(self.tets))), '10 ' * len(self.tets)))
-                file.write('<PointData><DataArray type="Float64" Name="heat" format="ascii">%s</DataArray></PointData><CellData>%s</CellData>'
-                           '</Piece></UnstructuredGrid></VTKFile>' % (' '.join(map(repr, values)), arrays))
+                file.write(
+                    '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian"><UnstructuredGrid>'
+                    '<Piece NumberOfPoints="%d" NumberOfCells="%d">'
+                    '<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">%s</DataArray></Points>' %
+                    (len(self.points), len(self.tets), ' '.join(repr(x) for p in self.points for x in p)))
+                file.write(
+                    '<Cells><DataArray type="Int64" Name="connectivity" format="ascii">%s</DataArray><DataArray '
+                    'type="Int64" Name="offsets" format="ascii">%s'
+                    '</DataArray><DataArray type="UInt8" Name="types" format="ascii">%s</DataArray></Cells>' %
+                    (' '.join(str(v) for tet in self.tets
+                              for v in tet), ' '.join(str(4 * t + 4)
+                                                      for t in range(len(self.tets))), '10 ' * len(self.tets)))
+                file.write(
+                    '<PointData><DataArray type="Float64" Name="heat" format="ascii">%s</DataArray></PointData>'
+                    '<CellData>%s</CellData>'
+                    '</Piece></UnstructuredGrid></VTKFile>' % (' '.join(map(repr, values)), arrays))
         sets = ''.join('<DataSet timestep="%r" file="%s_%d.vtu"/>' % (time, name, number) for number,
                        time in enumerate(times))
         with open(self.path(name + '.pvd'), 'w') as file:
@@ -81,7 +90,8 @@ class Case:
 
     def changed(self):
         """A word, and the input with one thing changed."""
-        dice, steps, times, cells = self.dice, [list(values) for values in self.steps], list(self.times), {key: list(data) for key, data in self.cells.items()}
+        dice, steps, times, cells = self.dice, [list(values) for values in self.steps], list(
+            self.times), {key: list(data) for key, data in self.cells.items()}
         what = dice.choice(['value', 'whole', 'real', 'missing'] + ['time'] * (self.count > 1))
         step, at = dice.randrange(self.count), dice.randrange(len(self.tets))
         if what == 'value':
@@ -126,8 +136,8 @@ class Case:
         with open(self.path('cut.tetlod'), 'wb') as file:
             file.write(data[:size])
         wanted, found = (tetlod.read(bytes_, level=level, decoder='python') for bytes_ in (data, data[:size]))
-        if not np.array_equal(wanted.tets, found.tets) or not np.array_equal(wanted.fields['heat'],
-                                                                             found.fields['heat']) or list(found.cells) != here:
+        if (not np.array_equal(wanted.tets, found.tets)
+                or not np.array_equal(wanted.fields['heat'], found.fields['heat']) or list(found.cells) != here):
             self.found('cut at %d: level %d with %s' % (size, level, list(found.cells)))
         for output in ('cut.vtu', 'saved.tetlod'):
             done = self.run('extract', self.path('cut.tetlod'), '-o', self.path(output))

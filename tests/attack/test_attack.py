@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A sample of `make attack`: some seeds of random adversarial meshes and options, held against the oracle; and of the certificate
-itself in one process (proof.c)."""
+"""A sample of `make attack`: some seeds of random adversarial meshes and options, held against the oracle; and of the
+certificate itself in one process (proof.c)."""
 import os
 import subprocess
 import sys

@@ -1,10 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD FOLDER-OF-PROGRAMS SIZES.csv CACHE
+"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD
+FOLDER-OF-PROGRAMS SIZES.csv CACHE
 
-The fin sample, finite element results (fe_results.py) and the cube of 60^3 * 6 tetrahedra always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The
-cube's stream takes minutes to contract: it is kept in the folder CACHE, and only coded anew (remove it after a change of the builder).
-The sizes are compared with the committed table, and written to it with UPDATE=1.
+The fin sample, finite element results (fe_results.py) and the cube of 60^3 * 6 tetrahedra always; PLOT3D's blunt fin
+(the usual grid and solution) if BLUNT names its folder. The cube's stream takes minutes to contract: it is kept in the
+folder CACHE, and only coded anew (remove it after a change of the builder). The sizes are compared with the committed
+table, and written to it with UPDATE=1.
 """
 import gzip
 import json
@@ -23,7 +25,8 @@ def run(*command):
 
 
 def others(folder, source, fields, tets):
-    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the input's arrays in their own order, their bytes shuffled."""
+    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the input's arrays in their own order, their bytes shuffled.
+    """
     mesh = os.path.join(folder, 'mesh.vtu')
     run(tetlod, 'convert', *source, '-o', mesh)
     import vtk

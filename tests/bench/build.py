@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: build.py PROGRAM [MESH]...
 
-Prints a table of what building costs, one and two threads, beside VTK's quadric decimation (python3-vtk9, one thread, no promise) in the same
-run: tetrahedra removed a second, seconds by phase, peak memory a tetrahedron, and the true error of both at the same number of tetrahedra,
-a tenth. MESH is cube:SIZE or another sample (post:64 has 490,000 stretched tetrahedra in thin layers), or blunt for the blunt fin of
-BLUNT=folder. REPEAT=n takes medians; EXACT=1 adds a build with --certify exact; README=1 writes the rates as a table in Markdown.
+Prints a table of what building costs, one and two threads, beside VTK's quadric decimation (python3-vtk9, one thread,
+no promise) in the same
+run: tetrahedra removed a second, seconds by phase, peak memory a tetrahedron, and the true error of both at the same
+number of tetrahedra, a tenth. MESH is cube:SIZE or another sample (post:64 has 490,000 stretched tetrahedra in thin
+layers), or blunt for the blunt fin of BLUNT=folder. REPEAT=n takes medians; EXACT=1 adds a build with --certify exact;
+README=1 writes the rates as a table in Markdown.
 """
 import json
 import os
@@ -103,13 +105,13 @@ def bench(mesh, folder):
     tets, left = peer[0][2], peer[0][3]
     seconds = statistics.median(p[1] for p in peer)
     print('%s, %d tetrahedra' % (mesh, tets))
-    print('  VTK               %7.0f K/s   read %.2f decimate %.2f s' % (rate(tets, left, seconds),
-                                                                         statistics.median(p[0] for p in peer), seconds))
+    print('  VTK               %7.0f K/s   read %.2f decimate %.2f s' %
+          (rate(tets, left, seconds), statistics.median(p[0] for p in peer), seconds))
     rates, bytes_each = [], 0
     for threads, results in ours.items():
         contract = statistics.median(r['seconds']['contract'] for r in results)
-        phases = ' '.join('%s %.2f' % (phase,
-                                       statistics.median(r['seconds'][phase] for r in results)) for phase in ('read', 'contract', 'measure', 'encode', 'write'))
+        phases = ' '.join('%s %.2f' % (phase, statistics.median(r['seconds'][phase] for r in results))
+                          for phase in ('read', 'contract', 'measure', 'encode', 'write'))
         own = rate(tets, results[0]['levels'][0]['tets'], contract)
         rates.append(own)
         bytes_each = max(r['peak_memory'] for r in results) / tets
@@ -137,7 +139,8 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         rows = [row for row in (bench(mesh, folder) for mesh in MESHES) if row]
     if os.environ.get('README'):
-        print('\n| mesh | tetrahedra | VTK | one thread | two threads | bytes a tetrahedron |\n|---|---|---|---|---|---|')
+        print(
+            '\n| mesh | tetrahedra | VTK | one thread | two threads | bytes a tetrahedron |\n|---|---|---|---|---|---|')
         for row in rows:
             print('| %s |' % ' | '.join(row))
 

@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which way of building leaves the fewest tetrahedra: percent left at an error of 0.1, 1 and 5 %, for every metric and mesh.
+"""Which way of building leaves the fewest tetrahedra: percent left at an error of 0.1, 1 and 5 %, for every metric and
+mesh.
 
-usage: builder.py TETLOD [MESH...]. The error is the one that the way holds: `max`, but `sampled` for measured and `predicted`
-for sva. Behind it the seconds of contracting.
+usage: builder.py TETLOD [MESH...]. The error is the one that the way holds: `max`, but `sampled` for measured and
+`predicted` for sva. Behind it the seconds of contracting.
 """
 import sys
 

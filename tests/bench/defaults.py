@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What it costs that all fields but ids are controlled: results of six kinds (tests/cli/results.py), without an option and with one field,
-as a table in Markdown; then a pipe whose wall shear stress is known on the wall only, with several limits of that field.
+"""What it costs that all fields but ids are controlled: results of six kinds (tests/cli/results.py), without an option
+and with one field, as a table in Markdown; then a pipe whose wall shear stress is known on the wall only, with several
+limits of that field.
 usage: defaults.py TETLOD [N]"""
 import json
 import os

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Finite element results to measure sizes with: fe_results.py OUT.vtu [POINTS] [KIND]
 
-KIND `elastic`: linear elasticity on an unstructured Delaunay mesh of a plate with a hole, solved by conjugate gradients to a relative
-residual of 1e-9: displacement (3), stress (6, averaged at nodes), von Mises stress (1), reactions (3), temperature (1).
-KIND `block`: a heat problem on a structured block of hexahedra split into tetrahedra: temperature (1), flux (3), energy (1).
-All float64, as a solver leaves them: the last bits are noise.
+KIND `elastic`: linear elasticity on an unstructured Delaunay mesh of a plate with a hole, solved by conjugate gradients
+to a relative residual of 1e-9: displacement (3), stress (6, averaged at nodes), von Mises stress (1), reactions (3),
+temperature (1). KIND `block`: a heat problem on a structured block of hexahedra split into tetrahedra: temperature (1),
+flux (3), energy (1). All float64, as a solver leaves them: the last bits are noise.
 """
 import sys
 
@@ -122,7 +122,8 @@ def elastic(points, tets):
     u = solve(matrix, force, fixed, 0.0)
     stress = np.einsum('kl,eli,ei->ek', d, strain, u[numbers], optimize=True)
     s = nodal(tets, volume, stress, count)
-    mises = np.sqrt(0.5 * ((s[:, 0] - s[:, 1]) ** 2 + (s[:, 1] - s[:, 2]) ** 2 + (s[:, 2] - s[:, 0]) ** 2) + 3 * (s[:, 3:] ** 2).sum(axis=1))
+    mises = np.sqrt(0.5 * ((s[:, 0] - s[:, 1])**2 + (s[:, 1] - s[:, 2])**2 + (s[:, 2] - s[:, 0])**2) + 3 *
+                    (s[:, 3:]**2).sum(axis=1))
     reactions = (matrix @ u - force).reshape(-1, 3)
     return {'Displacement': u.reshape(-1, 3), 'Stress': s, 'VonMises': mises, 'Reaction': reactions,
             'Temperature': heat(points, tets)['Temperature']}

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: mesh_files.py BENCH_IO PROGRAM [SIZE]
 
-Prints what reading and writing VTU take beside VTK's own reader and writer (python3-vtk9), in turns in one run: medians of REPEAT (5)
-times, and their ratios, of the sample cube with 6 SIZE^3 tetrahedra (119: ten million) as VTK writes it, raw and with zlib. Files are
-in the system's cache, and tetlod's writer, as always, waits for the disk: VTK's does not.
+Prints what reading and writing VTU take beside VTK's own reader and writer (python3-vtk9), in turns in one run: medians
+of REPEAT (5) times, and their ratios, of the sample cube with 6 SIZE^3 tetrahedra (119: ten million) as VTK writes it,
+raw and with zlib. Files are in the system's cache, and tetlod's writer, as always, waits for the disk: VTK's does not.
 """
 import json
 import os

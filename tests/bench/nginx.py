@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bytes at nginx's price: whole streams, ranges of a stream and cached levels of 64 KiB, 1 MiB and 8 MB, beside nginx (sendfile, as
-many workers) that sends the same bytes from files.
+"""Bytes at nginx's price: whole streams, ranges of a stream and cached levels of 64 KiB, 1 MiB and 8 MB, beside nginx
+(sendfile, as many workers) that sends the same bytes from files.
 
-usage: nginx.py TETLOD TILE_STREAM [SECONDS [ROUNDS [ROW]]]: needs nginx and wrk; loopback only. The two servers take turns, and
-a ratio is the median of the rounds' ratios: this is what other work on the machine disturbs least. Prints a table in Markdown;
-fails where a row misses a floor. ROW names the rows to measure: 'range', '64 KiB'.
+usage: nginx.py TETLOD TILE_STREAM [SECONDS [ROUNDS [ROW]]]: needs nginx and wrk; loopback only. The two servers take
+turns, and a ratio is the median of the rounds' ratios: this is what other work on the machine disturbs least. Prints a
+table in Markdown; fails where a row misses a floor. ROW names the rows to measure: 'range', '64 KiB'.
 """
 import contextlib
 import http.client
@@ -86,8 +86,8 @@ def milliseconds(text):
 
 
 def load(server, path, headers):
-    """A round: requests a second, processor time for each of the server and of server and client, and latencies; any error is one too
-    many."""
+    """A round: requests a second, processor time for each of the server and of server and client, and latencies; any
+    error is one too many."""
     options = [part for header in headers for part in ('-H', header)]
     before, client = processor_seconds(server.process.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % SECONDS, '--latency', *options,
@@ -149,7 +149,8 @@ def make_streams(folder):
 
 def measure(folder):
     failed = []
-    with Server(TETLOD, os.path.join(folder, 'www'), '--threads', str(CORES)) as ours, Nginx(folder, os.path.join(folder, 'www')) as theirs:
+    with Server(TETLOD, os.path.join(folder, 'www'), '--threads',
+                str(CORES)) as ours, Nginx(folder, os.path.join(folder, 'www')) as theirs:
         def describe(stream):
             about = json.loads(ours.get('/v1/meshes/' + stream)[1])
             return '/v1/meshes/%s/%s' % (stream, about['cid']), about['levels']
@@ -158,7 +159,9 @@ def measure(folder):
             if CHOSEN in name and not compare(ours, theirs, name, *arguments):
                 failed.append(name)
 
-        print('| | rate | processor time of the server | with the client\'s | tetlod: rate, processor time, p50, p99 | nginx |\n|---|---|---|---|---|---|')
+        print(
+            '| | rate | processor time of the server | with the client\'s | tetlod: rate, processor time, p50, p99 | nginx |\n|---|---|---|---|---|---|'
+        )
         for name, size in SIZES.items():
             stream = name.replace(' ', '-')
             row('whole stream, ' + name, describe(stream)[0] + '/stream', '/%s.tetlod' % stream)

@@ -3,9 +3,10 @@
 """How long a large stream takes to its first answers after the server's start, the memory of decoding it, and what work
 for clients that have gone holds up.
 
-usage: opening.py TETLOD TILE_STREAM [STREAM]: loopback only. The stream is 64 cubes side by side, 10,368,000 tetrahedra, unless one is
-given. Seconds that the client waited, and processor time of the server until then, which other load on the machine disturbs less.
-Fails where the first mesh takes more than 6 s of either, or stopping more than a second and --drain.
+usage: opening.py TETLOD TILE_STREAM [STREAM]: loopback only. The stream is 64 cubes side by side, 10,368,000
+tetrahedra, unless one is given. Seconds that the client waited, and processor time of the server until then, which
+other load on the machine disturbs less. Fails where the first mesh takes more than 6 s of either, or stopping more than
+a second and --drain.
 """
 import json
 import os

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a server does to others while it is under pressure.
 
-1. 50 clients take the finest level of a stream of 1.3 million tetrahedra drop by drop, others ask for cached answers: of those 99 %
+1. 50 clients take the finest level of a stream of 1.3 million tetrahedra drop by drop, others ask for cached answers:
+of those 99 %
    must come within 20 ms, and none may be refused.
-2. 100 streams of a million tetrahedra are all asked for surfaces and levels in turns, with 700 MB for what is decoded and 150 MB of
+2. 100 streams of a million tetrahedra are all asked for surfaces and levels in turns, with 700 MB for what is decoded
+and 150 MB of
    answers: the server must stay within these, the files and 64 MB.
 
-usage: pressure.py TETLOD TILE_STREAM [SECONDS]: loopback only. Prints a line for each and fails where a bound is missed.
+usage: pressure.py TETLOD TILE_STREAM [SECONDS]: loopback only. Prints a line for each and fails where a bound is
+missed.
 """
 import concurrent.futures
 import os
@@ -37,7 +40,8 @@ def make(folder, copies, name):
 
 
 def drop_by_drop(port, path, end, complete):
-    """4 KiB ten times a second: faster than what the server takes for a stalled reader, far slower than it could send."""
+    """4 KiB ten times a second: faster than what the server takes for a stalled reader, far slower than it could send.
+    """
     with socket.create_connection(('127.0.0.1', port)) as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         connection.sendall(b'GET %s HTTP/1.1\r\nHost: localhost\r\n\r\n' % path.encode())
@@ -95,8 +99,10 @@ def hundred(folder):
             tets = sum(clients.map(ask, names))
         seconds, peak_mb = time.monotonic() - start, server.kilobytes('VmHWM') / 1024
     bound = files_mb + CACHE_MB + MEMORY_MB + 64
-    print('%d streams of %.1f M tetrahedra in all, %.0f MB: each sliced at its finest level and sent at 1 %% in %.0f s; %.0f MB at most (bound: %.0f)'
-          % (STREAMS, tets / 1e6, files_mb, seconds, peak_mb, bound))
+    print(
+        '%d streams of %.1f M tetrahedra in all, %.0f MB: each sliced at its finest level and sent at 1 %% in %.0f s; '
+        '%.0f MB at most (bound: %.0f)'
+        % (STREAMS, tets / 1e6, files_mb, seconds, peak_mb, bound))
     return peak_mb <= bound
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a level takes in Python: python_client.py TETLOD LIBRARY. The blunt fin, or the sample fin where that is not there: the whole
-stream and the level at 1 %, of the file and of a server, by libtetlod and by the decoder in Python. Seconds on the clock, the
-least of several: the machine should have nothing else to do."""
+"""What a level takes in Python: python_client.py TETLOD LIBRARY. The blunt fin, or the sample fin where that is not
+there: the whole stream and the level at 1 %, of the file and of a server, by libtetlod and by the decoder in Python.
+Seconds on the clock, the least of several: the machine should have nothing else to do."""
 import os
 import subprocess
 import sys

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: report_page.py PROGRAM BENCH_COLUMNS OUT.html [STREAM.tetlod | SAMPLE[:SIZE]]...
 
-Writes one HTML page, without scripts: for each stream, or sample, the error against the bytes to send, beside VTK's decimation and the
-mesh as compressed VTU; the bytes by column; the seconds of a build by phase. The error is the true maximum by `tetlod compare` for
-VTK's, and the certified and the measured one for ours.
+Writes one HTML page, without scripts: for each stream, or sample, the error against the bytes to send, beside VTK's
+decimation and the mesh as compressed VTU; the bytes by column; the seconds of a build by phase. The error is the true
+maximum by `tetlod compare` for VTK's, and the certified and the measured one for ours.
 """
 import html
 import json
@@ -89,8 +89,8 @@ def plot(lines, marks):
     """A diagram with logarithmic axes. lines: (name, points); marks: vertical lines (name, bytes)."""
     xs = [x for _, points in lines for x, _ in points] + [x for _, x in marks]
     ys = [y for _, points in lines for _, y in points]
-    x0, x1, y0, y1 = math.log10(min(xs)), math.log10(max(xs) *
-                                                     1.1), math.floor(math.log10(min(ys))), math.ceil(math.log10(max(ys)))
+    x0, x1, y0, y1 = math.log10(min(xs)), math.log10(max(xs) * 1.1), math.floor(math.log10(min(ys))), math.ceil(
+        math.log10(max(ys)))
     across = lambda x: LEFT + (math.log10(x) - x0) / (x1 - x0) * (WIDTH - LEFT - 10)  # noqa: E731
     down = lambda y: 10 + (y1 - math.log10(y)) / max(1, y1 - y0) * (HEIGHT - BOTTOM - 10)  # noqa: E731
     out = ['<svg viewBox="0 0 %d %d" role="img" aria-label="error against bytes">' % (WIDTH, HEIGHT)]
@@ -101,8 +101,10 @@ def plot(lines, marks):
         out.append('<path d="M%.1f 10V%d" stroke="#ddd"/><text x="%.1f" y="%d" text-anchor="middle">%s</text>' % (
             across(10 ** power), HEIGHT - BOTTOM, across(10 ** power), HEIGHT - BOTTOM + 16, size_text(10 ** power)))
     for i, (name, x) in enumerate(marks):
-        out.append('<path d="M%.1f 10V%d" stroke="%s" stroke-dasharray="4 3"/><text x="%.1f" y="%d" text-anchor="end">%s</text>' % (
-            across(x), HEIGHT - BOTTOM, COLOURS[5], across(x) - 4, 22 + 15 * i, name))
+        out.append(
+            '<path d="M%.1f 10V%d" stroke="%s" stroke-dasharray="4 3"/><text x="%.1f" y="%d" '
+            'text-anchor="end">%s</text>'
+            % (across(x), HEIGHT - BOTTOM, COLOURS[5], across(x) - 4, 22 + 15 * i, name))
     for i, (name, points) in enumerate(lines):
         path = ' '.join('%.1f,%.1f' % (across(x), down(y)) for x, y in points)
         out.append('<polyline points="%s" fill="none" stroke="%s" stroke-width="2"/>' % (path, COLOURS[i]))
@@ -135,10 +137,10 @@ def section(program, columns, what, folder):
     single = json.loads(run(program, 'build', path, '-o', os.path.join(folder, 'field.tetlod'), '--json', '--quiet',
                             '--field', field, '--carry', field))
     whole = write(with_one_field(read(path), field), os.path.join(folder, 'whole.vtu'))
-    lines = [('tetlod, certified',
-              [(k['bytes'], k['errors'][field]['max']) for k in single['levels'] if k['errors'][field]['max'] > 1e-6]),
-             ('tetlod, measured',
-              [(k['bytes'], k['errors'][field]['sampled']) for k in single['levels'] if k['errors'][field]['sampled'] > 1e-6])]
+    lines = [('tetlod, certified', [(k['bytes'], k['errors'][field]['max']) for k in single['levels']
+                                    if k['errors'][field]['max'] > 1e-6]),
+             ('tetlod, measured', [(k['bytes'], k['errors'][field]['sampled']) for k in single['levels']
+                                   if k['errors'][field]['sampled'] > 1e-6])]
     found = list(decimations(program, path, field, folder)) if ':' not in field else []
     if found:
         lines.append(('VTK decimation, true maximum', [(size, error) for size, _, error in found if error > 0]))
@@ -148,16 +150,18 @@ def section(program, columns, what, folder):
     rows = ''
     for size, tets, error in found:
         same = next(k for k in single['levels'] if k['errors'][field]['max'] <= error)
-        rows += '<tr><td>%.3g %%</td><td>%s</td><td>%d</td><td>%s</td><td>%d</td></tr>' % (100 * error, size_text(size), tets, size_text(same['bytes']), same['tets'])
+        rows += '<tr><td>%.3g %%</td><td>%s</td><td>%d</td><td>%s</td><td>%d</td></tr>' % (
+            100 * error, size_text(size), tets, size_text(same['bytes']), same['tets'])
     return '''<h2>%s</h2><p>%d vertices, %d tetrahedra, %d field%s; the whole stream takes %s (%.2f bits a tetrahedron). Threads: %d.</p>
 <h3>Error against bytes, field %s</h3>%s<p class="note">Both axes are logarithmic. Every file holds this field alone. The dashed lines are whole meshes without an error.</p>
 <table><tr><th>error of VTK's mesh</th><th>VTK, compressed VTU</th><th>tetrahedra</th><th>tetlod at that error, certified</th><th>tetrahedra</th></tr>%s</table>
 <h3>Bytes by column, all fields</h3>%s<h3>Build time by phase</h3>%s''' % (
-        html.escape(os.path.basename(what)), index['vertices'], index['tets'], len(index['fields']), 's'[:len(index['fields']) - 1], size_text(index['bytes']),
-        8 * index['bytes'] / index['tets'], index['threads'], html.escape(field),
+        html.escape(os.path.basename(what)), index['vertices'], index['tets'], len(
+            index['fields']), 's'[:len(index['fields']) - 1], size_text(
+                index['bytes']), 8 * index['bytes'] / index['tets'], index['threads'], html.escape(field),
         plot(lines, [('compressed VTU, ' + size_text(whole), whole),
-                     ('whole stream, ' + size_text(single['bytes']), single['bytes'])]), rows,
-        bar(parts, 'bits/tet'), bar([(name, index['seconds'][name]) for name in PHASES], 's'))
+                     ('whole stream, ' + size_text(single['bytes']), single['bytes'])]), rows, bar(
+                         parts, 'bits/tet'), bar([(name, index['seconds'][name]) for name in PHASES], 's'))
 
 
 def main():
@@ -167,9 +171,11 @@ def main():
         with tempfile.TemporaryDirectory(prefix='tetlod-report-') as folder:
             sections.append(section(os.path.abspath(program), os.path.abspath(columns), what, folder))
     with open(out, 'w', encoding='utf-8') as page:
-        page.write('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>tetlod: error, bytes, time</title><style>%s</style></head>'
-                   '<body><h1>Error, bytes, time</h1><p class="note">%s, <code>make report</code></p>%s</body></html>\n' % (
-                       STYLE, html.escape(run(program, '--version').strip()), ''.join(sections)))
+        page.write(
+            '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>tetlod: error, bytes, time</title>'
+            '<style>%s</style></head>'
+            '<body><h1>Error, bytes, time</h1><p class="note">%s, <code>make report</code></p>%s</body></html>\n' %
+            (STYLE, html.escape(run(program, '--version').strip()), ''.join(sections)))
     print(out)
 
 

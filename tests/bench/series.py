@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a series in time costs: series.py TETLOD BLUNT FOLDER [STEPS]. The blunt fin's pressure goes back and forth along the
-grid's first axis. Prints tetrahedra and bytes of each band, processor time of building, bytes of a seek, and a step's time in
-the browser's decoder."""
+"""What a series in time costs: series.py TETLOD BLUNT FOLDER [STEPS]. The blunt fin's pressure goes back and forth
+along the grid's first axis. Prints tetrahedra and bytes of each band, processor time of building, bytes of a seek, and
+a step's time in the browser's decoder."""
 import json
 import math
 import os

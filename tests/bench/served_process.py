@@ -36,8 +36,9 @@ class Server:
         """The address of a level, whose meshes are below it, and its tetrahedra."""
         about = '/v1/meshes/' + name
         answer, _ = self.get('%s/mesh?%s' % (about, query))
-        return urllib.parse.urljoin(about + '/mesh', answer.getheader('Location')).rsplit('/',
-                                                                                          1)[0], int(answer.getheader('Tetlod-Tets'))
+        return urllib.parse.urljoin(about + '/mesh',
+                                    answer.getheader('Location')).rsplit('/',
+                                                                         1)[0], int(answer.getheader('Tetlod-Tets'))
 
     def metric(self, name):
         return float(re.search(r'^%s (\S+)' % name, self.get('/metrics')[1].decode(), re.M)[1])

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Levels that are not cached, and memory under load.
 
-usage: server.py TETLOD [SECONDS [STREAM]]: needs wrk; loopback only. The stream is the fin sample unless one is given. Prints a line
-for each and a JSON object at the end; fails where a floor is missed. tests/bench/nginx.py has what is sent beside nginx.
+usage: server.py TETLOD [SECONDS [STREAM]]: needs wrk; loopback only. The stream is the fin sample unless one is given.
+Prints a line for each and a JSON object at the end; fails where a floor is missed. tests/bench/nginx.py has what is
+sent beside nginx.
 """
 import contextlib
 import http.client
@@ -52,8 +53,8 @@ def fetch(port, path):
 
 
 def uncached_levels(port, at, levels):
-    """Milliseconds that the server says it took for a level of about 38,000 tetrahedra, extracted and as a file, and that the client
-    waited."""
+    """Milliseconds that the server says it took for a level of about 38,000 tetrahedra, extracted and as a file, and
+    that the client waited."""
     near = sorted(levels, key=lambda level: abs(level['tets'] - 38000))[:9]
     rows = []
     fetch(port, at + '/levels/%d/surface.stl' % (len(levels) - 1))  # the stream is decoded
@@ -64,8 +65,11 @@ def uncached_levels(port, at, levels):
         timing = re.search(r'extract;dur=([\d.]+), make;dur=([\d.]+)', head['server-timing'])
         rows.append((float(timing[1]), float(timing[2]), waited, level['tets'] / float(timing[1]) / 1e3))
     extracted, made, waited, rate = (statistics.median(column) for column in zip(*rows))
-    print('levels of %d to %d tetrahedra as VTU, not cached: extracted in %.1f ms (%.0f M tetrahedra a second on one core), made in %.1f ms, '
-          'waited for %.1f ms (medians)' % (min(level['tets'] for level in near), max(level['tets'] for level in near), extracted, rate, made, waited))
+    print(
+        'levels of %d to %d tetrahedra as VTU, not cached: extracted in %.1f ms (%.0f M tetrahedra a second on one '
+        'core), made in %.1f ms, '
+        'waited for %.1f ms (medians)' %
+        (min(level['tets'] for level in near), max(level['tets'] for level in near), extracted, rate, made, waited))
     return {'extracted_ms': extracted, 'made_ms': made, 'waited_ms': waited, 'mtets_per_second': rate}
 
 
@@ -81,7 +85,10 @@ end
 def memory(folder, stream):
     """Megabytes beyond the stream in memory and the cache while many ask for more levels than the cache holds."""
     port = free_port()
-    server = subprocess.Popen([TETLOD, 'serve', stream, '--listen', '127.0.0.1:%d' % port, '--quiet', '--cache', '%dM' % CACHE_MB], stdout=subprocess.DEVNULL)
+    server = subprocess.Popen(
+        [TETLOD, 'serve', stream, '--listen',
+         '127.0.0.1:%d' % port, '--quiet', '--cache',
+         '%dM' % CACHE_MB], stdout=subprocess.DEVNULL)
     try:
         wait_for(port)
         name = os.path.basename(stream)[:-len('.tetlod')]
@@ -94,11 +101,19 @@ def memory(folder, stream):
             time.sleep(0.05)
         with open('/proc/%d/clear_refs' % server.pid, 'w') as file:
             file.write('5')  # the peak from now on: decoding the stream takes more for a moment
-        subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % max(8, 4 * SECONDS), '--timeout', '60s', '-s', script,
-                        'http://127.0.0.1:%d' % port], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([
+            'wrk',
+            '-t%d' % CORES,
+            '-c%d' % CONNECTIONS,
+            '-d%ds' % max(8, 4 * SECONDS), '--timeout', '60s', '-s', script,
+            'http://127.0.0.1:%d' % port
+        ], check=True, stdout=subprocess.DEVNULL)
         with open('/proc/%d/status' % server.pid) as status:
             peak = int(re.search(r'VmHWM:\s+(\d+)', status.read())[1]) / 1024
-        counted = {name: float(value) for name, value in re.findall(r'^(tetlod_\w+) (\S+)$', fetch(port, '/metrics')[0].decode(), re.M)}
+        counted = {
+            name: float(value) for name, value in re.findall(r'^(tetlod_\w+) (\S+)$',
+                                                             fetch(port, '/metrics')[0].decode(), re.M)
+        }
         in_memory = counted['tetlod_stream_memory_bytes'] / (1 << 20)
     finally:
         server.send_signal(signal.SIGTERM)
@@ -111,8 +126,10 @@ def memory(folder, stream):
 
 def missed(result):
     """Floors, and what misses them."""
-    floors = (('extraction', result['levels']['mtets_per_second'] >= 20), ('levels', result['levels']['waited_ms'] <= 40),
-              ('work before encoding', result['levels']['extracted_ms'] <= 15), ('memory', result['memory']['beyond_mb'] <= 64))
+    floors = (('extraction', result['levels']['mtets_per_second'] >= 20),
+              ('levels', result['levels']['waited_ms'] <= 40),
+              ('work before encoding', result['levels']['extracted_ms'] <= 15),
+              ('memory', result['memory']['beyond_mb'] <= 64))
     return [name for name, fine in floors if not fine]
 
 
@@ -125,11 +142,17 @@ def main():
         subprocess.run([TETLOD, 'sample', 'fin', '--size', '56', '-o', mesh], check=True)
         subprocess.run([TETLOD, 'build', mesh, '-o', stream, '--quiet'], check=True)
     port = free_port()
-    process = subprocess.Popen([TETLOD, 'serve', stream, '--listen', '127.0.0.1:%d' % port, '--quiet', '--threads', str(CORES)], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [TETLOD, 'serve', stream, '--listen',
+         '127.0.0.1:%d' % port, '--quiet', '--threads',
+         str(CORES)], stdout=subprocess.DEVNULL)
     try:
         wait_for(port)
         shown = json.loads(fetch(port, '/v1/meshes/fin')[0])
-        result = {'levels': uncached_levels(port, '/v1/meshes/fin/' + shown['cid'], shown['levels']), 'memory': memory(folder, stream)}
+        result = {
+            'levels': uncached_levels(port, '/v1/meshes/fin/' + shown['cid'], shown['levels']),
+            'memory': memory(folder, stream)
+        }
         print(json.dumps(result))
         if missed(result):
             sys.exit('missed: ' + ', '.join(missed(result)))

@@ -1,10 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Minutes of mixed load: 2,000 keep-alive connections that ask for cached answers now and then, beside levels that must be made,
-ranges, answers broken off and malformed requests. No well-formed request may see an error, memory must stay flat
-(within 5 %), and of the cached answers 99 % must come within 20 ms.
+"""Minutes of mixed load: 2,000 keep-alive connections that ask for cached answers now and then, beside levels that must
+be made, ranges, answers broken off and malformed requests. No well-formed request may see an error, memory must stay
+flat (within 5 %), and of the cached answers 99 % must come within 20 ms.
 
-usage: soak.py TETLOD [SECONDS [STREAM]]: loopback only. Prints latencies of the cached answers and the memory, as JSON at the end.
+usage: soak.py TETLOD [SECONDS [STREAM]]: loopback only. Prints latencies of the cached answers and the memory, as JSON
+at the end.
 """
 import asyncio
 import json
@@ -72,9 +73,11 @@ def break_off(port, path):
 def malformed(port):
     with socket.create_connection(('127.0.0.1', port), timeout=20) as connection:
         try:
-            connection.sendall(random.choice((b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n',
-                                              b'GET /%00 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n',
-                                              b'POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n', b'GET /' + b'a' * 30000)))
+            connection.sendall(
+                random.choice(
+                    (b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n',
+                     b'GET /%00 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n',
+                     b'POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n', b'GET /' + b'a' * 30000)))
             connection.settimeout(0.02)
             connection.recv(4096)
         except OSError:
@@ -94,8 +97,8 @@ def disturb(port, at, levels, until, out):
             elif kind == 'malformed':
                 malformed(port)
             else:
-                path = at + ('/stream' if kind == 'range' else '/levels/%d/%s' % (level,
-                                                                                  seed.choice(('mesh.vtu', 'surface.vtp', 'mesh.vtk'))))
+                path = (at + ('/stream' if kind == 'range' else '/levels/%d/%s' %
+                              (level, seed.choice(('mesh.vtu', 'surface.vtp', 'mesh.vtk')))))
                 headers = {'Range': 'bytes=%d-%d' % (level * 10, level * 1000 + 10)} if kind == 'range' else {}
                 with urllib.request.urlopen(urllib.request.Request('http://127.0.0.1:%d%s' % (port, path),
                                                                    headers=headers), timeout=30) as answer:
@@ -146,10 +149,12 @@ def main():
             part.join()
         latencies, third = sorted(got['kept'][0]), len(sizes) // 3
         middle, last = sum(sizes[third:2 * third]) / third, sum(sizes[-third:]) / third
-        result = {'seconds': SECONDS, 'connections': CONNECTIONS, 'cached_answers': len(latencies),
-                  'cached_p50_ms': latencies[len(latencies) // 2], 'cached_p99_ms': latencies[len(latencies) * 99 // 100],
-                  'others': got['disturbed'][0], 'errors': len(got['kept'][1]) + len(got['disturbed'][1]),
-                  'rss_mb_middle_third': middle, 'rss_mb_last_third': last, 'rss_growth': last / middle - 1}
+        result = {
+            'seconds': SECONDS, 'connections': CONNECTIONS, 'cached_answers': len(latencies),
+            'cached_p50_ms': latencies[len(latencies) // 2], 'cached_p99_ms': latencies[len(latencies) * 99 // 100],
+            'others': got['disturbed'][0], 'errors': len(got['kept'][1]) + len(got['disturbed'][1]),
+            'rss_mb_middle_third': middle, 'rss_mb_last_third': last, 'rss_growth': last / middle - 1
+        }
         print(json.dumps(result, indent=1))
         print((got['kept'][1] + got['disturbed'][1])[:5] if result['errors'] else 'no errors')
         sys.exit(1 if result['errors'] or result['rss_growth'] > 0.05 else 0)

@@ -52,7 +52,8 @@ def block(size):
 
 
 def coil(length):
-    """A body that winds twice around and overlaps itself: length * 24 tetrahedra, and how far along it each point is."""
+    """A body that winds twice around and overlaps itself: length * 24 tetrahedra, and how far along it each point is.
+    """
     points, tets = [], []
     for i in range(length + 1):
         points += [(i / length, j / 2, k / 2) for j in range(3) for k in range(3)]

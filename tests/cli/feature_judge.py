@@ -28,7 +28,8 @@ def edges_of(tets):
 
 
 def bars(values, edges):
-    """(peak's vertex, height, height where it ends) of every maximum; a body's highest ends at the body's least value."""
+    """(peak's vertex, height, height where it ends) of every maximum; a body's highest ends at the body's least value.
+    """
     joined, peak, found = Joined(len(values)), list(range(len(values))), []
     heights = values.tolist()
     saddles = np.minimum(values[edges[:, 0]], values[edges[:, 1]])

@@ -43,7 +43,10 @@ def read(name):
 
 
 def arrays_of(data):
-    return {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays()) if data.GetArray(i)}
+    return {
+        data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())
+        if data.GetArray(i)
+    }
 
 
 def converted(*arguments):

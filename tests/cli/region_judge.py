@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""An independent judge of meshes that are finer in boxes: arrays from legacy VTK files, geometry by numpy and, where it is close, by fractions."""
+"""An independent judge of meshes that are finer in boxes: arrays from legacy VTK files, geometry by numpy and, where it
+is close, by fractions."""
 import re
 from fractions import Fraction
 
@@ -124,6 +125,6 @@ def judge(answer, coarse, fine, boxes, seed, domain_moves):
         assert keys(fine, touching) <= have, 'a fine tetrahedron with a corner in the box is missing'
         assert keys(fine, there[there >= 0]) <= have, 'a fine tetrahedron that meets the box is missing'
         ours = holders(answer, points)
-        assert not set(region[ours[ours >= 0]]) & {COARSE, TRANSITION} or keys(answer,
-                                                                               ours[ours >= 0]) <= keys(fine), 'what meets the box is not fine'
+        assert (not set(region[ours[ours >= 0]]) & {COARSE, TRANSITION}
+                or keys(answer, ours[ours >= 0]) <= keys(fine)), 'what meets the box is not fine'
     return {part: int((region == part).sum()) for part in (COARSE, FINE, TRANSITION)}

@@ -200,7 +200,8 @@ def swept(original, stream, scalar):
            abs(exact['lower'] - truth) <= 1e-9 * abs(truth) and 'level' not in exact, (exact, truth))
 
 
-SAMPLES = (('torus', '8', 'temperature', None), ('fin', '14', 'Pressure', 'Velocity'), ('post', '10', 'Pressure', 'Velocity'),
+SAMPLES = (('torus', '8', 'temperature', None), ('fin', '14', 'Pressure', 'Velocity'),
+           ('post', '10', 'Pressure', 'Velocity'),
            ('shell', '8', 'temperature', None), ('delta', '6', 'potential', None), ('cube', '9', 'xyz', None))
 
 

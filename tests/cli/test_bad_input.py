@@ -137,7 +137,8 @@ def outputs():
         done = subprocess.run([TETLOD, 'convert', good, '-o', path('out.' + extension)], stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE)
         message = done.stderr.decode()
-        problem = None if done.returncode == 2 and 'use one of .vtu' in message and 'out.' + extension in message else message
+        problem = (None if done.returncode == 2 and 'use one of .vtu' in message and 'out.' + extension in message else
+                   message)
         report_problem('-o out.%s' % extension, 'left behind' if os.path.exists(path('out.' + extension)) else problem)
 
 
@@ -307,8 +308,9 @@ def no_field():
 def shrinks():
     """A file that becomes shorter while it is mapped: the message names it."""
     values = b'%d\n' % 10 ** 9
-    name = write('shrinks.vtk',
-                 b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
+    name = write(
+        'shrinks.vtk',
+        b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
     child = subprocess.Popen([TETLOD, 'convert', name, '-o', path('out.vtu')], stderr=subprocess.PIPE)
     with open('/proc/%d/maps' % child.pid) as maps:
         while name not in maps.read():

@@ -19,9 +19,11 @@ def blunt_fin():
     report(name + ': counts', (shown['vertices'], shown['tets'], shown['degenerate_tets']) == (40960, 187395, 77),
            shown['tets'])
     for error, most in (.001, 74.05), (.002, 64.48), (.003, 58.13), (.005, 50.21), (.01, 39.54):
-        left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['predicted'] <= error) / shown['tets'] * 100
-        report('%s: predicted %g %%: at most %.2f %% of the tetrahedra, as in the thesis (Table 4.2)' % (name, 100 * error, most),
-               left <= most, left)
+        left = next(l['tets']
+                    for l in shown['levels'] if l['errors']['Pressure']['predicted'] <= error) / shown['tets'] * 100
+        report(
+            '%s: predicted %g %%: at most %.2f %% of the tetrahedra, as in the thesis (Table 4.2)' %
+            (name, 100 * error, most), left <= most, left)
     report(name + ': a certified error is at most the range', shown['levels'][0]['errors']['Pressure']['max'] <= 1)
     checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
     report(name + ': verify --against, the exact maximum at six levels', checked.returncode == 0 and

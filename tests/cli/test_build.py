@@ -47,13 +47,14 @@ def write_vtu(name, points, cells, fields, kind='Float32'):
             array_kind, array_name, width, text)
     data = ''.join(array(v, kind, k, np.asarray(v).size // len(points)) for k, v in fields.items())
     with open(path(name), 'w') as file:
-        file.write('<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>'
-                   '<Piece NumberOfPoints="%d" NumberOfCells="%d"><PointData>%s</PointData><Points>%s</Points><Cells>%s%s%s'
-                   '</Cells></Piece></UnstructuredGrid></VTKFile>' % (
-                       len(points), len(cells), data, array(points, kind, 'Points', 3),
-                       array(cells, 'Int64', 'connectivity', 1),
-                       array(4 * np.arange(1, len(cells) + 1), 'Int64', 'offsets', 1),
-                       array([10] * len(cells), 'UInt8', 'types', 1)))
+        file.write(
+            '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>'
+            '<Piece NumberOfPoints="%d" NumberOfCells="%d"><PointData>%s</PointData><Points>%s</Points><Cells>%s%s%s'
+            '</Cells></Piece></UnstructuredGrid></VTKFile>' %
+            (len(points), len(cells), data, array(points, kind, 'Points', 3), array(
+                cells, 'Int64', 'connectivity', 1), array(4 * np.arange(1,
+                                                                        len(cells) + 1), 'Int64', 'offsets',
+                                                          1), array([10] * len(cells), 'UInt8', 'types', 1)))
     return name
 
 
@@ -184,7 +185,8 @@ def extract():
     fails('extract: no certified error of that field', 2, ['Density', '--measure'], 'extract', 'fin.tetlod', '--error',
           '0.1', '--field',
           'Density', '-o', 'x.vtu')
-    for choice in ('--error', '-1'), ('--error', 'nan'), ('--error', 'x'), ('--tets', '-3'), ('--measure', 'mean'), ('--level', ''):
+    for choice in ('--error', '-1'), ('--error', 'nan'), ('--error', 'x'), ('--tets', '-3'), ('--measure',
+                                                                                              'mean'), ('--level', ''):
         fails('extract %s %r' % choice, 2, [choice[0].strip('-')], 'extract', 'fin.tetlod', *choice, '-o', 'x.vtu')
     fails('extract: two choices', 2, [], 'extract', 'fin.tetlod', '--level', '1', '--error', '0.1', '-o', 'x.vtu')
     fails('extract: no output', 2, ['-o'], 'extract', 'fin.tetlod')
@@ -331,16 +333,16 @@ def usage():
     fails('build --certify exact --metric sva', 2, ['--certify'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--certify',
           'exact',
           '--metric', 'sva')
-    for words, options in ((['--metric', 'magic'], ('--metric', 'magic')), (['--contract'], ('--contract', 'cells')),
-                           (['--certify'], ('--certify', 'hope')), (['max-error'],
-                                                                    ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
-                           (['growth'], ('--growth', '1')), (['growth'],
-                                                             ('--growth', '17')), (['domain-error', '0 to 1'],
-                                                                                   ('--domain-error',
-                                                                                    '2')), (['compress'], ('--compress', '23')),
-                           (['measured', 'exact'], ('--metric', 'measured', '--certify', 'exact')), (['candidates'], ('--candidates', '5')), (['threads'], ('--threads', 'many')),
-                           (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'],
-                                                                                          ('--memory', '0'))):
+    for words, options in ((['--metric', 'magic'], ('--metric', 'magic')), (['--contract'], ('--contract', 'cells')), ([
+            '--certify'
+    ], ('--certify', 'hope')), (['max-error'], ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')), ([
+            'growth'
+    ], ('--growth', '1')), (['growth'], ('--growth', '17')), (['domain-error', '0 to 1'], ('--domain-error', '2')), ([
+            'compress'
+    ], ('--compress', '23')), (['measured', 'exact'], ('--metric', 'measured', '--certify', 'exact')), ([
+            'candidates'
+    ], ('--candidates', '5')), (['threads'], ('--threads', 'many')), (['min-tets'], ('--min-tets', '0')),
+                           (['wish'], ('--wish', )), (['memory'], ('--memory', '0'))):
         fails('build %s' % ' '.join(options), 2, words, 'build', 'cube.vtu', '-o', 'x.tetlod', *options)
     fails('build without a mesh', 2, ['INPUT'], 'build')
     fails('build of two meshes that are no series', 3, ['step 1', 'fin.vtu'], 'build', 'cube.vtu', 'fin.vtu')
@@ -447,7 +449,8 @@ def determinism():
 
 
 def killed():
-    """A build that is killed leaves its folder as it was, or, killed while it ends, with the whole new stream: never anything else."""
+    """A build that is killed leaves its folder as it was, or, killed while it ends, with the whole new stream: never
+    anything else."""
     os.makedirs(path('kill'), exist_ok=True)
     tetlod('sample', 'cube', '--size', '12' if CONFIG == 'release' else '6', '-o', 'big.vtu')
     tetlod('build', 'big.vtu', '-o', 'whole.tetlod', '--quiet')
@@ -563,7 +566,8 @@ def against():
 
 
 def forge_max(name, coarsest, most):
-    """The stream with the stored `max` of its only field cut to `most` from a level on, whole in every other respect."""
+    """The stream with the stored `max` of its only field cut to `most` from a level on, whole in every other respect.
+    """
     shown, data = info(name), bytearray(plain(open(path(name), 'rb').read()))
     size = struct.unpack_from('<I', data, 20)[0]
     for level in shown['levels'][coarsest:]:

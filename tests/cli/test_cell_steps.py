@@ -91,7 +91,8 @@ def exodus_case():
 
 
 def foam_case():
-    """Cells that are split: a hexahedron, a wedge, a pyramid; and a tetrahedron. The field id is VTK's number of each."""
+    """Cells that are split: a hexahedron, a wedge, a pyramid; and a tetrahedron. The field id is VTK's number of each.
+    """
     foam.write_case(False, False, False)
     for step, time in enumerate(TIMES):
         for name, values in (('id', np.arange(4.0)), ('p', np.array([2.5, 1, -3, 7]) * np.cos(step)),

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values of tetrahedra through the stream: exact, in the stream's own order, and at every level each tetrahedron's own."""
+"""Values of tetrahedra through the stream: exact, in the stream's own order, and at every level each tetrahedron's own.
+"""
 import json
 import os
 import sys
@@ -22,9 +23,11 @@ def cell_data(tets):
     strain[3] = [NAN, np.inf, -np.inf, -0.0, 1e-40, 3e38]
     energy = random.standard_normal(tets) * 1e200
     energy[7] = NAN
-    return {'strain': strain, 'energy': energy, 'rank': random.integers(-3, 100, tets).astype(np.int8),
-            'part': random.integers(-30000, 30000, tets).astype(np.int16), 'number': np.arange(tets, dtype=np.int32) * 90,
-            'key': random.integers(-2**52, 2**52, tets), 'one': np.ones(tets, np.uint8)}
+    return {
+        'strain': strain, 'energy': energy, 'rank': random.integers(-3, 100, tets).astype(np.int8),
+        'part': random.integers(-30000, 30000, tets).astype(np.int16), 'number': np.arange(tets, dtype=np.int32) * 90,
+        'key': random.integers(-2**52, 2**52, tets), 'one': np.ones(tets, np.uint8)
+    }
 
 
 def make():
@@ -39,8 +42,9 @@ def same(wanted, got):
         return 'fields %s, not %s' % (list(got), list(wanted))
     for name in wanted:
         a, b = wanted[name], got[name]
-        if (a.dtype.kind == 'f') != (b.dtype.kind == 'f') or a.shape != b.shape or not np.array_equal(a, b, equal_nan=a.dtype.kind == 'f') or \
-                a.dtype.kind == 'f' and (a.dtype != b.dtype or not np.array_equal(np.signbit(a), np.signbit(b))):
+        if ((a.dtype.kind == 'f') != (b.dtype.kind == 'f') or a.shape != b.shape
+                or not np.array_equal(a, b, equal_nan=a.dtype.kind == 'f')
+                or a.dtype.kind == 'f' and (a.dtype != b.dtype or not np.array_equal(np.signbit(a), np.signbit(b)))):
             return '%s differs' % name
     return None
 
@@ -150,7 +154,8 @@ def cut_off():
             if problem:
                 return name, size, problem
         described = must('info', path('cut.tetlod')).stdout.decode()
-        if any('cells\' ' + name not in described for name in names[held:]) or 'values of cells ' + ', '.join(names[held:]) not in said:
+        if (any('cells\' ' + name not in described for name in names[held:])
+                or 'values of cells ' + ', '.join(names[held:]) not in said):
             return size, described, said
     return None
 
@@ -176,11 +181,13 @@ def cut_series():
     done = tetlod('extract', path('cut.tetlod'), '--error', '5%', '--box', '0,0,0,1,1,1', '-o', path('box.vtu'))
     write('cut.tetlod', data[:stream.levels[5]['bytes']])
     refused = tetlod('extract', path('cut.tetlod'), '--level', '3', '--box', '0,0,0,1,1,1', '-o', path('box.vtu'))
-    return None if done.returncode == 0 and refused.returncode == 3 and b'--box needs the finest' in refused.stderr else (done, refused)
+    return (None if done.returncode == 0 and refused.returncode == 3 and b'--box needs the finest' in refused.stderr
+            else (done, refused))
 
 
 def rounded_streams():
-    """Lossy ones: with and without the original order the finest level is the input, rounded, with its values of cells."""
+    """Lossy ones: with and without the original order the finest level is the input, rounded, with its values of cells.
+    """
     points, tets = block(6)
     fields, random = {'heat': np.sin(points @ [3.0, 2.0, 1.0])}, np.random.default_rng(7)
     places = points + random.uniform(-0.02, 0.02, points.shape)

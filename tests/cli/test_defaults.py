@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """What happens where nobody said what to do: which fields are controlled, what they cost, ids, regions, meshes without
-fields, and what is said of it. Errors are judged by VTK's probe of the input's points, which knows nothing of bounds."""
+fields, and what is said of it. Errors are judged by VTK's probe of the input's points, which knows nothing of bounds.
+"""
 import re
 
 import numpy as np
@@ -13,8 +14,11 @@ from common import SANITIZED, case, fails, finish, info, must, path, read_grid, 
 from meshes import arrays_of
 
 N, ERRORS = 8, (0.05, 0.01, 0.001)
-USUAL = {'flow': ['U', 'k', 'p', 'T'], 'solid': ['displacement', 'VonMises', 'temperature'],
-         'wall': ['p', 'U', 'wallShearStress'], 'tensors': ['stress', 'strain'], 'ids': ['heat'], 'cells': ['pressure', 'velocity']}
+USUAL = {
+    'flow': ['U', 'k', 'p', 'T'], 'solid': ['displacement', 'VonMises', 'temperature'],
+    'wall': ['p', 'U', 'wallShearStress'], 'tensors': ['stress',
+                                                       'strain'], 'ids': ['heat'], 'cells': ['pressure', 'velocity']
+}
 
 
 def controlled(stream):

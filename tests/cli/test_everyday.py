@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command line as a new user tries it: outputs over inputs, wrong extensions, prefixes as files, downloads that stopped, mail."""
+"""The command line as a new user tries it: outputs over inputs, wrong extensions, prefixes as files, downloads that
+stopped, mail."""
 import os
 import re
 import shutil
@@ -24,7 +25,9 @@ def outputs_over_inputs():
     fails('extract refuses', 2, ['input'], 'extract', 'fin.tetlod', '-o', './fin.tetlod')
     shutil.copy(path('fin.tetlod'), path('picture.svg'))
     fails('plot refuses', 2, ['input'], 'plot', 'picture.svg', '-o', 'picture.svg')
-    write('two.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><Piece Source="fin.vtu"/></PUnstructuredGrid></VTKFile>')
+    write(
+        'two.pvtu',
+        '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><Piece Source="fin.vtu"/></PUnstructuredGrid></VTKFile>')
     fails('convert refuses to write onto a piece of its input', 2, ['two.pvtu', 'fin.vtu', 'output'], 'convert',
           'two.pvtu', '-o', 'linked.vtu')
     report('and the input is as it was', content('fin.vtu') == before)
@@ -43,9 +46,11 @@ def parts():
     must('extract', 'fin.tetlod', '--error', '1%', '-o', 'part.tetlod')
     part = info('part.tetlod')
     keys = ('vertices', 'tets', 'errors', 'domain_error')
-    if [[k[key] for key in keys] for k in part['levels']] != [[k[key] for key in keys] for k in whole['levels'][:level + 1]]:
+    if [[k[key] for key in keys] for k in part['levels']] != [[k[key] for key in keys]
+                                                              for k in whole['levels'][:level + 1]]:
         return part['levels']
-    if part['lossless'] or not whole['lossless'] or part['bytes'] != os.path.getsize(path('part.tetlod')) or part['bytes'] > whole['levels'][level]['bytes']:
+    if (part['lossless'] or not whole['lossless'] or part['bytes'] != os.path.getsize(path('part.tetlod'))
+            or part['bytes'] > whole['levels'][level]['bytes']):
         return part
     must('verify', 'part.tetlod')
     for k in (0, level // 2, level):
@@ -58,7 +63,8 @@ def parts():
         return 'the finest level is not the stream itself'
     must('extract', 'part.tetlod', '--level', '0', '-o', 'base.tetlod')
     must('verify', 'base.tetlod')
-    return None if len(info('base.tetlod')['levels']) == 1 and whole['cid'].encode() in content('part.tetlod') else info('base.tetlod')
+    return (None if len(info('base.tetlod')['levels']) == 1 and whole['cid'].encode() in content('part.tetlod') else
+            info('base.tetlod'))
 
 
 def parts_with_cells():
@@ -123,7 +129,8 @@ def units():
     must('build', 'fin.vtu', '--field', 'Pressure', '--abs-error', '0.1', '-o', 'units.tetlod', '--quiet')
     must('build', 'fin.vtu', '--field', 'Pressure:%.17g' % (0.1 / width), '-o', 'fraction.tetlod', '--quiet')
     levels = [info(name)['levels'] for name in ('units.tetlod', 'fraction.tetlod')]
-    if levels[0][0]['errors'] != levels[1][0]['errors'] or not 0.05 / width < levels[0][0]['errors']['Pressure']['max'] <= 0.1 / width:
+    if (levels[0][0]['errors'] != levels[1][0]['errors']
+            or not 0.05 / width < levels[0][0]['errors']['Pressure']['max'] <= 0.1 / width):
         return levels[0][0], levels[1][0]
     fails('a limit that looks like units says how to give it', 3, ['--abs-error 500', 'Pressure'], 'build', 'fin.vtu',
           '--field', 'Pressure:500')

@@ -147,18 +147,19 @@ def series():
 def refusals():
     must('sample', 'torus', '--size', '6', '-o', 'torus.vtu')
     must('build', 'torus.vtu', '-o', 'torus.tetlod')
-    for name, code, words, *arguments in (
-            ('no field', 2, ('--field',), 'plain.tetlod'),
-            ('another field', 3, ("no field 'q'",), 'plain.tetlod', '--field', 'q'),
-            ('a vector', 3, ('|v|', 'v:0'), 'vectors.tetlod', '--field', 'v'),
-            ('a component', 3, ('0 to 2',), 'vectors.tetlod', '--field', 'v:3'),
-            ('a field that nothing bounds', 3, ('--certify-all',), 'vectors.tetlod', '--field', 'p', '--level',
-             '3'),
-            ('a moved boundary', 3, ('--domain-error 0',), 'torus.tetlod', '--field', 'temperature', '--level',
-             '3'),
-            ('no such level', 2, ('levels 0 to',), 'plain.tetlod', '--field', 'p', '--level', '999'),
-            ('a format', 2, ('.vtu or .csv',), 'plain.tetlod', '--field', 'p', '-o', 'a.txt'),
-            ('level and error', 2, ('one is enough',), 'plain.tetlod', '--field', 'p', '--level', '3', '--error', '1%')):
+    for name, code, words, *arguments in (('no field', 2, ('--field', ), 'plain.tetlod'),
+                                          ('another field', 3, ("no field 'q'", ), 'plain.tetlod', '--field',
+                                           'q'), ('a vector', 3, ('|v|', 'v:0'), 'vectors.tetlod', '--field',
+                                                  'v'), ('a component', 3, ('0 to 2', ), 'vectors.tetlod', '--field',
+                                                         'v:3'), ('a field that nothing bounds', 3, ('--certify-all', ),
+                                                                  'vectors.tetlod', '--field', 'p', '--level', '3'),
+                                          ('a moved boundary', 3, ('--domain-error 0', ), 'torus.tetlod', '--field',
+                                           'temperature', '--level',
+                                           '3'), ('no such level', 2, ('levels 0 to', ), 'plain.tetlod', '--field', 'p',
+                                                  '--level', '999'), ('a format', 2, ('.vtu or .csv', ), 'plain.tetlod',
+                                                                      '--field', 'p', '-o', 'a.txt'),
+                                          ('level and error', 2, ('one is enough', ), 'plain.tetlod', '--field', 'p',
+                                           '--level', '3', '--error', '1%')):
         fails('refused: ' + name, code, words, 'features', *arguments)
 
 

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Streams that say what is not true, whole in every other respect: `verify` refuses each with exit status 3. Streams that are valid, but
-whose levels are poor meshes, have a status of their own. No string of a file reaches the terminal with control characters."""
+"""Streams that say what is not true, whole in every other respect: `verify` refuses each with exit status 3. Streams
+that are valid, but whose levels are poor meshes, have a status of their own. No string of a file reaches the terminal
+with control characters."""
 import glob
 import json
 import os
@@ -38,7 +39,8 @@ def range_at(data, name):
 def refused(words, data, *arguments):
     write('forged.tetlod', data)
     done = tetlod('verify', 'forged.tetlod', '--quiet', *arguments)
-    good = done.returncode == 3 and done.stderr.count(b'\n') == 1 and all(word in done.stderr.decode() for word in words)
+    good = (done.returncode == 3 and done.stderr.count(b'\n') == 1
+            and all(word in done.stderr.decode() for word in words))
     return None if good else (words, done)
 
 
@@ -66,11 +68,14 @@ def figures():
     for name in ('mesh.tetlod', 'rounded.tetlod'):
         data, heat = plain(content(name)), range_at(plain(content(name)), 'heat')
         must('verify', name, '--quiet')
-        problems += [refused(['says that x is'], put(data, BOUNDS, 'd', -0.5)),
-                     refused(['says that z is'], put(data, BOUNDS + 40, 'd', 1.01)),
-                     refused(['1 tetrahedra are degenerate'], put(data, DEGENERATE, 'Q', 1)),
-                     refused(['7 tetrahedra are inverted'], put(data, INVERTED, 'Q', 7)), refused(['heat'], put(data, heat, 'd', -3.0)),
-                     refused(['unused'], put(data, UNUSED, 'Q', 3), '--against', 'mesh.vtu')]
+        problems += [
+            refused(['says that x is'], put(data, BOUNDS, 'd', -0.5)),
+            refused(['says that z is'], put(data, BOUNDS + 40, 'd', 1.01)),
+            refused(['1 tetrahedra are degenerate'], put(data, DEGENERATE, 'Q', 1)),
+            refused(['7 tetrahedra are inverted'], put(data, INVERTED, 'Q', 7)),
+            refused(['heat'], put(data, heat, 'd', -3.0)),
+            refused(['unused'], put(data, UNUSED, 'Q', 3), '--against', 'mesh.vtu')
+        ]
     return first(problems)
 
 
@@ -123,7 +128,8 @@ def steps_table():
 
 
 def errors_of_steps():
-    """A band that is further off than the table says: where levels are coarser, and where a band's mesh is the original's."""
+    """A band that is further off than the table says: where levels are coarser, and where a band's mesh is the
+    original's."""
     points, tets = block(3)
     random = np.random.default_rng(3)
     for step in range(4):
@@ -158,7 +164,8 @@ def behind_packed_parts():
 
 
 def names_of_the_input():
-    """A field whose name is an expression that the input cannot answer is a stream that does not go with it, no wrong use."""
+    """A field whose name is an expression that the input cannot answer is a stream that does not go with it, no wrong
+    use."""
     data = plain(content('mesh.tetlod'))
     return first(refused([], put(data, range_at(data, 'heat') + 18, '4s', name), '--against',
                          'mesh.vtu') for name in (b'he:9', b'k:at', b'heat'[::-1]))
@@ -187,10 +194,11 @@ def quality():
         done, said = tetlod('verify', name, '--quiet'), tetlod('verify', name, '--json', '--quiet')
         found = json.loads(said.stdout)
         poor += done.returncode == 4
-        if done.returncode not in (0,
-                                   4) or said.returncode != done.returncode or done.stderr or not found['ok'] or found['message']:
+        if (done.returncode not in (0, 4) or said.returncode != done.returncode or done.stderr or not found['ok']
+                or found['message']):
             return name, done, said
-        if (done.returncode == 4) != (b'poor quality' in done.stdout) or (done.returncode == 4) != bool(found['quality']):
+        if ((done.returncode == 4) != (b'poor quality' in done.stdout)
+                or (done.returncode == 4) != bool(found['quality'])):
             return name, done, said
     return None if poor > 5 else '%d are poor' % poor
 
@@ -214,7 +222,8 @@ def terminal():
             if done.returncode or any(ord(letter) < 32 and letter != '\n' or
                                       0x7f <= ord(letter) < 0xa0 for letter in said):
                 return unit, arguments, done
-            if arguments[-1] == '--json' and json.loads(done.stdout)['metadata']['units']['heat'] != json.loads('"%s"' % unit):
+            if (arguments[-1] == '--json'
+                    and json.loads(done.stdout)['metadata']['units']['heat'] != json.loads('"%s"' % unit)):
                 return unit, done.stdout
     return None
 

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Hexahedra, wedges, pyramids and tetrahedra of the first and second order in the formats that hold them: h5py, meshio and libcgns write
-them, and all are read as VTK's own file of them is. Also what VTK writes of partitions, and old headers of its legacy files."""
+"""Hexahedra, wedges, pyramids and tetrahedra of the first and second order in the formats that hold them: h5py, meshio
+and libcgns write them, and all are read as VTK's own file of them is. Also what VTK writes of partitions, and old
+headers of its legacy files."""
 import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
@@ -18,9 +19,11 @@ except ImportError as missing:
     report('libraries', True, skip='not installed: %s' % missing)
     finish()
 
-NAMES = {vtk.VTK_HEXAHEDRON: 'hexahedron', vtk.VTK_WEDGE: 'wedge', vtk.VTK_PYRAMID: 'pyramid', vtk.VTK_TETRA: 'tetra',
-         vtk.VTK_QUADRATIC_HEXAHEDRON: 'hexahedron20', vtk.VTK_QUADRATIC_WEDGE: 'wedge15', vtk.VTK_QUADRATIC_PYRAMID: 'pyramid13',
-         vtk.VTK_QUADRATIC_TETRA: 'tetra10'}
+NAMES = {
+    vtk.VTK_HEXAHEDRON: 'hexahedron', vtk.VTK_WEDGE: 'wedge', vtk.VTK_PYRAMID: 'pyramid', vtk.VTK_TETRA: 'tetra',
+    vtk.VTK_QUADRATIC_HEXAHEDRON: 'hexahedron20', vtk.VTK_QUADRATIC_WEDGE: 'wedge15',
+    vtk.VTK_QUADRATIC_PYRAMID: 'pyramid13', vtk.VTK_QUADRATIC_TETRA: 'tetra10'
+}
 TO_CGNS = {20: [*range(12), *range(16, 20), *range(12, 16)], 15: [*range(9), 12, 13, 14, 9, 10, 11]}
 
 
@@ -62,7 +65,8 @@ def write_cgns(name, cells, points, heat):
 
 def cells_case(extension, writer, quadratic, kinds):
     grid = quadratic_grid()[0] if quadratic else other_cells(())[0]
-    points, heat = vtk_to_numpy(grid.GetPoints().GetData()).astype(float), vtk_to_numpy(grid.GetPointData().GetArray('heat'))
+    points, heat = vtk_to_numpy(grid.GetPoints().GetData()).astype(float), vtk_to_numpy(
+        grid.GetPointData().GetArray('heat'))
     cells = [cell for cell in cells_of(grid) if NAMES[cell[0]] in kinds]
     writer(path('in' + extension), cells, points, heat)
     for options in ([], ['--subdivide']) if quadratic else ([],):

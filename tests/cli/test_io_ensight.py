@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""EnSight Gold as VTK's writer writes it, and as text, big-endian and Fortran files laid out by hand, of which VTK's reader reads the
-same."""
+"""EnSight Gold as VTK's writer writes it, and as text, big-endian and Fortran files laid out by hand, of which VTK's
+reader reads the same."""
 import ctypes
 import os
 import re
@@ -269,7 +269,8 @@ def by_hand(*how):
     body = p[t].mean(axis=1)[:, 0] < 4
     wanted = arrays_of(grid.GetCellData())['load']
     kinds = {int(v): grid.GetCell(n).GetCellDimension() for n, v in enumerate(wanted)}
-    return None if set(c['load'][body].astype(int)) == {v for v in kinds if kinds[v] == 3} else 'load %s, %s' % (c['load'], kinds)
+    return (None if set(c['load'][body].astype(int)) == {v for v in kinds
+                                                         if kinds[v] == 3} else 'load %s, %s' % (c['load'], kinds))
 
 
 def in_one_file():
@@ -279,8 +280,8 @@ def in_one_file():
     line = lambda text: text.encode().ljust(80)
     later = data.replace(np.float32(5).tobytes(), np.float32(55).tobytes())
     write('hand/all', b''.join(line('BEGIN TIME STEP') + step + line('END TIME STEP') for step in (data, later)))
-    write('hand/mesh.case', (CASE % '**').replace('"p**"', 'all').replace('1 pressure',
-                                                                          '1 1 pressure') + 'FILE\nfile set: 1\nnumber of steps: 2\n')
+    write('hand/mesh.case', (CASE % '**').replace('"p**"', 'all').replace('1 pressure', '1 1 pressure') +
+          'FILE\nfile set: 1\nnumber of steps: 2\n')
     got = [sorted(converted(name, '--time', step)[2]['pressure']) for step in '01']
     return None if 55 in got[1] and 55 not in got[0] and 5 in got[0] else '%s' % got
 

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exodus files against VTK's own reader: variables in one array ("small model"), and names that become vectors and tensors."""
+"""Exodus files against VTK's own reader: variables in one array ("small model"), and names that become vectors and
+tensors."""
 import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
@@ -52,8 +53,8 @@ def names_case(names, small):
 
 
 NAMES = [['DISPX', 'DISPY', 'DISPZ', 'T'], ['disp_x', 'disp_y', 'disp_z'], ['p', 'vX', 'vy', 'vZ', 'q'],
-         ['x', 'y', 'z'], ['u_X', 'u_Y', 'p'],
-         ['S_XX', 'S_YY', 'S_ZZ', 'S_XY', 'S_XZ', 'S_YZ', 'end'], ['sxx', 'syy', 'szz', 'sxy', 'syz', 'szx'], ['vx', 'vz', 'vy'], ['ax', 'ay'],
+         ['x', 'y', 'z'], ['u_X', 'u_Y', 'p'], ['S_XX', 'S_YY', 'S_ZZ', 'S_XY', 'S_XZ', 'S_YZ', 'end'],
+         ['sxx', 'syy', 'szz', 'sxy', 'syz', 'szx'], ['vx', 'vz', 'vy'], ['ax', 'ay'],
          ['sxx', 'syy', 'szz', 'sxy', 'sxz']]
 for small in False, True:
     for names in NAMES:

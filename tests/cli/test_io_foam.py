@@ -22,8 +22,8 @@ CELLS = [([0, 1, 2, 3, 4, 5, 6, 7],
 
 
 def mesh(split):
-    """Faces (those of two cells first), owners, neighbours. `split`: the pyramid's base has a point more, in the middle of an edge, so
-    that two cells become polyhedra."""
+    """Faces (those of two cells first), owners, neighbours. `split`: the pyramid's base has a point more, in the middle
+    of an edge, so that two cells become polyhedra."""
     points, faces = POINTS.tolist(), {}
     if split:
         points.append([0.5, 0, 1])
@@ -38,7 +38,8 @@ def mesh(split):
             key = tuple(sorted(face))
             faces.setdefault(key, [face, []])[1].append(number)
     listed = sorted(faces.values(), key=lambda f: (len(f[1]) == 1, f[1]))
-    return np.array(points), [f[0] for f in listed], [f[1][0] for f in listed], [f[1][1] for f in listed if len(f[1]) > 1]
+    return np.array(points), [f[0] for f in listed], [f[1][0]
+                                                      for f in listed], [f[1][1] for f in listed if len(f[1]) > 1]
 
 
 WIDTHS = {'label': 32, 'scalar': 64}  # bits of the numbers of binary files
@@ -150,7 +151,8 @@ def foam_files(points, cells, sides, binary, packed):
         put(folder + 'constant/polyMesh/faces', 'faceList', text, False, packed)
     put(folder + 'constant/polyMesh/owner', 'labelList', list_of(owner[listed], binary), binary, packed)
     put(folder + 'constant/polyMesh/neighbour', 'labelList', list_of(owner[order[inner + 1]], binary), binary, packed)
-    field = b'dimensions [0 0 0 1 0 0 0]; internalField nonuniform List<scalar> ' + list_of(np.arange(len(cells)) / 7, binary) + b';'
+    field = (b'dimensions [0 0 0 1 0 0 0]; internalField nonuniform List<scalar> ' +
+             list_of(np.arange(len(cells)) / 7, binary) + b';')
     put(folder + '1/T', 'volScalarField', field, binary, packed)
     write(folder + 'case.foam', '')
     return [folder + 'case.foam']
@@ -185,8 +187,8 @@ def parted_cube():
 
 
 def decomposed_case():
-    """A mesh in a folder for each processor, which meet in the same points, and may know their numbers; a whole mesh of earlier results beside them
-    is not read, one of later results is."""
+    """A mesh in a folder for each processor, which meet in the same points, and may know their numbers; a whole mesh of
+    earlier results beside them is not read, one of later results is."""
     points, tets, part_of = parted_cube()
     for part in range(3):
         used, corners = np.unique(tets[part_of == part], return_inverse=True)
@@ -277,7 +279,8 @@ def damaged_gzip_case():
 
 
 def odd_tetrahedra_case():
-    """Four faces of three points that are no tetrahedron: the cell becomes a polyhedron, all others stay what they are."""
+    """Four faces of three points that are no tetrahedron: the cell becomes a polyhedron, all others stay what they are.
+    """
     write_case(False, False, False)
     points, faces, owner, neighbour = mesh(False)
     last = [i for i, cell in enumerate(owner) if cell == 3] + [i for i, cell in enumerate(neighbour) if cell == 3]

@@ -27,7 +27,8 @@ def vtu_case(word):
     of = [array(i, name) for i, name in enumerate(arrays)]
     head = '''<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt%d"><UnstructuredGrid>
         <Piece NumberOfPoints="%d" NumberOfCells="%d"><Points>%s</Points><PointData>%s</PointData><CellData>%s</CellData><Cells>%s</Cells>
-        </Piece></UnstructuredGrid><AppendedData encoding="raw">_''' % (8 * word, N, M, of[0], of[1], of[2], ''.join(of[3:]))
+        </Piece></UnstructuredGrid><AppendedData encoding="raw">_''' % (8 * word, N, M, of[0], of[1], of[2], ''.join(
+        of[3:]))
     with open(path('large.vtu'), 'wb') as file:
         file.write(head.encode())
         for i, values in enumerate(arrays.values()):
@@ -42,7 +43,10 @@ def legacy_case():
     with open(path('large.vtk'), 'wb') as file:
         def put(text, values, kind):
             file.write(text.encode() + np.asarray(values).astype(kind).tobytes() + b'\n')
-        file.write(b'# vtk DataFile Version 5.1\nx\nBINARY\nDATASET UNSTRUCTURED_GRID\nFIELD FieldData 1\nhole 1 %d double\n' % HOLE)
+
+        file.write(
+            b'# vtk DataFile Version 5.1\nx\nBINARY\nDATASET UNSTRUCTURED_GRID\nFIELD FieldData 1\nhole 1 %d double\n' %
+            HOLE)
         file.seek(8 * HOLE, 1)
         put('\nPOINTS %d double\n' % N, POINTS, '>f8')
         put('CELLS %d %d\nOFFSETS vtktypeint64\n' % (M + 1, 4 * M), np.append(0, ENDS), '>i8')

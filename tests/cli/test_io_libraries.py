@@ -68,7 +68,8 @@ def halves(mesh):
     points, tets, fields, cells = mesh
     for mask in (cells['region'] == 1, cells['region'] == 2):
         used, local = np.unique(tets[mask], return_inverse=True)
-        yield points[used], local.reshape(-1, 4), {n: v[used] for n, v in fields.items()}, {n: v[mask] for n, v in cells.items()}
+        yield points[used], local.reshape(-1, 4), {n: v[used]
+                                                   for n, v in fields.items()}, {n: v[mask] for n, v in cells.items()}
 
 
 def vtkhdf_parts_case():
@@ -126,13 +127,18 @@ def xdmf_meshio_case(form, mixed):
 def xdmf_steps_case():
     points, tets, fields, cells = tet_mesh(60)
     item = lambda values, kind='Float': '<DataItem Dimensions="%s" NumberType="%s" Precision="8" Format="XML">%s</DataItem>' % (
-        ' '.join(map(str, values.shape)), kind, ' '.join(map(repr, values.ravel().tolist())))
-    grids = ''.join('''<Grid Name="t%d"><Time Value="%g"/><Topology TopologyType="Tetrahedron" NumberOfElements="%d">%s</Topology>
-        <Geometry GeometryType="X_Y_Z">%s</Geometry><Attribute Name="heat" Center="Node">%s</Attribute></Grid>''' % (
-            s, s / 2, len(tets), item(tets,
-                                      'Int'), ''.join(item(points[:, d]) for d in range(3)), item(fields['heat'] + s))
-                    for s in range(3))
-    write('in.xdmf', '<Xdmf Version="3.0"><Domain><Grid GridType="Collection" CollectionType="Temporal">%s</Grid></Domain></Xdmf>' % grids)
+        ' '.join(map(str, values.shape)), kind, ' '.join(map(repr,
+                                                             values.ravel().tolist())))
+    grids = ''.join(
+        '''<Grid Name="t%d"><Time Value="%g"/><Topology TopologyType="Tetrahedron" NumberOfElements="%d">%s</Topology>
+        <Geometry GeometryType="X_Y_Z">%s</Geometry><Attribute Name="heat" Center="Node">%s</Attribute></Grid>''' %
+        (s, s / 2, len(tets), item(tets, 'Int'), ''.join(item(points[:, d])
+                                                         for d in range(3)), item(fields['heat'] + s))
+        for s in range(3))
+    write(
+        'in.xdmf',
+        '<Xdmf Version="3.0"><Domain><Grid GridType="Collection" CollectionType="Temporal">%s</Grid></Domain></Xdmf>' %
+        grids)
     problem = compare((points, tets, {'heat': fields['heat'] + 2}, {}), converted(path('in.xdmf')))
     return problem or compare((points, tets, {'heat': fields['heat']}, {}), converted(path('in.xdmf'), '--time', '0'))
 
@@ -148,7 +154,8 @@ def xdmf_hyperslab_case():
         file['wide'] = np.repeat(np.repeat(cells['load'].reshape(-1, 1), 4, axis=1), 2, axis=0) + np.arange(4) * 10
         for d in range(3):
             file['w%d' % d] = fields['wind'][:, d]
-    item = lambda name, shape: '<DataItem Dimensions="%s" Precision="8" Format="HDF">in.h5:/%s</DataItem>' % (shape, name)
+    item = lambda name, shape: (
+        '<DataItem Dimensions="%s" Precision="8" Format="HDF">in.h5:/%s</DataItem>' % (shape, name))
     slab = lambda shape, chosen, of: '<DataItem ItemType="HyperSlab" Dimensions="%s"><DataItem Format="XML" Dimensions="%d">%s</DataItem>%s</DataItem>' % (
         shape, len(chosen.split()), chosen, of)
     attribute = lambda name, centre, inside: '<Attribute Name="%s" Center="%s">%s</Attribute>' % (name, centre, inside)
@@ -180,15 +187,20 @@ def xdmf_types_case():
     item = lambda values, kind, size: '<DataItem Dimensions="%s" NumberType="%s" Precision="%d">%s</DataItem>' % (
         ' '.join(map(str, values.shape)), kind, size, ' '.join(map(repr, values.ravel().tolist())))
     joined = item(whole, 'Int', 4) + item(points[:, 0], 'Float', 4) + item(points[:, 1], 'Float', 8)
-    write('in.xdmf', '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="X_Y_Z">%s</Geometry>'
-          '<Attribute Name="joined" Center="Node"><DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem></Attribute></Grid></Domain>'
-          '</Xdmf>' % (item(tets, 'Int', 8), ''.join(item(points[:, d], 'Float', 8 if d else 4) for d in range(3)),
-                       joined))
+    write(
+        'in.xdmf',
+        '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry '
+        'GeometryType="X_Y_Z">%s</Geometry>'
+        '<Attribute Name="joined" Center="Node"><DataItem ItemType="Function" Function="JOIN($0, $1, '
+        '$2)">%s</DataItem></Attribute></Grid></Domain>'
+        '</Xdmf>' % (item(tets, 'Int', 8), ''.join(item(points[:, d], 'Float', 8 if d else 4)
+                                                   for d in range(3)), joined))
     return compare((points, tets, {'joined': np.column_stack([whole, points[:, :2]])}, {}), converted(path('in.xdmf')))
 
 
 def xdmf_included_case():
-    """Steps of two functions on one mesh that xi:include points to, as meshio and FEniCS write them, are one mesh with both."""
+    """Steps of two functions on one mesh that xi:include points to, as meshio and FEniCS write them, are one mesh with
+    both."""
     points, tets, fields, cells = tet_mesh(60)
     with meshio.xdmf.TimeSeriesWriter(path('in.xdmf')) as writer:
         writer.write_points_cells(points, [('tetra', tets)])
@@ -198,13 +210,19 @@ def xdmf_included_case():
                       converted(path('in.xdmf'), '--time', '1'))
     item = lambda values, kind='Float': '<DataItem Dimensions="%s" NumberType="%s" Precision="8">%s</DataItem>' % (
         ' '.join(map(str, values.shape)), kind, ' '.join(map(repr, values.ravel().tolist())))
-    mesh = '<Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>' % (item(tets, 'Int'), item(points))
-    step = lambda name, values, shape: '<Grid Name="%s">%s<Attribute Name="%s" Center="Node">%s</Attribute></Grid>' % (name, shape, name, item(values))
-    series = lambda name, at: '<Grid Name="TimeSeries_%s" GridType="Collection" CollectionType="Temporal">%s</Grid>' % (name, ''.join(
-        step(name, fields[name] + s,
-             '<xi:include xpointer="xpointer(%s/*[self::Topology or self::Geometry])"/>' % at) for s in range(2)))
-    write('in.xdmf', '<Xdmf xmlns:xi="http://www.w3.org/2001/XInclude"><Domain><Grid Name="mesh" GridType="Uniform">%s</Grid>%s%s</Domain></Xdmf>' % (
-        mesh, series('heat', "/Xdmf/Domain/Grid[@GridType='Uniform'][1]"), series('wind', "//Grid[@Name='mesh']")))
+    mesh = '<Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>' % (item(
+        tets, 'Int'), item(points))
+    step = lambda name, values, shape: '<Grid Name="%s">%s<Attribute Name="%s" Center="Node">%s</Attribute></Grid>' % (
+        name, shape, name, item(values))
+    series = lambda name, at: '<Grid Name="TimeSeries_%s" GridType="Collection" CollectionType="Temporal">%s</Grid>' % (
+        name, ''.join(
+            step(name, fields[name] + s, '<xi:include xpointer="xpointer(%s/*[self::Topology or self::Geometry])"/>' %
+                 at) for s in range(2)))
+    write(
+        'in.xdmf',
+        '<Xdmf xmlns:xi="http://www.w3.org/2001/XInclude"><Domain><Grid Name="mesh" '
+        'GridType="Uniform">%s</Grid>%s%s</Domain></Xdmf>'
+        % (mesh, series('heat', "/Xdmf/Domain/Grid[@GridType='Uniform'][1]"), series('wind', "//Grid[@Name='mesh']")))
     wanted = points, tets, {name: fields[name] + 1 for name in ('heat', 'wind')}, {}
     return problem or compare(wanted, converted(path('in.xdmf')))
 
@@ -216,7 +234,8 @@ def xdmf_structured_case(kind):
     with h5py.File(path('in.h5'), 'w') as file:
         file['points'] = points
         for d in range(3):
-            file['axis%d' % d] = np.unique(points[:, d].round(9)) if kind == '3DSMesh' else points[[0, 1, 5, 20]][:, d] * 0
+            file['axis%d' %
+                 d] = (np.unique(points[:, d].round(9)) if kind == '3DSMesh' else points[[0, 1, 5, 20]][:, d] * 0)
         for n, v in arrays.items():
             file[n] = v
         if kind == '3DRectMesh':
@@ -224,14 +243,19 @@ def xdmf_structured_case(kind):
                 del file['axis%d' % d]
                 file['axis%d' % d] = points[start::step][:count, d]
     item = lambda name, shape: '<DataItem Dimensions="%s" Format="HDF">in.h5:/%s</DataItem>' % (shape, name)
-    geometry = {'3DSMesh': ('XYZ', item('points', '3 4 5 3')),
-                '3DRectMesh': ('VXVYVZ', item('axis0', '5') + item('axis1', '4') + item('axis2', '3')),
-                '3DCoRectMesh': ('ORIGIN_DXDYDZ',
-                                 '<DataItem Dimensions="3">3 2 1</DataItem><DataItem Dimensions="3">2 .25 .5</DataItem>')}[kind]
+    geometry = {
+        '3DSMesh': ('XYZ', item('points', '3 4 5 3')),
+        '3DRectMesh': ('VXVYVZ', item('axis0', '5') + item('axis1', '4') + item('axis2', '3')),
+        '3DCoRectMesh': ('ORIGIN_DXDYDZ',
+                         '<DataItem Dimensions="3">3 2 1</DataItem><DataItem Dimensions="3">2 .25 .5</DataItem>')
+    }[kind]
     attributes = ''.join('<Attribute Name="%s" Center="%s">%s</Attribute>' % (
         n, 'Node' if n in fields else 'Cell', item(n, ' '.join(map(str, v.shape)))) for n, v in arrays.items())
-    write('in.xmf', '<?xml version="1.0"?><!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []><Xdmf><Domain><Grid><Topology TopologyType="%s" '
-          'Dimensions="3 4 5"/><Geometry GeometryType="%s">%s</Geometry>%s</Grid></Domain></Xdmf>' % (kind, *geometry, attributes))
+    write(
+        'in.xmf',
+        '<?xml version="1.0"?><!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []><Xdmf><Domain><Grid><Topology TopologyType="%s" '
+        'Dimensions="3 4 5"/><Geometry GeometryType="%s">%s</Geometry>%s</Grid></Domain></Xdmf>' %
+        (kind, *geometry, attributes))
     return compare_split(points, fields, cells, volume, converted(path('in.xmf')))
 
 
@@ -318,8 +342,8 @@ def exodus_netcdf_case(form, apart):
     second = ids == 20
     for block in '20', 'shell':
         p, t, f, c = converted(path('in.exo'), '--block', block)
-        if not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'],
-                                                                                cells['load'][second] + 2) or set(c['ObjectId']) != {20}:
+        if (not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'], cells['load'][second] + 2)
+                or set(c['ObjectId']) != {20}):
             return 'block ' + block
     done = tetlod('convert', path('in.exo'), '--block', 'Shell', '-o', path('out.vtu'))
     return None if done.returncode == 3 and "no element block 'Shell'" in done.stderr.decode() else done
@@ -392,7 +416,8 @@ def cgns_bases_case():
               ('--block', 'OnlyBase'): 1}
     got = {arguments: len(converted(path('in.cgns'), *arguments)[1]) // len(tets) for arguments in wanted}
     refused = tetlod('convert', path('in.cgns'), '--block', 'Nobody', '-o', path('out.vtu'))
-    return None if got == wanted and refused.returncode == 3 and b'Base/OnlyBase Base/Zone Other/OnlyOther Other/Zone' in refused.stderr else (got, refused)
+    return (None if got == wanted and refused.returncode == 3
+            and b'Base/OnlyBase Base/Zone Other/OnlyOther Other/Zone' in refused.stderr else (got, refused))
 
 
 def cgns_structured_case():

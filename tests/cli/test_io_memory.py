@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What reading a file takes: its arrays once, and at most half as much again. A tetlod stream is decoded, which takes more."""
+"""What reading a file takes: its arrays once, and at most half as much again. A tetlod stream is decoded, which takes
+more."""
 import os
 import re
 import subprocess
@@ -13,12 +14,14 @@ SIZE = 36
 OWN = ('vtu', 'vtk', 'msh', 'vtkhdf', 'xdmf', 'exo', 'mesh', 'meshb')
 
 
-# A process starts with the memory of the one that it was forked from, as far as the system's figures go: this one is small
+# A process starts with the memory of the one that it was forked from, as far as the system's figures go: this one is
+# small
 SMALL = 'import os, sys; _, status, usage = os.wait4(os.spawnv(os.P_NOWAIT, sys.argv[1], sys.argv[1:]), 0); print(status, usage.ru_maxrss)'
 
 
 def peak(*arguments):
-    """Bytes that converting it takes, in whichever of its processes takes most. Legacy VTK is written without room for a copy."""
+    """Bytes that converting it takes, in whichever of its processes takes most. Legacy VTK is written without room for
+    a copy."""
     done = subprocess.run([sys.executable, '-S', '-c', SMALL, TETLOD, 'convert', *arguments, '-o', 'out.vtk'],
                           cwd=SCRATCH,
                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
@@ -74,7 +77,8 @@ def vtk_files(points, tets, hexahedra):
     for part in range(2):
         used, local = np.unique(tets[part::2], return_inverse=True)
         save(writer, grid_of(vtk.VTK_TETRA, points[used], local.reshape(-1, 4)), 'part%d.vtu' % part)
-    write('parts.pvtu', '''<VTKFile type="PUnstructuredGrid" version="1.0" byte_order="LittleEndian"><PUnstructuredGrid>
+    write(
+        'parts.pvtu', '''<VTKFile type="PUnstructuredGrid" version="1.0" byte_order="LittleEndian"><PUnstructuredGrid>
         <PPointData><PDataArray type="Float64" Name="f"/></PPointData><PCellData><PDataArray type="Float64" Name="c"/></PCellData>
         <PPoints><PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="part0.vtu"/><Piece Source="part1.vtu"/>
         </PUnstructuredGrid></VTKFile>''')
@@ -98,8 +102,15 @@ def other_files(points, tets):
     names = []
     line = lambda text: text.encode().ljust(80)
     one = lambda number: np.array([number], '<i4').tobytes()
-    geometry = [line(t) for t in ('C Binary', 'a', 'b', 'node id assign', 'element id assign', 'part')] + [one(1), line('p'), line('coordinates'),
-                one(len(points)), points.T.astype('<f4').tobytes(), line('tetra4'), one(len(tets)), (tets + 1).astype('<i4').tobytes()]
+    geometry = ([line(t) for t in ('C Binary', 'a', 'b', 'node id assign', 'element id assign', 'part')] + [
+        one(1),
+        line('p'),
+        line('coordinates'),
+        one(len(points)),
+        points.T.astype('<f4').tobytes(),
+        line('tetra4'),
+        one(len(tets)), (tets + 1).astype('<i4').tobytes()
+    ])
     write('geometry', b''.join(geometry))
     write('values', b''.join([line('v'), line('part'), one(1), line('coordinates'),
                               points[:, 0].astype('<f4').tobytes()]))

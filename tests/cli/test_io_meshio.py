@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files that meshio writes are read exactly, what tetlod writes for Gmsh and as a surface meshio reads; and the formats by
-hand where meshio does not write them."""
+"""Files that meshio writes are read exactly, what tetlod writes for Gmsh and as a surface meshio reads; and the formats
+by hand where meshio does not write them."""
 import numpy as np
 
 from common import case, finish, must, path, read_vtu, report, write
@@ -59,7 +59,8 @@ def medit_case(mesh, solution):
 
 def medit_binary_case(mesh, version, order):
     """All versions and both byte orders; meshio writes some of them, its reader reads all."""
-    integer, real, place = ('i8' if version == 4 else 'i4'), ('f4' if version == 1 else 'f8'), ('i4' if version < 3 else 'i8')
+    integer, real = ('i8' if version == 4 else 'i4'), ('f4' if version == 1 else 'f8')
+    place = 'i4' if version < 3 else 'i8'
     values = lambda kind, *numbers: np.array(numbers, order + kind).tobytes()
 
     def file_of(*parts):
@@ -236,9 +237,9 @@ def main():
     case('medit binary: other cells', lambda: hexahedra_case('.meshb', file_format='medit'))
     for version in range(1, 5):
         for order in '<>':
-            case('medit binary, version %d, %s-endian, with its solution' % (version,
-                                                                             'big' if order == '>' else 'little'), medit_binary_case, mesh,
-                 version, order)
+            case(
+                'medit binary, version %d, %s-endian, with its solution' %
+                (version, 'big' if order == '>' else 'little'), medit_binary_case, mesh, version, order)
     case('tetgen from 0 by .node', tetgen_case, mesh, 0, '.node')
     case('tetgen from 1 by .ele', tetgen_case, mesh, 1, '.ele')
     case('tetgen as meshio writes it', lambda: read_case('.node', meshio.Mesh(mesh.points, mesh.cells[:1]), 1e-9))

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A VTU to each format and back is the same mesh; and the programs and libraries of the formats read what is written. Gmsh's element
-data and groups, Abaqus, PLOT3D of every kind."""
+"""A VTU to each format and back is the same mesh; and the programs and libraries of the formats read what is written.
+Gmsh's element data and groups, Abaqus, PLOT3D of every kind."""
 import json
 import os
 import struct
@@ -118,8 +118,10 @@ def gmsh_program_case():
 
 def gmsh_groups_case(version, order, binary, more=()):
     """Two boxes of Gmsh, a physical group each, of the first or second order."""
-    write('in.geo', 'SetFactory("OpenCASCADE"); Box(1) = {0,0,0,1,1,1}; Box(2) = {1,0,0,1,1,1}; Coherence; Physical Volume("a",7) = {1};'
-          'Physical Volume("b",9) = {2};\nMesh.MeshSizeMax = 0.4;\n')
+    write(
+        'in.geo',
+        'SetFactory("OpenCASCADE"); Box(1) = {0,0,0,1,1,1}; Box(2) = {1,0,0,1,1,1}; Coherence; Physical Volume("a",7) = {1};'
+        'Physical Volume("b",9) = {2};\nMesh.MeshSizeMax = 0.4;\n')
     done = subprocess.run(['gmsh', path('in.geo'), '-3', '-order', str(order), '-format', version, '-o', path('in.msh')]
                           + (['-bin'] if binary else []) + list(more), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     if done.returncode:
@@ -162,7 +164,8 @@ def surface_case(extension):
     size = struct.unpack_from('<I', blob, 12)[0]
     scene = json.loads(blob[20:20 + size])
     attribute = next(name for name, field in scene['meshes'][0]['extras']['fields'].items() if field == 'heat')
-    view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes'][attribute]]['bufferView']]
+    view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes'][attribute]]
+                                ['bufferView']]
     heat = np.frombuffer(blob, '<f4', view['byteLength'] // 4, 28 + size + view['byteOffset'])
     good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h for a,
                                                                                 h in zip(p, heat))
@@ -215,7 +218,8 @@ a plate
 
 
 def abaqus_parts_case():
-    """Two parts, the second one turned and shifted in the assembly, its elements in a file that is included; then one of them twice."""
+    """Two parts, the second one turned and shifted in the assembly, its elements in a file that is included; then one
+    of them twice."""
     points, tets, _, _ = tet_mesh(30)
     rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist()))) for i,
                                          v in enumerate(values + start))
@@ -241,8 +245,9 @@ def plot3d_file(grids, big, markers, count, blank, double):
                                                                                i4).tobytes()) if markers else data
     head = (record(np.array(len(grids), i4).tobytes()) if count else b'') + record(
         b''.join(np.array(g.shape[2::-1], i4).tobytes() for g, _, _ in grids))
-    xyz = head + b''.join(record(g.reshape(-1,
-                                           3).T.astype(real).tobytes() + (b.astype(i4).tobytes() if blank else b'')) for g, b, _ in grids)
+    xyz = (head + b''.join(
+        record(g.reshape(-1, 3).T.astype(real).tobytes() + (b.astype(i4).tobytes() if blank else b''))
+        for g, b, _ in grids))
     q = head + b''.join(record(np.zeros(4, real).tobytes()) + record(s.astype(real).tobytes()) for _, _, s in grids)
     return xyz, q
 

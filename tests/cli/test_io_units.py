@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Units that a file says of its fields are in the stream's metadata: VTK's by VTK, CGNS's by libcgns, OpenFOAM's and XDMF's by hand."""
+"""Units that a file says of its fields are in the stream's metadata: VTK's by VTK, CGNS's by libcgns, OpenFOAM's and
+XDMF's by hand."""
 import ctypes
 
 from common import case, finish, info, must, path, report, tetlod, write
@@ -105,14 +106,18 @@ def foam_case():
 
 def xdmf_case():
     """Of an attribute of the element, of an element in it, and none."""
-    item = lambda size, kind, text: '<DataItem Dimensions="%s" NumberType="%s" Format="XML">%s</DataItem>' % (size, kind, text)
+    item = lambda size, kind, text: '<DataItem Dimensions="%s" NumberType="%s" Format="XML">%s</DataItem>' % (
+        size, kind, text)
     attribute = lambda name, more, inside: '<Attribute Name="%s" Center="Node"%s>%s%s</Attribute>' % (
         name, more, inside, item(4, 'Float', '1 2 3 4'))
-    write('in.xdmf', '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron" NumberOfElements="1">%s</Topology><Geometry GeometryType="XYZ">'
-          '%s</Geometry>%s%s%s</Grid></Domain></Xdmf>' % (
-              item('1 4', 'Int', '0 1 2 3'), item('4 3', 'Float', '0 0 0 1 0 0 0 1 0 0 0 1'), attribute('a', ' Units="Pa"', ''),
-              attribute('b', '', '<Information Name="Unit" Value=" kg "/>'), attribute('c', '',
-                                                                                       '<Information Name="Note" Value="x"/>')))
+    write(
+        'in.xdmf',
+        '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron" NumberOfElements="1">%s</Topology><Geometry '
+        'GeometryType="XYZ">'
+        '%s</Geometry>%s%s%s</Grid></Domain></Xdmf>' %
+        (item('1 4', 'Int', '0 1 2 3'), item('4 3', 'Float', '0 0 0 1 0 0 0 1 0 0 0 1'),
+         attribute('a', ' Units="Pa"', ''), attribute('b', '', '<Information Name="Unit" Value=" kg "/>'),
+         attribute('c', '', '<Information Name="Note" Value="x"/>')))
     return differs('in.xdmf', {'a': 'Pa', 'b': 'kg'})
 
 
@@ -135,7 +140,9 @@ def main():
     if vtk is None:
         report('units', True, skip='python3-vtk9 is missing')
         return finish()
-    built = [line.split()[0] for line in tetlod('formats').stdout.decode().splitlines() if line.split()[1:2] == ['read']]
+    built = [
+        line.split()[0] for line in tetlod('formats').stdout.decode().splitlines() if line.split()[1:2] == ['read']
+    ]
     for mode in 'Ascii', 'Binary', 'Appended':
         case('VTK XML, ' + mode, vtk_xml_case, mode)
     for binary in False, True:

@@ -37,7 +37,8 @@ def add_array(grid, name, values):
 
 
 def tet_grid(precision=np.float32, count=400, seed=1):
-    """A Delaunay mesh with fields of several types; big enough for several compressed blocks of the small block size."""
+    """A Delaunay mesh with fields of several types; big enough for several compressed blocks of the small block size.
+    """
     from scipy.spatial import Delaunay
     random = np.random.default_rng(seed)
     points = random.random((count, 3)).astype(precision)

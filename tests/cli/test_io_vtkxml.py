@@ -71,9 +71,11 @@ def pvtu_case():
         add_arrays(piece.GetCellData(), {'vtkGhostType': np.array([0] * len(mine) + [1] * len(others), np.uint8)})
         names.append('piece_%d.vtu' % p)
         save(vtk.vtkXMLUnstructuredGridWriter(), piece, names[-1])
-    write('all.pvtu', '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="1.0"><PUnstructuredGrid GhostLevel="1">'
-          '<PPointData><PDataArray type="Float64" Name="heat"/></PPointData>%s</PUnstructuredGrid></VTKFile>'
-          % ''.join('<Piece Source="%s"/>' % n for n in names))
+    write(
+        'all.pvtu',
+        '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="1.0"><PUnstructuredGrid GhostLevel="1">'
+        '<PPointData><PDataArray type="Float64" Name="heat"/></PPointData>%s</PUnstructuredGrid></VTKFile>' %
+        ''.join('<Piece Source="%s"/>' % n for n in names))
     done = tetlod('convert', path('all.pvtu'), '-o', path('out.vtu'))
     if b'60 ghost' not in done.stderr or b'welded' not in done.stderr:
         return done.stderr
@@ -84,7 +86,8 @@ def pvtu_case():
     back = np.array([order[tuple(q)] for q in p])
     key = {tuple(sorted(tet)): i for i, tet in enumerate(tets)}
     where = np.array([key[tuple(sorted(tet))] for tet in back[t]])
-    good = all(np.array_equal(f[n], fields[n][back]) for n in fields) and all(np.array_equal(c[n], cells[n][where]) for n in cells)
+    good = (all(np.array_equal(f[n], fields[n][back]) for n in fields)
+            and all(np.array_equal(c[n], cells[n][where]) for n in cells))
     return None if good and len(set(where)) == len(tets) else 'values differ'
 
 
@@ -120,7 +123,8 @@ def collection_case():
         mesh[2]['heat'] = mesh[2]['heat'] + 1
         save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(*mesh), 'step%d.vtu' % step)
         entries.append('<DataSet timestep="%g" part="0" file="step%d.vtu"/>' % (time, step))
-    write('all.pvd', '<VTKFile type="Collection" version="0.1"><Collection>%s</Collection></VTKFile>' % ''.join(entries))
+    write('all.pvd',
+          '<VTKFile type="Collection" version="0.1"><Collection>%s</Collection></VTKFile>' % ''.join(entries))
     last, first = converted(path('all.pvd')), converted(path('all.pvd'), '--time', '0')
     if not np.array_equal(last[2]['heat'], mesh[2]['heat']) or not np.allclose(first[2]['heat'], mesh[2]['heat'] - 2):
         return 'not the step that was asked for'
@@ -142,7 +146,8 @@ def loads(*arguments):
 
 
 def nested_case():
-    """Blocks in blocks, pieces without names, an empty block; a collection that names that file: --block takes a block as a whole."""
+    """Blocks in blocks, pieces without names, an empty block; a collection that names that file: --block takes a block
+    as a whole."""
     mesh = tet_mesh(200)
     load, x = mesh[3]['load'], mesh[0][mesh[1]].mean(axis=1)[:, 0]
     masks = [x < 0.25, (x >= 0.25) & (x < 0.5), (x >= 0.5) & (x < 0.75), x >= 0.75]
@@ -160,9 +165,11 @@ def nested_case():
     writer.SetFileName(path('nested.vtm'))
     assert writer.Write()
     save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, masks[0]), 'first.vtu')
-    write('nested.pvd', '<VTKFile type="Collection"><Collection><DataSet timestep="0" part="0" file="first.vtu"/>'
-          '<DataSet timestep="1e-1" group="" part="0" file="nested.vtm"/><DataSet timestep="0.1" part="1" file="%s"/></Collection></VTKFile>'
-          % path('./first.vtu'))
+    write(
+        'nested.pvd', '<VTKFile type="Collection"><Collection><DataSet timestep="0" part="0" file="first.vtu"/>'
+        '<DataSet timestep="1e-1" group="" part="0" file="nested.vtm"/><DataSet timestep="0.1" part="1" file="%s"/>'
+        '</Collection></VTKFile>'
+        % path('./first.vtu'))
     wanted = {(): masks, ('--block', 'Fluid'): masks[:2], ('--block', 'b'): masks[1:2],
               ('--block', 'Fluid/a'): masks[:1],
               ('--block', 'Solid'): masks[2:]}
@@ -203,15 +210,19 @@ def different_arrays_case():
         save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, region == i + 1, {name: mesh[2]['heat']}),
              'piece%d.vtu' % i)
     save(vtk.vtkXMLUnstructuredGridWriter(), vtk.vtkUnstructuredGrid(), 'empty.vtu')
-    write('mixed.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><PPoints>'
-          '<PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="empty.vtu"/><Piece Source="piece0.vtu"/><Piece Source="piece1.vtu"/></PUnstructuredGrid></VTKFile>')
+    write(
+        'mixed.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><PPoints>'
+        '<PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="empty.vtu"/><Piece '
+        'Source="piece0.vtu"/><Piece Source="piece1.vtu"/></PUnstructuredGrid></VTKFile>'
+    )
     got, said = loads('mixed.pvtu')
     reader = vtk.vtkXMLPUnstructuredGridReader()
     reader.SetFileName(path('mixed.pvtu'))
     reader.Update()
     theirs, ours = reader.GetOutput().GetNumberOfCells(), len(got)
     good = got == sorted(mesh[3]['load']) and "'only_second', 'only_first'" in said and theirs == ours
-    return None if good and sorted(read('converted.vtu')[2]) == sorted(mesh[2]) else '%d of %d: %s' % (ours, theirs, said)
+    return (None if good and sorted(read('converted.vtu')[2]) == sorted(mesh[2]) else '%d of %d: %s' %
+            (ours, theirs, said))
 
 
 def different_structured_case():
@@ -232,7 +243,8 @@ def different_structured_case():
 
 
 def other_cells(polyhedra):
-    """A column of a hexahedron, a wedge beside it, a pyramid on it and a tetrahedron on that; as polyhedra or themselves."""
+    """A column of a hexahedron, a wedge beside it, a pyramid on it and a tetrahedron on that; as polyhedra or
+    themselves."""
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
                        (2, 0, 0),
                        (2, 0, 1), (.5, .5, 2), (1.5, .5, 2)], float)
@@ -271,7 +283,8 @@ def other_cells_case(polyhedra, mode):
         return 'centres'
     faces = np.sort(t[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     uses = np.unique(faces, axis=0, return_counts=True)[1]
-    return None if (uses == 1).sum() == 2 * 4 + 2 * 2 + 2 + 3 + 3 and uses.max() == 2 else 'faces do not match: %s' % uses
+    return (None if
+            (uses == 1).sum() == 2 * 4 + 2 * 2 + 2 + 3 + 3 and uses.max() == 2 else 'faces do not match: %s' % uses)
 
 
 def quadratic_grid():
@@ -318,7 +331,8 @@ def subdivide_case():
     if uses.max() > 2 or (uses == 1).sum() != 4 * 6 + 2 * 6 + 2 * 4 + 3 * 4 + 3 * 4:
         return '%d boundary faces' % (uses == 1).sum()
     p, t, f, c = converted(name)
-    return None if len(p) == 12 and len(t) == 6 + 3 + 2 + 1 else 'corners only: %d points, %d tetrahedra' % (len(p), len(t))
+    return (None if len(p) == 12 and len(t) == 6 + 3 + 2 + 1 else 'corners only: %d points, %d tetrahedra' %
+            (len(p), len(t)))
 
 
 def average_case():
@@ -345,7 +359,8 @@ def clean_case():
     tets = np.array([(0, 1, 2, 3), (4, 1, 2, 3), (0, 1, 2, 5), (1, 5, 2, 6), (2, 3, 1, 0)])
     name = save(vtk.vtkXMLUnstructuredGridWriter(),
                 vtk_mesh(points, tets, {'heat': points @ [1, 2, 3.0]}, {'id': np.arange(5)}), 'in.vtu')
-    kept, welded, near = converted(name), converted(name, '--weld', '0', '--drop-degenerate'), converted(name, '--weld', '0.01')
+    kept, welded, near = converted(name), converted(name, '--weld', '0',
+                                                    '--drop-degenerate'), converted(name, '--weld', '0.01')
     if len(kept[0]) != 7 or len(kept[1]) != 5:
         return 'without options all is kept'
     if len(near[0]) != 6 or len(welded[0]) != 6 or list(welded[3]['id']) != [0, 3]:
@@ -385,7 +400,8 @@ def crowded_case():
 def equal_values_case():
     """What is welded: equal places and equal values, where -0 is 0."""
     random = np.random.default_rng(7)
-    corner, heat = np.array([(0, 0, 0), (9, 0, 0), (0, 9, 0), (0, 0, 9)])[np.arange(4000) % 4], random.integers(-1, 2, 4000) * 0.5
+    corner, heat = np.array([(0, 0, 0), (9, 0, 0), (0, 9, 0),
+                             (0, 0, 9)])[np.arange(4000) % 4], random.integers(-1, 2, 4000) * 0.5
     points, heat[heat == 0] = (corner + random.integers(-1, 2, (4000, 3))) * -1.0, -0.0
     heat[::3] += 0.0
     name = save(vtk.vtkXMLUnstructuredGridWriter(),

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""build --keep-features: levels have as many maxima and minima of the persistence as the original, which are counted here
-(feature_judge.py) on the level as it is extracted."""
+"""build --keep-features: levels have as many maxima and minima of the persistence as the original, which are counted
+here (feature_judge.py) on the level as it is extracted."""
 import os
 import sys
 
@@ -43,7 +43,8 @@ def bites():
     _, corners, fields, _ = read('level.vtu')
     persistence = 0.1 * (values.max() - values.min())
     found = counts(None, corners, fields['p'].astype(float), persistence)
-    report('without the option the coarsest level has others', found != counts(points, tets, values, persistence), found)
+    report('without the option the coarsest level has others', found != counts(points, tets, values, persistence),
+           found)
 
 
 def deterministic():

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""--local-bound: a field that bounds the error of another one at every point. That `verify` refuses one that is too small is tested by the
-attack (tests/attack), which seals such streams."""
+"""--local-bound: a field that bounds the error of another one at every point. That `verify` refuses one that is too
+small is tested by the attack (tests/attack), which seals such streams."""
 import json
 
 from common import CONFIG, case, fails, finish, info, must, path, report, tetlod
@@ -31,7 +31,8 @@ def holds(sample, *options):
 
 
 def describes():
-    """Its range is 0 to the largest; what people read names it and does not count it among the fields that nothing holds."""
+    """Its range is 0 to the largest; what people read names it and does not count it among the fields that nothing
+    holds."""
     field = info('fin.tetlod')['fields'][-1]
     top = max(level['errors']['Pressure']['max'] for level in info('fin.tetlod')['levels'])
     width = 1 / (info('fin.tetlod')['fields'][0]['range'][1] - info('fin.tetlod')['fields'][0]['range'][0])
@@ -40,7 +41,8 @@ def describes():
         return field
     text = must('info', 'fin.tetlod').stdout.decode()
     said = tetlod('extract', 'fin.tetlod', '--error', '1%', '-o', 'level.vtu').stderr.decode()
-    good = 'bounds the error of Pressure' in text and '2 fields that are not controlled' in text and 'how far off Pressure is at most' in said
+    good = ('bounds the error of Pressure' in text and '2 fields that are not controlled' in text
+            and 'how far off Pressure is at most' in said)
     return None if good else (text, said)
 
 
@@ -50,8 +52,8 @@ def values(level):
 
 
 def bounds_vertices():
-    """Where a level has a vertex at the place of one of the original's, the difference there is no more than it says; the largest is what the
-    level is certified for: no more, and no less by more than a step."""
+    """Where a level has a vertex at the place of one of the original's, the difference there is no more than it says;
+    the largest is what the level is certified for: no more, and no less by more than a step."""
     points, _, fields = read_vtu('fin.vtu')
     original = {tuple(p): value for p, value in zip(points.tolist(), fields['Pressure'].astype(float))}
     low, high = info('fin.tetlod')['fields'][0]['range']
@@ -68,18 +70,20 @@ def bounds_vertices():
 
 
 def changes_nothing_else():
-    """Levels have the same tetrahedra and values as without it, and the same errors, but for `max`: it is that of the bounds as they are rounded
-    up, which does not pass a round error."""
+    """Levels have the same tetrahedra and values as without it, and the same errors, but for `max`: it is that of the
+    bounds as they are rounded up, which does not pass a round error."""
     must('build', 'fin.vtu', '-o', 'plain.tetlod', '--field', 'Pressure')
     for plain, level in zip(info('plain.tetlod')['levels'], info('fin.tetlod')['levels'], strict=True):
         errors, others = dict(level['errors']['Pressure']), dict(plain['errors']['Pressure'])
         more, most = errors.pop('max'), others.pop('max')
-        if errors != others or not most <= more <= most + 1 / 32768 or any(most <= named < more for named in (.05, .02, .01, .005, .002, .001, .0005, .0001)):
+        if (errors != others or not most <= more <= most + 1 / 32768
+                or any(most <= named < more for named in (.05, .02, .01, .005, .002, .001, .0005, .0001))):
             return level, plain
     for name in ('plain', 'fin'):
         must('extract', name + '.tetlod', '--error', '1%', '-o', name + '-level.vtu')
     with_it, without = read_vtu('fin-level.vtu'), read_vtu('plain-level.vtu')
-    same = (with_it[0] == without[0]).all() and (with_it[1] == without[1]).all() and all((with_it[2][name] == without[2][name]).all() for name in without[2])
+    same = ((with_it[0] == without[0]).all() and (with_it[1] == without[1]).all() and all(
+        (with_it[2][name] == without[2][name]).all() for name in without[2]))
     return None if same and set(with_it[2]) - set(without[2]) == {'Pressure bound'} else (set(with_it[2]),
                                                                                           set(without[2]))
 
@@ -110,7 +114,8 @@ def of_a_scalar():
     """The one component of a scalar is the scalar itself."""
     must('build', 'fin.vtu', '-o', 'component.tetlod', '--local-bound', '--field', 'Pressure:0')
     fields = {field['name']: (field['controlled'], field.get('bounds')) for field in info('component.tetlod')['fields']}
-    return None if fields['Pressure'][0] and fields['Pressure bound'][1] == 'Pressure' and 'Pressure:0' not in fields else fields
+    return (None if fields['Pressure'][0] and fields['Pressure bound'][1] == 'Pressure' and 'Pressure:0' not in fields
+            else fields)
 
 
 def memory():

@@ -36,8 +36,8 @@ def differs_in_files(mesh, name, *options):
 
 
 def holds(sample, *options):
-    """All that verify checks, with the original; more than one group; the same bytes on any number of threads, and where
-    memory is short."""
+    """All that verify checks, with the original; more than one group; the same bytes on any number of threads, and
+    where memory is short."""
     must('sample', *sample, '-o', 'mesh.vtu')
     streams = []
     for threads in ('2',) if SANITIZED else ('1', '2', '3'):
@@ -169,7 +169,8 @@ def volume(points, tets):
 
 
 def is_closed_mesh(points, tets, size):
-    """A cube of that size is filled once: no tetrahedron is turned, and faces are shared by two or lie on a side of it."""
+    """A cube of that size is filled once: no tetrahedron is turned, and faces are shared by two or lie on a side of it.
+    """
     signed = volume(points, tets)
     faces = {}
     for corners in tets.tolist():

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Answers keep the promise: absolute errors of fields in different units, magnitudes and components of vectors, rounding inside the
-limit, and what is said of fields that nothing holds down."""
+"""Answers keep the promise: absolute errors of fields in different units, magnitudes and components of vectors,
+rounding inside the limit, and what is said of fields that nothing holds down."""
 import re
 
 import numpy as np
@@ -116,7 +116,8 @@ def rounding_is_inside():
 def rounding_beyond_the_limit():
     done = tetlod('build', 'input.vtu', '-o', 'x.tetlod', '--field', 'stress:0.1%', '--field-bits', '7')
     said = done.stderr.decode()
-    return None if done.returncode == 2 and 'rounding' in said and '0.39' in said and '0.1 %' in said else (done.returncode, said)
+    return (None if done.returncode == 2 and 'rounding' in said and '0.39' in said and '0.1 %' in said else
+            (done.returncode, said))
 
 
 def which_field():
@@ -136,10 +137,11 @@ def what_is_off():
     worst = max(others, key=others.get)
     said = must('extract', 'one.tetlod', '--error', '1%', '-o', 'level.vtu').stderr.decode()
     certified = re.search(r"stress \u2264 ([\d.]+) % of the range, [-+.e\d]+ in its units \(certified\)", said)
-    measured = dict(re.findall(r"(\w+) about ([\d.]+) % of the range, [-+.e\d]+ in its units \(measured, not controlled\)", said))
-    if not certified or not 1 <= float(certified[1]) / (100 *
-                                                        level['errors']['stress']['max']) < 1.01 or set(measured) != set(others) or \
-            any(not 1 <= float(said) / (100 * others[name]) < 1.01 for name, said in measured.items()):
+    measured = dict(
+        re.findall(r"(\w+) about ([\d.]+) % of the range, [-+.e\d]+ in its units \(measured, not controlled\)", said))
+    if (not certified or not 1 <= float(certified[1]) / (100 * level['errors']['stress']['max']) < 1.01
+            or set(measured) != set(others)
+            or any(not 1 <= float(said) / (100 * others[name]) < 1.01 for name, said in measured.items())):
         return said, worst, others
     lines = must('info', 'one.tetlod').stdout.decode().splitlines()
     row = next(line.split() for line in lines if line.split()[:2] == [str(level['level']), str(level['vertices'])])

@@ -50,7 +50,8 @@ def check_measured(answer, fine, name, said, seed):
     for v, t in zip(chosen, holders({'points': answer['points'], 'tets': answer['tets'][transition]},
                                     fine['points'][chosen])):
         if t >= 0:
-            worst = max(worst, abs(value_at(answer, transition[t], fine['points'][v], name)[0] - fine['point'][name][v, 0]))
+            worst = max(worst,
+                        abs(value_at(answer, transition[t], fine['points'][v], name)[0] - fine['point'][name][v, 0]))
     extent = fine['point'][name].max() - fine['point'][name].min()
     assert worst / extent <= said * (1 + 1e-4) + 1e-9, (worst / extent, said)
     return worst / extent
@@ -120,9 +121,10 @@ def test_boxes_at_the_edges():
 
 
 def check_bounds(answer, fine, name, component_count):
-    """A local bound holds at the original's vertices, in all three parts; returns by part how far the field is off at most."""
-    values, bounds, region = answer['point'][name], answer['point'][name + '%20bound'][:,
-                                                                                       0], answer['cell']['Region'][:, 0]
+    """A local bound holds at the original's vertices, in all three parts; returns by part how far the field is off at
+    most."""
+    values, bounds = answer['point'][name], answer['point'][name + '%20bound'][:, 0]
+    region = answer['cell']['Region'][:, 0]
     assert values.shape[1] == component_count
     corners = answer['points'][answer['tets']]
     low, high = corners.min(1), corners.max(1)
@@ -142,7 +144,8 @@ def check_bounds(answer, fine, name, component_count):
 
 
 def test_local_bounds():
-    """Of several fields, one of them a vector: true in the transition, too, where vertices of several levels meet; and the server's are the same."""
+    """Of several fields, one of them a vector: true in the transition, too, where vertices of several levels meet; and
+    the server's are the same."""
     tetlod('build', 'fin.vtu', '-o', 'bounds.tetlod', '--field', 'Pressure', '--field', 'Velocity', '--local-bound',
            '--domain-error', '0', '--quiet')
     fine, off = level('bounds.tetlod'), 0
@@ -180,8 +183,8 @@ def test_bodies_that_overlap():
     values = one['point']['Pressure'][:, 0]
     count, extent = len(values), np.ptp(one['points'], axis=0)
     write_vtk(os.path.join(SCRATCH, 'two.vtk'), np.vstack([one['points'], one['points'] + 0.01 * extent]),
-              np.vstack([one['tets'], one['tets'] + count]),
-              {'f': np.append(values, values + 0.04 * np.ptp(values))}, {'Body': np.repeat([0.25, 0.75], len(one['tets']))})
+              np.vstack([one['tets'], one['tets'] + count]), {'f': np.append(values, values + 0.04 * np.ptp(values))},
+              {'Body': np.repeat([0.25, 0.75], len(one['tets']))})
     tetlod('build', 'two.vtk', '-o', 'two.tetlod', '--domain-error', '0', '--local-bound', '--quiet')
     fine = level('two.tetlod')
     for seed in range(3):
@@ -223,7 +226,8 @@ def test_over_http():
         answer = read_vtk(os.path.join(SCRATCH, 'served.vtk'))
         parts = judge(answer, coarse, fine, halves(boxes), 5, False)
         assert head['tetlod-tets'] == str(len(answer['tets'])) and head['tetlod-vertices'] == str(len(answer['points']))
-        assert head['tetlod-transition-tets'] == str(parts[TRANSITION]) and int(head['tetlod-box-level']) > int(head['tetlod-level'])
+        assert (head['tetlod-transition-tets'] == str(parts[TRANSITION])
+                and int(head['tetlod-box-level']) > int(head['tetlod-level']))
         check_measured(answer, level('fixed.tetlod'), 'Pressure',
                        float(head['tetlod-transition-error'].split('measured=')[1]), 5)
         tetlod('extract', 'fixed.tetlod', '--error', '5%', '--box-error', '0.2%', *map(option, boxes), '-o',

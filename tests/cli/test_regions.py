@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Regions: at every level the interface of two materials is the original's, conforming, each region has its volume, and no tetrahedron is in
-the wrong one."""
+"""Regions: at every level the interface of two materials is the original's, conforming, each region has its volume, and
+no tetrahedron is in the wrong one."""
 import json
 
 import numpy as np
@@ -28,7 +28,8 @@ def waves(size):
     points, tets = block(size)
     upper = (points[tets][:, :, 2].min(1) >= 0.5).astype(np.int32)
     x, y, z = points.T
-    points = np.stack([x, y, z + 0.15 * np.sin(5 * x) * np.cos(4 * y) * np.minimum(1, 2 * (1 - z)) * np.minimum(1, 4 * z)], 1)
+    points = np.stack(
+        [x, y, z + 0.15 * np.sin(5 * x) * np.cos(4 * y) * np.minimum(1, 2 * (1 - z)) * np.minimum(1, 4 * z)], 1)
     return points, tets, upper
 
 

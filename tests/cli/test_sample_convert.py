@@ -44,8 +44,10 @@ def samples():
 
 def series():
     done = tetlod('sample', 'wake', '--steps', '3', '--size', '4', '-o', path('wake.pvd'))
-    report('sample --steps: a PVD file and a file of each step', done.returncode == 0 and not done.stderr and
-           all(os.path.exists(path('wake_%d.vtu' % i)) for i in range(3)) and not os.path.exists(path('wake_3.vtu')), done)
+    report(
+        'sample --steps: a PVD file and a file of each step', done.returncode == 0 and not done.stderr
+        and all(os.path.exists(path('wake_%d.vtu' % i)) for i in range(3)) and not os.path.exists(path('wake_3.vtu')),
+        done)
     done = tetlod('convert', path('wake.pvd'), '--time', '1', '-o', path('second.vtu'))
     report('convert reads a step of it', b'0.5' in done.stderr, done)
     steps = [read_vtu(name) for name in ('wake_0.vtu', 'second.vtu', 'wake_2.vtu')]
@@ -57,17 +59,18 @@ def names_in_xml():
     """Names with what XML reserves, in every XML that is written: of files, of fields, of streams."""
     name = 'a&b<"c>\''
     done = tetlod('sample', 'wake', '--steps', '2', '--size', '4', '-o', path(name + '.pvd'))
-    parts = [part.get('file') for part in ElementTree.parse(path(name +
-                                                                 '.pvd')).iter('DataSet')] if done.returncode == 0 else done
+    parts = ([part.get('file')
+              for part in ElementTree.parse(path(name + '.pvd')).iter('DataSet')] if done.returncode == 0 else done)
     report('a PVD file names its parts as XML wants it', parts == ['%s_%d.vtu' % (name, i) for i in range(2)], parts)
     built = tetlod('build', path(name + '.pvd'), '-o', path(name + '.tetlod'), '--quiet')
     report('and is read again', built.returncode == 0, built)
     done = tetlod('sample', 'wake', '--steps', '2', '--size', '4', '-o', path('a\1.pvd'))
     report('a name that XML cannot hold is refused', done.returncode == 2 and b'XML' in done.stderr, done)
     with open(path('names.vtk'), 'w') as file:
-        file.write('# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\n'
-                   'CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\nPOINT_DATA 4\nFIELD f 1\na&b<"c>\' 1 4 float\n0 1 2 3\n'
-                   'CELL_DATA 1\nFIELD f 1\nd&e 1 1 float\n5\n')
+        file.write(
+            '# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\n'
+            'CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\nPOINT_DATA 4\nFIELD f 1\na&b<"c>\' 1 4 float\n0 1 2 3\n'
+            'CELL_DATA 1\nFIELD f 1\nd&e 1 1 float\n5\n')
     tetlod('build', path('names.vtk'), '-o', path('names.tetlod'), '--quiet')
     for extension in 'vtu', 'xdmf', 'vtp':
         done = tetlod('extract', path('names.tetlod'), '-o', path('names.' + extension), '--quiet')

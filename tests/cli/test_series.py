@@ -85,7 +85,10 @@ def plot_case():
     picture = open(path('steps.svg')).read()
     curves = [(kind, [tuple(map(float, pair.split(','))) for pair in points.split()])
               for kind, points in re.findall(r'class="(\w+)"[^>]*points="([^"]*)"', picture)]
-    promises = [float(y) for y in re.findall(r'<line x1="90.0" y1="([0-9.]+)" x2="950.0"[^>]*stroke="#(?:0072b2|d55e00)"', picture)]
+    promises = [
+        float(y)
+        for y in re.findall(r'<line x1="90.0" y1="([0-9.]+)" x2="950.0"[^>]*stroke="#(?:0072b2|d55e00)"', picture)
+    ]
     if [kind for kind, _ in curves] != ['rms', 'sampled'] * 2 or len(promises) != 2 or '>5 %<' not in picture:
         return picture
     for (_, rms), (_, sampled), promise in zip(curves[::2], curves[1::2], promises):
@@ -122,7 +125,8 @@ def few_keys_case():
 
 
 def memory_case():
-    """Ten times as many steps take no more memory, on any number of threads: nothing of a step is kept, no temporary file is mapped."""
+    """Ten times as many steps take no more memory, on any number of threads: nothing of a step is kept, no temporary
+    file is mapped."""
     if CONFIG != 'release':
         return None
     must('sample', 'wake', '--size', '4', '--steps', str(STEPS), '-o', path('few.pvd'))
@@ -138,7 +142,8 @@ def memory_case():
 
 
 def temporary_case():
-    """Temporary files are in TMPDIR: a folder that is not there is named; one that has no files without a name is left empty."""
+    """Temporary files are in TMPDIR: a folder that is not there is named; one that has no files without a name is left
+    empty."""
     build = ['build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '5%', '--quiet', '-o']
     done = tetlod(*build, path('none.tetlod'), env=dict(os.environ, TMPDIR=path('missing')))
     if done.returncode != 1 or 'missing' not in done.stderr.decode() or 'TMPDIR' not in done.stderr.decode():
@@ -165,7 +170,8 @@ def files_case():
     wrong = tetlod('verify', path('some.tetlod'), '--against', path('wake.pvd'), '--times', '4:10:3')
     swapped = [names[0], names[2], names[1]] + names[3:]
     other = tetlod('verify', path('files.tetlod'), *[word for name in swapped for word in ('--against', name)])
-    good = '3 steps' in said and some['steps'] == 3 and wrong.returncode == 3 and other.returncode == 3 and b'step 1: ' in other.stderr
+    good = ('3 steps' in said and some['steps'] == 3 and wrong.returncode == 3 and other.returncode == 3
+            and b'step 1: ' in other.stderr)
     return None if good and 'series' in info(path('files.tetlod')) else (said, some, wrong, other)
 
 
@@ -232,7 +238,8 @@ def own_error_case():
 
 
 def own_range_case():
-    """A field that fades: with --range step each step is within the error of its own range, else only of that over all."""
+    """A field that fades: with --range step each step is within the error of its own range, else only of that over all.
+    """
     from vtk.util.numpy_support import numpy_to_vtk
     grid, names = read_grid('wake_0.vtu'), []
     pressure = read_vtu('wake_0.vtu')[2]['Pressure'].astype(np.float64)
@@ -306,7 +313,8 @@ def moving_case(dtype):
     against = [word for name in names for word in ('--against', name)]
     checked = must('verify', path('moving.tetlod'), *against).stdout.decode()
     series = info(path('moving.tetlod'))['series']
-    if "'point_displacement' says how far" not in said or 'of points that move, which turns over 0' not in checked or series['displacement'] != 'point_displacement':
+    if ("'point_displacement' says how far" not in said or 'of points that move, which turns over 0' not in checked
+            or series['displacement'] != 'point_displacement'):
         return said, checked, series
     width = np.diff(next(field['range'] for field in series['fields'] if field['name'] == 'point_displacement'))[0]
     rounded = 0
@@ -314,7 +322,8 @@ def moving_case(dtype):
         wanted = read_vtu(os.path.basename(name))
         exact, _ = step('moving.tetlod', '--step', str(number), '--original-order')
         off = np.abs(exact[0].astype(np.float64) - wanted[0])
-        if exact[0].dtype != dtype or off.max() > 2.0 ** -52 * np.abs(wanted[0]).max() or exact[2]['Pressure'].tobytes() != wanted[2]['Pressure'].tobytes():
+        if (exact[0].dtype != dtype or off.max() > 2.0**-52 * np.abs(wanted[0]).max()
+                or exact[2]['Pressure'].tobytes() != wanted[2]['Pressure'].tobytes()):
             return 'step %d is not the input' % number, off.max()
         rounded += np.count_nonzero(off)
         near, about = step('moving.tetlod', '--step', str(number), '--error', '1%')
@@ -330,7 +339,8 @@ def moving_case(dtype):
 
 
 def shaking_case(offset, amplitude):
-    """Points that move by little, far from the origin: what rounding to float32 adds is in the errors that are stored."""
+    """Points that move by little, far from the origin: what rounding to float32 adds is in the errors that are stored.
+    """
     from vtk.util.numpy_support import numpy_to_vtk
     must('sample', 'fin', '--size', '10', '-o', path('rest.vtu'))
     (points, cells, _), moved = read_vtu('rest.vtu'), []
@@ -346,7 +356,8 @@ def shaking_case(offset, amplitude):
          path('shaking.tetlod'))
     stream, corners = client.open(path('shaking.tetlod')), moved[0][cells]
     width = np.ptp([moved[number] - moved[0] for number in range(4)])
-    low, high, inverse = corners.min(1), corners.max(1), np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    low, high, inverse = corners.min(1), corners.max(1), np.linalg.inv(
+        (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     for band in '5%', '1%', '0.1%':
         for number in range(1, 4):
             level = stream.at(number, band)
@@ -360,7 +371,8 @@ def shaking_case(offset, amplitude):
                 weights = inverse[tet] @ (at - corners[tet, 0])
                 off = np.abs(np.append(1 - weights.sum(), weights) @ moved[number][cells[tet]] - place).max()
                 if off > error * width * (1 + 1e-6) + 1e-11 * offset:
-                    return 'step %d in the band of %s: a point is %.9g off, and %.9g is promised' % (number, band, off, error * width)
+                    return 'step %d in the band of %s: a point is %.9g off, and %.9g is promised' % (number, band, off,
+                                                                                                     error * width)
     return None
 
 

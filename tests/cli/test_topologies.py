@@ -36,7 +36,8 @@ def info_case():
             file.write(data[group['offset']:group['offset'] + group['bytes']])
         part = info(path('part.tetlod'))
         ranges = {field['name']: field['range'] for field in part['series']['fields']}
-        if part['cid'] != group['cid'] or part['series']['steps'] != group['steps'] or ranges['Pressure'] != all_of_them:
+        if (part['cid'] != group['cid'] or part['series']['steps'] != group['steps']
+                or ranges['Pressure'] != all_of_them):
             return 'a group is another stream: %s' % part['series']
     shown = must('info', path('changes.tetlod')).stdout.decode()
     return None if shown.count('\ntopology ') == 3 and 'steps 6 to 6' in shown else shown

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What verify says of good streams and of the wrong input, and that every field has a maximum where it is asked for. That verify
-refuses figures that are wrong is tested by the attack (tests/attack), which seals such streams."""
+"""What verify says of good streams and of the wrong input, and that every field has a maximum where it is asked for.
+That verify refuses figures that are wrong is tested by the attack (tests/attack), which seals such streams."""
 import json
 import struct
 import sys
@@ -22,7 +22,8 @@ def all_levels():
 def names_levels():
     found = json.loads(must('verify', 'fin.tetlod', '--against', MESH, '--json').stdout)
     levels = len(info('fin.tetlod')['levels'])
-    return None if found['ok'] and found['measured_levels'] == levels and found['exact_levels'] == list(range(levels)) else found
+    return (None if found['ok'] and found['measured_levels'] == levels and found['exact_levels'] == list(range(levels))
+            else found)
 
 
 def another_input():

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs in pvpython: plugin, stream, its URL, series, its URL, folder for pictures. Prints tetrahedra and points at three errors, and what
-steps in time hold, of the file and of the server; pictures where there is a display."""
+"""Runs in pvpython: plugin, stream, its URL, series, its URL, folder for pictures. Prints tetrahedra and points at
+three errors, and what steps in time hold, of the file and of the server; pictures where there is a display."""
 import inspect
 import os
 import sys
@@ -46,8 +46,11 @@ for percent in (5, 1):
         for time in (times[0], times[3] + 1e-6, times[-1] + 1):
             source.UpdatePipeline(time)
             low, high = source.PointData['Pressure'].GetRange()
-            print('step', percent, repr(time), source.GetDataInformation().GetNumberOfCells(), repr(low), repr(high),
-                  Fetch(source).GetInformation().Get(source.GetClientSideObject().GetOutputDataObject(0).DATA_TIME_STEP()))
+            print(
+                'step', percent, repr(time),
+                source.GetDataInformation().GetNumberOfCells(), repr(low), repr(high),
+                Fetch(source).GetInformation().Get(
+                    source.GetClientSideObject().GetOutputDataObject(0).DATA_TIME_STEP()))
 print('times', times)
 if pictures:
     Hide(file, view)

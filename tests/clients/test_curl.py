@@ -43,8 +43,10 @@ def test_c_programs():
     if subprocess.run(['pkg-config', '--exists', 'libcurl']).returncode:
         return 'libcurl is not installed'
     for name in ('fetch', 'refine', 'callback'):
-        shell("cc -std=c11 -Wall -Wextra -Werror -I'%s/format' '%s/%s.c' '%s' $(pkg-config --cflags --libs libcurl) -lm -o %s" %
-              (ROOT, EXAMPLES, name, os.path.join(os.path.dirname(TETLOD), 'libtetlod.a'), name))
+        shell(
+            "cc -std=c11 -Wall -Wextra -Werror -I'%s/format' '%s/%s.c' '%s' $(pkg-config --cflags --libs libcurl) -lm "
+            "-o %s"
+            % (ROOT, EXAMPLES, name, os.path.join(os.path.dirname(TETLOD), 'libtetlod.a'), name))
     said = shell("'%s' extract fin.tetlod --error 1%% -o wanted.vtu 2>&1" % TETLOD)
     level, vertices, tets = re.search(r'level (\d+) of \S+ (\d+) vertices, (\d+) tetrahedra', said).groups()
     wanted = 'level %s: %s vertices, %s tetrahedra' % (level, vertices, tets)

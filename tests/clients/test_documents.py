@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The commands and the Python of the documents run as they stand, in order; the references name what there is, all of it."""
+"""The commands and the Python of the documents run as they stand, in order; the references name what there is, all of
+it."""
 import ast
 import glob
 import json
@@ -95,13 +96,19 @@ def test_http_guide():
     page, folder = text('server/HTTP.md'), place('http')
     shell('tetlod sample fin --size 12 -o fin.vtu && tetlod build fin.vtu --field Pressure -o fin.tetlod --quiet',
           folder)
-    shell('tetlod sample wake --size 6 --steps 3 -o run.pvd && tetlod build run.pvd --field Pressure -o run.tetlod --quiet', folder)
+    shell(
+        'tetlod sample wake --size 6 --steps 3 -o run.pvd && tetlod build run.pvd --field Pressure -o run.tetlod '
+        '--quiet',
+        folder)
     with Server(os.path.join(folder, 'fin.tetlod'), os.path.join(folder, 'run.tetlod')) as server:
         said = follow(page, folder, server.url)
     names, heads = set(re.findall(r'`(Tetlod-[A-Za-z]+)`', page)), [text for text in said if text.startswith('HTTP/')]
     assert len(names) == 8 and len(heads) == 2 and all('303 See Other' in head for head in heads), heads
-    assert all(name in heads[1] for name in names) and all(name in heads[0] for name in names - {'Tetlod-Band', 'Tetlod-Step', 'Tetlod-Topology', 'Tetlod-Time'}), heads
-    assert os.path.getsize(os.path.join(folder, 'step.vtu')) > 1000 and os.path.getsize(os.path.join(folder, 'step.part')) > 1000
+    assert (all(name in heads[1] for name in names)
+            and all(name in heads[0]
+                    for name in names - {'Tetlod-Band', 'Tetlod-Step', 'Tetlod-Topology', 'Tetlod-Time'})), heads
+    assert (os.path.getsize(os.path.join(folder, 'step.vtu')) > 1000
+            and os.path.getsize(os.path.join(folder, 'step.part')) > 1000)
     assert 'levels 0 to' in shell('tetlod info part.tetlod',
                                   folder) and os.path.getsize(os.path.join(folder, 'begin.tetlod')) == 20001
     assert json.loads(said[-1])['status'] == 400 and os.path.getsize(os.path.join(folder, 'near.vtu')) > 10000
@@ -112,8 +119,9 @@ def test_http_guide():
 
 
 def test_c_reference():
-    named = set(re.findall(r'`(tetlod_\w+)`', text('client-examples/c/REFERENCE.md'))) - {'tetlod_status',
-                                                                                          'tetlod_error', 'tetlod_build.h'}
+    named = set(re.findall(r'`(tetlod_\w+)`', text('client-examples/c/REFERENCE.md'))) - {
+        'tetlod_status', 'tetlod_error', 'tetlod_build.h'
+    }
     declared = set(re.findall(r'TETLOD_API [^;{]*?\b(tetlod_\w+)\s*\(',
                               text('format/tetlod.h') + text('src/library/tetlod_build.h')))
     assert named == declared, named ^ declared
@@ -129,8 +137,8 @@ def test_python_reference():
     for name, module in (('Stream', '_stream'), ('Mesh', '_mesh')):
         tree = ast.parse(text(os.path.join(package, module + '.py')))
         body = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name).body
-        public |= {n.name for n in body if isinstance(n,
-                                                      ast.FunctionDef)} | {n.target.id for n in body if isinstance(n, ast.AnnAssign)}
+        public |= {n.name for n in body if isinstance(n, ast.FunctionDef)
+                   } | {n.target.id for n in body if isinstance(n, ast.AnnAssign)}
     missing = [name for name in public if not name.startswith('_') and not re.search(r'`[^`]*\b%s\b' % name, page)]
     assert not missing, missing
     code = ''.join(re.findall(r'```python\n(.*?)```', page, re.S))
@@ -142,9 +150,12 @@ def test_python_reference():
 
 
 def test_lines():
-    """Documents can be read in a terminal: lines of text end at 300 characters, lines of the pages for users at 200 or so."""
-    pages = [path for path in glob.glob(os.path.join(ROOT, '**/*.md'),
-                                        recursive=True) if 'node_modules' not in path and '/build/' not in path[len(ROOT):]]
+    """Documents can be read in a terminal: lines of text end at 300 characters, lines of the pages for users at 200 or
+    so."""
+    pages = [
+        path for path in glob.glob(os.path.join(ROOT, '**/*.md'), recursive=True)
+        if 'node_modules' not in path and '/build/' not in path[len(ROOT):]
+    ]
     long = ['%s:%d' % (os.path.relpath(path, ROOT), number) for path in pages for number,
             line in enumerate(open(path, encoding='utf-8'), 1)
             if len(line) > 300 and not line.startswith('|') and not path.endswith('PROOF.md')]

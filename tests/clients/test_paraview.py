@@ -39,8 +39,8 @@ def test_plugin():
     assert done.returncode == 0 and len(found) == 6, done.stdout
     for percent, cells, points, fields in found:
         mesh = tetlod.read(stream, error=percent + '%')
-        assert (int(cells), int(points)) == (len(mesh.tets),
-                                             len(mesh.points)) and fields == str(sorted(mesh.fields)), (percent, cells, points, fields)
+        assert ((int(cells), int(points)) == (len(mesh.tets), len(mesh.points))
+                and fields == str(sorted(mesh.fields))), (percent, cells, points, fields)
     assert "fields ['Pressure']" in done.stdout, done.stdout
     check_steps(tetlod.open(series), done.stdout)
     if not os.environ.get('DISPLAY'):

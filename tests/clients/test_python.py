@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Python package: both decoders, every source, the meshes of other packages, building, types, doctests, the notebook."""
+"""The Python package: both decoders, every source, the meshes of other packages, building, types, doctests, the
+notebook."""
 import contextlib
 import ctypes
 import doctest
@@ -179,8 +180,9 @@ def test_server():
                     pass
                 assert same(mesh, wanted) and stream._source.requests == 1
                 assert reports[-1] == (wanted_bytes(wanted), wanted_bytes(wanted))
-                assert stream.refine() and stream._source.requests == 2 and same(stream.mesh,
-                                                                                 tetlod.open(FIN).seek(wanted.level + 1).mesh)
+                assert (stream.refine() and stream._source.requests == 2
+                        and same(stream.mesh,
+                                 tetlod.open(FIN).seek(wanted.level + 1).mesh))
                 assert np.array_equal(stream.mesh.tets, tetlod.read(FIN, level=wanted.level + 1).tets)
                 assert stream.seek(0).level == 0 and stream._source.requests == 2
         assert same(tetlod.read(server.url + 'view/fin#field=Pressure', error=0.01), wanted)
@@ -245,7 +247,8 @@ def test_cells_cut_off():
                 warnings.simplefilter('always')
                 warnings.simplefilter('ignore', ResourceWarning)
                 found = tetlod.read(whole[:size], decoder=decoder)
-            assert found.level == level and list(found.cells) == held and 'two' not in found.cells and 'values of cells' in str(warned[0].message)
+            assert (found.level == level and list(found.cells) == held and 'two' not in found.cells
+                    and 'values of cells' in str(warned[0].message))
             wanted = tetlod.read(whole, level=level, decoder=decoder)
             assert np.array_equal(wanted.points,
                                   found.points) and all(np.array_equal(wanted.cells[name],
@@ -261,8 +264,8 @@ def test_cells():
     tetlod.build(mesh.points, mesh.tets, mesh.fields, cells={'material': material}, output=made, program=TETLOD,
                  field='Pressure')
     level = tetlod.read(made, error=0.02)
-    assert list(level.cells) == ['material'] and set(level.cells['material']) == {0,
-                                                                                  1} and level.cells['material'].dtype.kind == 'i'
+    assert (list(level.cells) == ['material'] and set(level.cells['material']) == {0, 1}
+            and level.cells['material'].dtype.kind == 'i')
     assert level.to_meshio().cell_data['material'][0].shape == (len(level.tets),)
     assert level.to_vtk().GetCellData().GetArray('material').GetNumberOfTuples() == len(level.tets)
     with Server(made) as server:
@@ -304,9 +307,10 @@ def test_series():
                            value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
                 command('extract', path, '--time', repr(time), *options, '-o', os.path.join(SCRATCH, 'step.vtu'))
                 points, tets, fields = read_vtu('step.vtu')
-                assert np.array_equal(points, a.points) and np.array_equal(tets,
-                                                                           a.tets) and fields.keys() == a.fields.keys(), path
-                assert all(fields[name].tobytes() == a.fields[name].astype(fields[name].dtype).tobytes() for name in fields), (path, time)
+                assert (np.array_equal(points, a.points) and np.array_equal(tets, a.tets)
+                        and fields.keys() == a.fields.keys()), path
+                assert all(fields[name].tobytes() == a.fields[name].astype(fields[name].dtype).tobytes()
+                           for name in fields), (path, time)
         for name in meshes[0].fields:
             raises(ValueError, 'read-only', a.fields[name].__setitem__, 0, 1.0)
         assert list(tetlod.open(path, fields=[name]).at(0).fields) == [name]
@@ -321,7 +325,8 @@ def test_series():
             with mock.patch.multiple(tetlod._sources, FIRST=2048,
                                      CHUNK=2048):  # the table of steps needs none of the levels
                 stream = tetlod.open(static, decoder=decoder)
-                assert len(stream.times) == 12 and len(stream._source.data) < stream.levels[-1].bytes / 2, len(stream._source.data)
+                assert (len(stream.times) == 12
+                        and len(stream._source.data) < stream.levels[-1].bytes / 2), len(stream._source.data)
 
 
 def refused_steps(made):
@@ -387,7 +392,8 @@ def test_build():
     for source in ((mesh,), (mesh.points, mesh.tets, mesh.fields), (mesh.to_meshio(),), (mesh.to_vtk(),)):
         data = tetlod.build(*source, **pressure)
         stream = tetlod.open(data)
-        assert [f.name for f in stream.fields if f.controlled] == ['Pressure'] and np.array_equal(canonical(tetlod.read(data)), wanted)
+        assert ([f.name for f in stream.fields if f.controlled] == ['Pressure']
+                and np.array_equal(canonical(tetlod.read(data)), wanted))
     out = os.path.join(SCRATCH, 'made.tetlod')
     assert tetlod.build(mesh.points, mesh.tets, {'Pressure': mesh.fields['Pressure'].astype('f4')}, output=out,
                         max_error=0.1, **pressure) is None
@@ -415,7 +421,8 @@ def test_build_by_library():
                          min_tets=len(mesh.tets) // 2, keep_order=True, field_bits=16)):
         wanted = tetlod.build(*arrays, cells=cells, program=TETLOD, **options)
         phases = []
-        text = wanted[wanted.index(b'{"program":'):].decode('latin-1')  # a byte each; the metadata end where the object does
+        # a byte each; the metadata end where the object does
+        text = wanted[wanted.index(b'{"program":'):].decode('latin-1')
         metadata = text[:json.JSONDecoder().raw_decode(text)[1]].encode('latin-1').decode()
         made = tetlod.build(*arrays, cells=cells, metadata=metadata,
                             progress=lambda phase, done: phases.append((phase, done)), **options)
@@ -425,8 +432,8 @@ def test_build_by_library():
                          'encode'][-len(order):] and len(order) >= (2 if 'certify' in options else 3), (options, phases)
         assert all(0 <= done <= 1 for _, done in phases)
     out = os.path.join(SCRATCH, 'by_library.tetlod')
-    assert tetlod.build(mesh, output=out,
-                        max_error=0.1) is None and len(tetlod.read(out).tets) == len(mesh.tets) and not os.path.exists(out + '.part')
+    assert (tetlod.build(mesh, output=out, max_error=0.1) is None and len(tetlod.read(out).tets) == len(mesh.tets)
+            and not os.path.exists(out + '.part'))
     raises(InterruptedError, 'cancelled', tetlod.build, mesh, progress=lambda phase, done: False)
     raises(ZeroDivisionError, 'division', tetlod.build, mesh, progress=lambda phase, done: 1 / 0)
     raises(ValueError, "'T'", tetlod.build, mesh, field='T')
@@ -457,10 +464,13 @@ def test_pyvista():
 
 def test_structs_are_those_of_the_header():
     """Sizes and places of members as a C compiler lays them out."""
-    pairs = {'tetlod_error': _library.CError, 'tetlod_source': _library.CSource, 'tetlod_field': _library.CField,
-             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_band': _library.CBand, 'tetlod_series_info': _library.CSeriesInfo,
-             'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh, 'tetlod_build_array': _build_library.CArray,
-             'tetlod_build_mesh': _build_library.CMesh, 'tetlod_build_options': _build_library.COptions}
+    pairs = {
+        'tetlod_error': _library.CError, 'tetlod_source': _library.CSource, 'tetlod_field': _library.CField,
+        'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_band': _library.CBand,
+        'tetlod_series_info': _library.CSeriesInfo, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh,
+        'tetlod_build_array': _build_library.CArray, 'tetlod_build_mesh': _build_library.CMesh,
+        'tetlod_build_options': _build_library.COptions
+    }
     lines = ['printf("%%zu\\n", sizeof(struct %s));' % name for name in pairs]
     wanted = [ctypes.sizeof(struct) for struct in pairs.values()]
     for name, struct in pairs.items():
@@ -469,7 +479,10 @@ def test_structs_are_those_of_the_header():
             wanted.append(getattr(struct, member).offset)
     source, program = os.path.join(SCRATCH, 'layout.c'), os.path.join(SCRATCH, 'layout')
     with open(source, 'w') as file:
-        file.write('#include <stddef.h>\n#include <stdio.h>\n#include "src/library/tetlod_build.h"\nint main(void)\n{\n%s\nreturn 0;\n}\n' % '\n'.join(lines))
+        file.write(
+            '#include <stddef.h>\n#include <stdio.h>\n#include "src/library/tetlod_build.h"\nint '
+            'main(void)\n{\n%s\nreturn 0;\n}\n'
+            % '\n'.join(lines))
     subprocess.run(['cc', '-I' + ROOT, source, '-o', program], check=True)
     assert [int(n) for n in subprocess.check_output([program]).split()] == wanted
 
@@ -487,8 +500,9 @@ def test_documents():
                  'grid': with_names(mesh)}
         os.environ['TETLOD'] = TETLOD
         for block in blocks:
-            code = block.replace('http://127.0.0.1:8080/', server.url).replace('https://example.org/data/fin.tetlod',
-                                                                             '%sv1/meshes/fin/%s/stream' % (server.url, tetlod.open(FIN).info.cid))
+            code = block.replace('http://127.0.0.1:8080/', server.url).replace(
+                'https://example.org/data/fin.tetlod',
+                '%sv1/meshes/fin/%s/stream' % (server.url, tetlod.open(FIN).info.cid))
             with contextlib.redirect_stdout(io.StringIO()):
                 exec(compile(code if HAS_PYVISTA else re.sub('.*to_pyvista.*', '', code), 'README.md', 'exec'), names)
         with open(os.path.join(PACKAGE, 'tetlod.ipynb')) as file:
@@ -519,6 +533,9 @@ def test_types():
 
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '--field', 'Pressure', '-o', FIN)
-run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices,
-     test_local_sources, test_arrays_are_safe, test_cut_off, test_cells_cut_off,
-     test_server, test_cells, test_series, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])
+run([
+    test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices, test_local_sources,
+    test_arrays_are_safe, test_cut_off, test_cells_cut_off, test_server, test_cells, test_series,
+    test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista,
+    test_structs_are_those_of_the_header, test_documents, test_types
+])

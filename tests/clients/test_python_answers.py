@@ -66,7 +66,8 @@ def test_assert_same():
         raises(AssertionError, ('Pressure', 'largest', 'beyond', 'near ('), assert_same, FIN, b, 'Pressure', '0.5%')
     found = difference(mesh, other, 'Pressure')
     wanted = 0.01 * np.ptp(mesh.fields['Pressure'])
-    assert found['verdict'] == 'measured' and found['max']['lower'] - 1e-6 < wanted < found['max']['upper'] + 1e-6, found
+    assert (found['verdict'] == 'measured'
+            and found['max']['lower'] - 1e-6 < wanted < found['max']['upper'] + 1e-6), found
     raises(ValueError, ("no field 'nope'",), assert_same, FIN, other, 'nope', 1)
     limits = os.path.join(SCRATCH, 'limits')
     for line, fails in (('Density 0.1%', False), ('Velocity 0.1% rms', False), ('Pressure 0.5%', True)):

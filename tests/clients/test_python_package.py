@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Python package installs into a clean environment without a network, from the tree, from its sdist and as a wheel."""
+"""The Python package installs into a clean environment without a network, from the tree, from its sdist and as a wheel.
+"""
 import glob
 import os
 import shutil
@@ -61,7 +62,10 @@ def main():
     step('and so does the wheel', run(*pip, '--force-reinstall', *OFFLINE, wheel))
     with open(os.path.join(ROOT, 'format', 'tetlod.h')) as header:
         version = header.read().split('TETLOD_VERSION_STRING "')[1].split('"')[0]
-    done = run(python, '-c', 'import tetlod, importlib.metadata as m; assert tetlod.__version__ == m.version("tetlod") == %r' % version, cwd=SCRATCH)
+    done = run(
+        python, '-c',
+        'import tetlod, importlib.metadata as m; assert tetlod.__version__ == m.version("tetlod") == %r' % version,
+        cwd=SCRATCH)
     step('its version is that of the library', done)
     finish()
 

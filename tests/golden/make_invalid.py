@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""make_invalid.py: writes tests/golden/invalid, streams that every decoder refuses, from the golden ones beside it. Run from the root.
+"""make_invalid.py: writes tests/golden/invalid, streams that every decoder refuses, from the golden ones beside it. Run
+from the root.
 
 verdicts.txt has a line for each: its name, `open` if the index alone shows it or `decode` if not, and why."""
 import os
@@ -43,15 +44,16 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None, content=b'', unpacked=0):
     """A further section behind all others, empty or of some bytes."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'PCEL',
-                                                                                   'TOPO', 'PAGE'))  # those of these streams that are early
+    late = sum(s['stored'] for s in tetlod.open(data).sections
+               if s['tag'] not in ('META', 'CELL', 'PCEL', 'TOPO', 'PAGE'))  # those of these streams that are early
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked,
                         tetlod.digest(content))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
     data = data[:at] + struct.pack('<I', count) + data[at + 4:end] + entry + data[end:] + content
     total = int.from_bytes(data[32:40], 'little') + 48 + len(content)
-    return sealed(data[:20] + struct.pack('<II', size + 48, size + 48) + data[28:32] + struct.pack('<Q', total) + data[40:])
+    return sealed(data[:20] + struct.pack('<II', size + 48, size + 48) + data[28:32] + struct.pack('<Q', total) +
+                  data[40:])
 
 
 def reframed(data, level, part, change):
@@ -73,7 +75,8 @@ def cases():
     yield 'required_feature', 'open', 'a required feature that is not known', put(ONE, 12, 'I', 2)
     yield 'reserved', 'open', 'a reserved field is not 0', put(ONE, 56, 'I', 1)
     yield 'header_check', 'open', 'the check of the header', ONE[:60] + bytes([ONE[60] ^ 1]) + ONE[61:]
-    yield 'content_id', 'open', 'the content id is not that of the index', ONE[:40] + bytes(16) + bytes(4) + tetlod.digest(ONE[:40] + bytes(20))[:4] + ONE[64:]
+    yield 'content_id', 'open', 'the content id is not that of the index', ONE[:40] + bytes(16) + bytes(
+        4) + tetlod.digest(ONE[:40] + bytes(20))[:4] + ONE[64:]
     yield 'too_long', 'open', 'a byte follows the end', ONE + b'\0'
     yield 'no_tetrahedra', 'open', 'tetrahedra of the original: 0', put(ONE, 72, 'Q', 0)
     yield 'many_vertices', 'open', '2^32 vertices', put(ONE, 64, 'Q', 1 << 32)
@@ -84,27 +87,32 @@ def cases():
     yield 'error_negative', 'open', 'a negative error', put(GRID, row + 24, 'd', -1.0)
     yield 'error_grows', 'open', 'an error greater than that of the level before', put(GRID, row + 24, 'd', INFINITY)
     yield 'frame_size', 'open', 'frames do not add up to the size of the stream', put(GRID, frames, 'Q', 5)
-    yield 'expansion', 'open', 'a level with more vertices than go with the bytes of its frame', put(ONE, level_of(ONE, 0), 'Q', 1 << 20)
+    yield 'expansion', 'open', 'a level with more vertices than go with the bytes of its frame', put(
+        ONE, level_of(ONE, 0), 'Q', 1 << 20)
     yield 'two_names', 'open', 'two fields of one name', renamed(GRID, tetlod.open(GRID).fields[1]['name'].encode())
     yield 'name_long', 'open', 'a name of 256 bytes', renamed(GRID, b'n' * 256)
     yield 'section_tag', 'open', 'a tag of small letters', section(ONE, b'abcd', 0)
     yield 'section_flag', 'open', 'a flag that is not known', section(ONE, b'XABC', 8)
-    yield 'section_offset', 'open', 'a section that does not begin where the one before ends', section(ONE, b'XABC', 0, 1)
+    yield 'section_offset', 'open', 'a section that does not begin where the one before ends', section(
+        ONE, b'XABC', 0, 1)
     yield 'section_critical', 'open', 'a critical section XABC that is not known', section(ONE, b'XABC', 1)
     yield 'section_twice', 'open', 'ORDR twice', section(KEPT, b'ORDR', 0)
     yield 'cells_early', 'open', 'values of cells before level 0', section(ONE, b'CVAL', 2)
     yield 'cells_many', 'open', 'more values of cells than fields', section(CELLS, b'CVAL', 0)
     yield 'frame_digest', 'decode', 'a byte of the last frame is changed', KEPT[:tetlod.open(KEPT).frames[1][0][0]] + \
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
-    yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0,
-                                                                                        lambda frame: bytes(255 - b for b in frame))
+    yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(
+        GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
     yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0,
                                                                                     lambda frame: bytes(len(frame)))
-    yield 'coder_start', 'decode', 'a string of the range coder that begins with 2^32 - 1', section(ONE, b'XABC', 4, None, b'\1\0\0' + b'\xff' * 4, 100)
+    yield 'coder_start', 'decode', 'a string of the range coder that begins with 2^32 - 1', section(
+        ONE, b'XABC', 4, None, b'\1\0\0' + b'\xff' * 4, 100)
     exact = len(tetlod.open(STEPS).levels) - 1
-    yield 'coder_quotient', 'decode', 'plain bits that are more than there is room for', reframed(STEPS, exact, 1, overflowing)
+    yield 'coder_quotient', 'decode', 'plain bits that are more than there is room for', reframed(
+        STEPS, exact, 1, overflowing)
     tail = len(tetlod.open(NOISE).levels) - 1
-    yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(NOISE, tail, 2, lambda frame: b'\xfe' * len(frame))
+    yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(
+        NOISE, tail, 2, lambda frame: b'\xfe' * len(frame))
     yield 'tail_near', 'decode', 'a component that is near twice', reframed(NOISE, tail, 2,
                                                                             lambda frame: b'\xc0\xf0' + frame[2:])
     yield 'time_early', 'open', 'steps in time before level 0', section(ONE, b'TIME', 2)
@@ -116,7 +124,8 @@ def cases():
     yield 'time_field', 'decode', 'steps of a field that is not there', retimed(16, 'I', 2)
     yield 'time_bands', 'decode', 'bands whose errors do not fall', retimed(16 + 48 + 16, 'd', 0.5)
     yield 'time_level', 'decode', 'a band of a level that is not there', retimed(16 + 48 + 32 + 8, 'Q', 99)
-    yield 'time_exact', 'decode', 'a band of error 0 at a level that has not all vertices', retimed(16 + 48 + 32 + 8, 'Q', 13)
+    yield 'time_exact', 'decode', 'a band of error 0 at a level that has not all vertices', retimed(
+        16 + 48 + 32 + 8, 'Q', 13)
     yield 'time_quantum', 'decode', 'a grid with a step that is negative', retimed(16 + 48 + 48, 'd', -1.0)
     yield 'time_falls', 'decode', 'times that fall', retimed(16 + 48 + 48 + 48 + 16, 'd', 0.5)
     yield 'time_frame', 'decode', 'a frame of another size than its section has', retimed(16 + 48 + 48 + 48 + 72, 'I',
@@ -124,8 +133,10 @@ def cases():
     yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f',
                                                                                        NAN)
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
-    yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
-    yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\x60' * len(group))
+    yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(
+        lambda group: bytes(255 - b for b in group))
+    yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(
+        lambda group: b'\x60' * len(group))
     sizes = 8 + 5 * 24
     yield 'cell_steps_early', 'open', 'steps of cells before level 0', section(ONE, b'CTIM', 2)
     yield 'cell_steps_twice', 'open', 'CTIM twice', section(HEAT, b'CTIM', 0)
@@ -139,7 +150,8 @@ def cases():
     yield 'cell_steps_order', 'decode', 'a cell field that has steps twice', cells_retimed(8 + 24, 'Q', 0)
     yield 'cell_steps_range', 'decode', 'steps of cells without a range', cells_retimed(16, 'd', INFINITY)
     yield 'cell_steps_first', 'decode', 'a frame of the first step of cells', cells_retimed(sizes, 'Q', 1)
-    yield 'cell_steps_frame', 'decode', 'a frame of cells of another size than its section', cells_retimed(sizes + 8, 'Q', 5)
+    yield 'cell_steps_frame', 'decode', 'a frame of cells of another size than its section', cells_retimed(
+        sizes + 8, 'Q', 5)
     yield ('cell_steps_digest', 'decode', 'a group of cells\' steps with another digest',
            cells_retimed(sizes + 5 * 88, '16s', bytes(16)))
     yield ('cell_steps_mode', 'decode', 'a step of cells of the fourth mode',
@@ -149,11 +161,15 @@ def cases():
     yield 'topologies_one', 'open', 'one topology group, which needs no table', regrouped(0, 'I', 1)
     yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 32, 'I', 0)
     yield 'topologies_times', 'open', 'steps of topology groups whose times fall', regrouped(4 + 3 * 32 + 8, 'd', -1.0)
-    yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(4 + 2 * 32 + 8, 'Q', 64)
+    yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(
+        4 + 2 * 32 + 8, 'Q', 64)
     yield 'topologies_alone', 'open', 'a table of topology groups without their streams', section(ONE, b'TOPO', 2)
-    yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(4 + 32 + 16, '16s', bytes(16))
-    yield 'topologies_table', 'decode', 'a topology group of other steps than its own table says', regrouped(4, 'I', 1, 4 + 32, 'I', 3)
-    yield 'topologies_still', 'open', 'topology groups without steps in the first one', retagged(MESHES, b'TIME', b'XIME')
+    yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(
+        4 + 32 + 16, '16s', bytes(16))
+    yield 'topologies_table', 'decode', 'a topology group of other steps than its own table says', regrouped(
+        4, 'I', 1, 4 + 32, 'I', 3)
+    yield 'topologies_still', 'open', 'topology groups without steps in the first one', retagged(
+        MESHES, b'TIME', b'XIME')
     yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
     yield 'parents_and_cells', 'open', 'PCEL and CELL', section(PARENTS, b'CELL', 2, 0)
     yield 'parents_twice', 'open', 'PMAP twice', section(PARENTS, b'PMAP', 0)
@@ -231,7 +247,8 @@ def cases():
 
 
 def overflowing(frame):
-    """A frame of STEPS with the greatest code that leads to plain bits near its end: the quotient is too large for them."""
+    """A frame of STEPS with the greatest code that leads to plain bits near its end: the quotient is too large for
+    them."""
     found = []
 
     class Noticing(tetlod.Coder):
@@ -395,7 +412,8 @@ def longer_index(rest):
     with open(os.path.join(FOLDER, 'grid_float32.tetlod'), 'rb') as file:
         data = file.read()
     size, total = (int.from_bytes(data[at:at + length], 'little') for at, length in ((20, 4), (32, 8)))
-    return sealed(data[:20] + struct.pack('<I', size + len(rest)) + data[24:32] + struct.pack('<Q', total + len(rest)) + data[40:64 + size] + rest + data[64 + size:])
+    return sealed(data[:20] + struct.pack('<I', size + len(rest)) + data[24:32] + struct.pack('<Q', total + len(rest)) +
+                  data[40:64 + size] + rest + data[64 + size:])
 
 
 def main():

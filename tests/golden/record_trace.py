@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a decoder reads for a stream's first record of a vertex that has tetrahedra, operation by operation: the example of SPEC 14."""
+"""What a decoder reads for a stream's first record of a vertex that has tetrahedra, operation by operation: the example
+of SPEC 14."""
 import math
 import os
 import sys

@@ -92,8 +92,8 @@ def check_topologies(path):
         for band in range(len(series.bands)):
             for step in range(len(series.times)):
                 values = series.seek(band, step)[1].values()
-                found.append(hashlib.sha256(b''.join(np.ascontiguousarray(v,
-                                                                          '<f8').tobytes() for v in values)).hexdigest())
+                found.append(
+                    hashlib.sha256(b''.join(np.ascontiguousarray(v, '<f8').tobytes() for v in values)).hexdigest())
         if found != open(name + '.steps').read().split():
             return False
     return len(stream.topologies) == 3

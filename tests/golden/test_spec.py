@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The hexadecimal examples of format/SPEC.md are the bytes of the files that they name, and the steps those that a decoder does."""
+"""The hexadecimal examples of format/SPEC.md are the bytes of the files that they name, and the steps those that a
+decoder does."""
 import os
 import re
 
@@ -23,7 +24,8 @@ path, steps = re.search(r'<!-- example: steps of (\S+) -->\n```steps\n(.*?)```',
 stream = tetlod.open(os.path.join(ROOT, path))
 coder, models, wrong = tetlod.Coder(stream.seen_most), {}, 0
 for line in steps.splitlines():
-    what, name, number, wanted, state = re.fullmatch(r'(\w+)(?:\(([a-z]\w*(?:\[\d+\])?)?(?:, )?(\d*)\))? +(\d*) +(\w{8} \w{8})', line).groups()
+    what, name, number, wanted, state = re.fullmatch(
+        r'(\w+)(?:\(([a-z]\w*(?:\[\d+\])?)?(?:, )?(\d*)\))? +(\d*) +(\w{8} \w{8})', line).groups()
     if what == 'start':
         coder.start(stream.frame(0, 0))
     elif what == 'bit':

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The invalid streams are refused, by both decoders and where verdicts.txt says; no changed byte keeps a content id; a small file cannot
-ask for much memory."""
+"""The invalid streams are refused, by both decoders and where verdicts.txt says; no changed byte keeps a content id; a
+small file cannot ask for much memory."""
 import os
 import random
 import resource
@@ -90,19 +90,23 @@ def check_bomb():
 
 def limits():
     """What a limit of SPEC 2.3 is about, streams at it and beyond it, and words of what is said about the latter."""
-    data, packed, values = read('grid_float32.tetlod'), b'\1\0\0' + bytes(97), b'levels of more than their bytes can hold'
-    index = [sealed(data[:24] + struct.pack('<I',
-                                            (1 << 16) + 3 * int.from_bytes(data[20:24],
-                                                                           'little') + over) + data[28:]) for over in (0, 1)]
+    data, packed, values = read(
+        'grid_float32.tetlod'), b'\1\0\0' + bytes(97), b'levels of more than their bytes can hold'
+    index = [
+        sealed(data[:24] + struct.pack('<I', (1 << 16) + 3 * int.from_bytes(data[20:24], 'little') + over) + data[28:])
+        for over in (0, 1)
+    ]
     yield 'the packed index', *index, b'contradicts itself'
     for what, tag, size in (('a packed section', b'XABC', 6400), ('a packed table', b'TIME', 65836)):
-        yield what, *(crafted([(8, 1, 20, 8)], 1, [(tag, 4, packed, size + over)]) for over in (0, 1)), b'impossible size of section'
+        yield what, *(crafted([(8, 1, 20, 8)], 1, [(tag, 4, packed, size + over)])
+                      for over in (0, 1)), b'impossible size of section'
     yield 'many packed sections', *(crafted([(8, 1, 20, 8)], 1,
                                             [(b'XABC', 4, b'\1\0\0' + bytes(9997),
                                               640000 + over)] * 20) for over in (0, 1)), b'impossible size of section'
     yield 'vertices', *(crafted([(5024 + over, 1, 1000, 2000)]) for over in (0, 1)), values
     yield 'values', *(crafted([(5024, 1, 1000, 80128 - over)], 64) for over in (0, 1)), values
-    yield 'levels', *(crafted([(40000 + k, 1, 9744 if k == 0 else 1, 0) for k in range(count)], 0) for count in (104, 330)), b'more levels than go with'
+    yield 'levels', *(crafted([(40000 + k, 1, 9744 if k == 0 else 1, 0) for k in range(count)], 0)
+                      for count in (104, 330)), b'more levels than go with'
     tables = [still_steps(1024 + over) for over in (0, 1)]
     yield 'steps', *(crafted([(4095, 1, 768, 768)], 1,
                              [(b'TIME', 0, table, len(table)),
@@ -179,12 +183,14 @@ def check_invalid():
         path = os.path.join(GOLDEN, 'invalid', name + '.tetlod')
         data = read(os.path.join('invalid', name + '.tetlod'))
         shown, verified = command('info', path), command('verify', path)
-        good = verified.returncode == 3 and (shown.returncode == 3) == (when == 'open') and opens(data) == (when == 'decode') and decode(data, True) is None
+        good = (verified.returncode == 3 and (shown.returncode == 3) == (when == 'open')
+                and opens(data) == (when == 'decode') and decode(data, True) is None)
         report('refused, %s: %s' % (when, why.strip()), good, (shown.returncode, verified.returncode, verified.stderr))
 
 
 def check_exact_band():
-    """A band of error 0 below the finest level is refused as such: the original order counts more vertices than it has."""
+    """A band of error 0 below the finest level is refused as such: the original order counts more vertices than it has.
+    """
     path = os.path.join(ROOT, 'tests', 'fuzz', 'corpus', 'reader', 'exact_band_below_the_original')
     said = command('verify', path).stderr
     try:
@@ -197,7 +203,8 @@ def check_exact_band():
 
 
 def check_forged():
-    """10,000 changed streams: none decodes under the content id of what it was made from, as it is or with its checks renewed."""
+    """10,000 changed streams: none decodes under the content id of what it was made from, as it is or with its checks
+    renewed."""
     dice, kept, tried = random.Random(12), [], 0
     for name in ('one_tet', 'grid_float32', 'kept_order'):
         data = read(name + '.tetlod')

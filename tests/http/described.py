@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Holds answers against the description that server/api/describe.py makes: the status, every header and every member of an answer must be described there."""
+"""Holds answers against the description that server/api/describe.py makes: the status, every header and every member of
+an answer must be described there."""
 import json
 import os
 import re
@@ -72,7 +73,8 @@ def any_refusal(where, status):
 
 
 def answer_of_path(where, path, status):
-    """The description of an answer to GET. What a range is of, and what has not changed, has the headers of the whole, too."""
+    """The description of an answer to GET. What a range is of, and what has not changed, has the headers of the whole,
+    too."""
     answers = DOCUMENT['paths'][path]['get']['responses']
     if str(status) not in answers:
         return any_refusal(where, status)
@@ -155,4 +157,5 @@ def check_parameters(where, path, target):
     """What an answer heeds is described. (The catalogue and the pages heed none.)"""
     known = {resolve(one)['name'] for one in DOCUMENT['paths'][path]['get'].get('parameters', [])}
     for name in urllib.parse.parse_qs(target.partition('?')[2], keep_blank_values=True):
-        assert '{id}' not in path or path.startswith('/view/') or name in known, '%s: the parameter %s is not described' % (where, name)
+        assert ('{id}' not in path or path.startswith('/view/')
+                or name in known), '%s: the parameter %s is not described' % (where, name)

@@ -26,7 +26,8 @@ PATIENCE = float(os.environ.get('PATIENCE', '300'))
 
 
 class Headers:
-    """Headers of an answer by lower-case name, with all values of each. A header that is taken by its name must be there once."""
+    """Headers of an answer by lower-case name, with all values of each. A header that is taken by its name must be
+    there once."""
 
     def __init__(self, pairs):
         self.values = {}
@@ -68,9 +69,9 @@ class Server:
         command = [TETLOD, 'serve', *(['--listen', listen] if listen else []), *map(str, arguments)]
         self.log_path = os.path.join(SCRATCH, 'server-%d.log' % time.monotonic_ns())
         self.log = open(self.log_path, 'wb')
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log,
-                                        env=dict(os.environ, **(environment or {})),
-                                        preexec_fn=descriptors and (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (descriptors, descriptors))))
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=self.log, env=dict(os.environ, **(environment or {})),
+            preexec_fn=descriptors and (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (descriptors, descriptors))))
         self.url = self.process.stdout.readline().decode().strip()
         if not self.url:
             self.process.wait()
@@ -110,8 +111,9 @@ class Server:
         return socket.create_connection(self.address, timeout=PATIENCE)
 
     def get(self, path, method='GET', **headers):
-        """One request of its own connection: status, headers, body. The answer is held against the description. Underscores
-        become dashes. A server with a short time-out may shut a connection before a busy machine has asked: it is asked again."""
+        """One request of its own connection: status, headers, body. The answer is held against the description.
+        Underscores become dashes. A server with a short time-out may shut a connection before a busy machine has asked:
+        it is asked again."""
         end = time.monotonic() + PATIENCE
         while True:
             try:
@@ -184,16 +186,19 @@ def eventually(condition):
 
 
 def answers(received):
-    """Status, headers and body of the answers that a client would find in these bytes. The body of every refusal is checked."""
+    """Status, headers and body of the answers that a client would find in these bytes. The body of every refusal is
+    checked."""
     found = []
     while head := re.match(rb'HTTP/1\.[01] (\d{3}) .*?\r\n\r\n', received, re.S):
         status = int(head[1])
         headers = Headers(line.split(': ', 1) for line in head[0].decode('latin-1').split('\r\n')[1:-2])
         rest = received[head.end():]
-        if status >= 400 and 'content-type' not in headers:  # libmicrohttpd's own: it may send the head twice, and ends the connection
+        # libmicrohttpd's own: it may send the head twice, and ends the connection
+        if status >= 400 and 'content-type' not in headers:
             assert not rest or b'<html>' in rest or rest == head[0], (status, received)
             return found + [(status, headers, rest)]
-        to_head = not rest or rest.startswith(b'HTTP/1.')  # an answer to HEAD has the length of a body that does not come
+        # an answer to HEAD has the length of a body that does not come
+        to_head = not rest or rest.startswith(b'HTTP/1.')
         body = b'' if to_head else rest[:int(headers.get('content-length', 0))]
         received = rest[len(body):]
         if status >= 400 and body:
@@ -217,7 +222,8 @@ def statuses(received):
 
 def run(tests):
     failed = 0
-    forgotten = {name for name in vars(sys.modules['__main__']) if name.startswith('test_')} - {test.__name__ for test in tests}
+    forgotten = {name for name in vars(sys.modules['__main__']) if name.startswith('test_')
+                 } - {test.__name__ for test in tests}
     assert not forgotten, forgotten
     tests = [test for test in tests if os.environ.get('ONLY', '') in test.__name__]
     for number, test in enumerate(tests, 1):

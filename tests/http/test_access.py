@@ -44,7 +44,8 @@ def test_any_elsewhere():
     with Server(FOLDER, listen='0.0.0.0:0') as server:
         for path in PATHS:
             head = server.get(path, Origin='http://elsewhere', Host='anything.example')[1]
-            assert head['access-control-allow-origin'] == head['timing-allow-origin'] == '*' and head['cross-origin-resource-policy'] == 'cross-origin'
+            assert (head['access-control-allow-origin'] == head['timing-allow-origin'] == '*'
+                    and head['cross-origin-resource-policy'] == 'cross-origin')
             for name in ('ETag', 'Content-Range', 'Server-Timing', 'Location') + OWN:
                 assert name in head['access-control-expose-headers'].split(', '), name
 
@@ -54,7 +55,8 @@ def test_named_origins():
         for origin in ('https://a.example', 'http://b.example:8000'):
             assert allowed(server, origin) == origin
             head = server.get('/v1/meshes', 'OPTIONS', Origin=origin, Access_Control_Request_Method='GET')[1]
-            assert 'GET' in head['access-control-allow-methods'] and 'Range' in head['access-control-allow-headers'] and int(head['access-control-max-age']) > 0
+            assert ('GET' in head['access-control-allow-methods'] and 'Range' in head['access-control-allow-headers']
+                    and int(head['access-control-max-age']) > 0)
         for origin in ('http://a.example', 'https://a.example.evil', 'https://a.example:1', 'null', ''):
             assert allowed(server, origin) is None, origin
             assert 'Origin' in server.get('/healthz', Origin=origin)[1]['vary']
@@ -126,20 +128,27 @@ def test_token():
     none = ({}, {'Authorization': 'Basic ' + SECRET}, {'Cookie': 'tetlod_token=' + SECRET},
             {'Cookie': 'xtetlod_token=' + SECRET})
     with Server(FOLDER, '--token', path, '--metrics', '127.0.0.1:0', '--access-log', '--base-path', '/x/') as server:
-        for asked, many in [(asked, none) for asked in PATHS + ('/openapi.json', '/x', '/x/')] + [('/v1/meshes', wrong), ('/v1/meshes?token=wrong', ({},)), ('/?token=', ({},))]:
+        for asked, many in [(asked, none)
+                            for asked in PATHS + ('/openapi.json', '/x', '/x/')] + [('/v1/meshes', wrong),
+                                                                                    ('/v1/meshes?token=wrong', ({}, )),
+                                                                                    ('/?token=', ({}, ))]:
             for headers in many:
                 status, head, body = server.get(asked, **headers)
-                assert status == 401 and head['www-authenticate'] == 'Bearer' and SECRET.encode() not in body, (asked, headers, status)
+                assert (status == 401 and head['www-authenticate'] == 'Bearer'
+                        and SECRET.encode() not in body), (asked, headers, status)
         for asked in ('/healthz', '/readyz'):
             assert server.get(asked)[0] == 200
-        assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET)[0] == server.get('/v1/meshes', Authorization='bearer  ' + SECRET)[0] == 200
+        assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET)[0] == server.get(
+            '/v1/meshes', Authorization='bearer  ' + SECRET)[0] == 200
         assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET,
                           Host='proxy.example')[0] == 200  # an attacker has no token
         status, head, _ = server.get('/view/fin?a=1&token=%s&b=2' % SECRET)
-        assert status == 303 and head['location'] == '/x/view/fin?a=1&b=2' and 'HttpOnly' in head['set-cookie'] and 'Path=/x/;' in head['set-cookie'], head
+        assert (status == 303 and head['location'] == '/x/view/fin?a=1&b=2' and 'HttpOnly' in head['set-cookie']
+                and 'Path=/x/;' in head['set-cookie']), head
         assert 'Secure' not in head['set-cookie']
         cookie = head['set-cookie'].split(';')[0]
-        assert server.get('/view/fin?a=1&t%%6fken=%s&&b=2' % SECRET)[1]['location'] == '/x/view/fin?a=1&b=2'  # however the name is written
+        # however the name is written
+        assert server.get('/view/fin?a=1&t%%6fken=%s&&b=2' % SECRET)[1]['location'] == '/x/view/fin?a=1&b=2'
         assert server.get('/x/view/fin', Cookie='other=1; ' + cookie + '; more=2')[0] == 200
         assert server.get('/v1/meshes', Cookie=cookie[:-1])[0] == 401
         status, head, _ = server.get('/v1/meshes/fin/mesh?level=0', Cookie=cookie)
@@ -160,7 +169,8 @@ def test_token():
 
 
 def test_way_in():
-    """What a browser opens leads in, with every base path and every spelling of it, and the cookie goes where the site is."""
+    """What a browser opens leads in, with every base path and every spelling of it, and the cookie goes where the site
+    is."""
     path = write_token('token', SECRET)
     for base, opened in (('/', ('/',)), ('/x/', ('/x', '/x/', '/')), ('/deep/er/', ('/deep/er', '/deep/er/', '/'))):
         for options in ((), ('--secure-cookie',)):
@@ -175,9 +185,11 @@ def test_way_in():
 
 
 def test_cookies_of_several_servers():
-    """A browser keeps one jar for a host, whatever the port: one server's cookie does not shut out from another, nor does its base path."""
+    """A browser keeps one jar for a host, whatever the port: one server's cookie does not shut out from another, nor
+    does its base path."""
     paths = [write_token('token%d' % i, 'secret-%d' % i) for i in range(3)]
-    with Server(FOLDER, '--token', paths[0]) as one, Server(FOLDER, '--token', paths[1]) as two, Server(FOLDER, '--token', paths[2], '--base-path', '/b/') as three:
+    with Server(FOLDER, '--token', paths[0]) as one, Server(FOLDER, '--token', paths[1]) as two, Server(
+            FOLDER, '--token', paths[2], '--base-path', '/b/') as three:
         jar = {}
         for i, server in enumerate((one, two, three)):
             cookie = server.get('/?token=secret-%d' % i,
@@ -206,19 +218,23 @@ def test_the_address_of_metrics():
                             assert status == 200, (asked, status)
                             assert head['Access-Control-Allow-Origin'] == (cors[1] if cors else None)
                         for asked in ('/', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/%s/stream' % cid,
-                                      '/view/fin', '/openapi.json', '/nothing',
-                                      '/v1/meshes/fin/prefix?level=0', '/?token=' + SECRET, '/v1/meshes?token=wrong', 'http://localhost/v1/meshes'):
+                                      '/view/fin', '/openapi.json', '/nothing', '/v1/meshes/fin/prefix?level=0',
+                                      '/?token=' + SECRET, '/v1/meshes?token=wrong', 'http://localhost/v1/meshes'):
                             for method in ('GET', 'HEAD'):
                                 status, head, body = ask(port, asked if asked[0] == 'h' else front + asked, method)
-                                assert status == 404 and 'Set-Cookie' not in head and b'fin' not in body.replace(b'"instance": "./fin', b''), (asked, status, body)
+                                assert (status == 404 and 'Set-Cookie' not in head
+                                        and b'fin' not in body.replace(b'"instance": "./fin', b'')), (asked, status,
+                                                                                                      body)
                     assert ask(port, '/metrics', host='evil.example')[0] == (200 if token else 421)
                     if token:
                         assert server.get('/v1/meshes')[0] == 401
-                        eventually(lambda: b'\ntetlod_requests_total{route="other",status="401"} 1\n' in ask(port, '/metrics')[2])
+                        eventually(lambda: b'\ntetlod_requests_total{route="other",status="401"} 1\n' in ask(
+                            port, '/metrics')[2])
 
 
 def test_wrong_tokens_cost_time():
-    """Each waits for a second, and eight of a client wait at a time: whoever has more is not told whether they are right."""
+    """Each waits for a second, and eight of a client wait at a time: whoever has more is not told whether they are
+    right."""
     path, count = write_token('token', SECRET), 60
     with Server(FOLDER, '--token', path) as server:
         def guess(i):
@@ -246,16 +262,17 @@ def test_wrong_tokens_cost_time():
 
 def test_forwarded_addresses():
     """Behind a trusted proxy the last address that is none of its own counts; anybody else's word is nothing."""
-    for trusted, forwarded, expected in (
-            ([], '1.2.3.4', '127.0.0.1'), (['10.0.0.0/8'], '1.2.3.4', '127.0.0.1'), (['127.0.0.1'], '1.2.3.4',
-                                                                                     '1.2.3.4'),
-            (['127.0.0.0/8', '10.0.0.0/8'], '6.6.6.6, 1.2.3.4 , 10.1.1.1', '1.2.3.4'), (['127.0.0.1'],
-                                                                                        '6.6.6.6, 10.1.1.1', '10.1.1.1'),
-            (['127.0.0.1', '::/0'], 'nonsense, 2001:db8::1', '2001:db8::1'), (['127.0.0.1'], '[2001:db8::1]:80',
-                                                                              '2001:db8::1'), (['127.0.0.1'], '1.2.3.4:99', '1.2.3.4'),
-            (['127.0.0.1'], 'nonsense', '127.0.0.1'), (['127.0.0.1'], '', '127.0.0.1'), (['::ffff:127.0.0.1'],
-                                                                                         '1.2.3.4', '1.2.3.4'),
-            (['127.0.0.1'], '9.9.9.9, ' * 300 + '1.2.3.4', '1.2.3.4'), (['0.0.0.0/0'], '1.1.1.1, 2.2.2.2', '1.1.1.1')):
+    for trusted, forwarded, expected in (([], '1.2.3.4', '127.0.0.1'), (['10.0.0.0/8'], '1.2.3.4', '127.0.0.1'), ([
+            '127.0.0.1'
+    ], '1.2.3.4', '1.2.3.4'), (['127.0.0.0/8', '10.0.0.0/8'], '6.6.6.6, 1.2.3.4 , 10.1.1.1', '1.2.3.4'), ([
+            '127.0.0.1'
+    ], '6.6.6.6, 10.1.1.1', '10.1.1.1'), (['127.0.0.1', '::/0'], 'nonsense, 2001:db8::1', '2001:db8::1'), ([
+            '127.0.0.1'
+    ], '[2001:db8::1]:80', '2001:db8::1'), (['127.0.0.1'], '1.2.3.4:99', '1.2.3.4'), ([
+            '127.0.0.1'
+    ], 'nonsense', '127.0.0.1'), (['127.0.0.1'], '', '127.0.0.1'), (['::ffff:127.0.0.1'], '1.2.3.4', '1.2.3.4'), ([
+            '127.0.0.1'
+    ], '9.9.9.9, ' * 300 + '1.2.3.4', '1.2.3.4'), (['0.0.0.0/0'], '1.1.1.1, 2.2.2.2', '1.1.1.1')):
         options = [word for address in trusted for word in ('--trust-proxy', address)]
         with Server(FOLDER, '--access-log', *options) as server:
             server.get('/healthz', X_Forwarded_For=forwarded)
@@ -281,7 +298,9 @@ def test_forwarded_addresses_and_guesses():
             assert server.get('/v1/meshes', Authorization='Bearer ' + SECRET, X_Forwarded_For='1.2.3.4')[0] == 200
             assert not all(one.done() for one in guesses)
     with Server(FOLDER, '--access-log', '--trust-proxy', '127.0.0.1') as server:
-        server.raw(b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 6.6.6.6\r\nx-forwarded-for: 1.2.3.4\r\nConnection: close\r\n\r\n')
+        server.raw(
+            b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 6.6.6.6\r\nx-forwarded-for: 1.2.3.4\r\nConnection: close\r\n\r\n'
+        )
         assert one_line(server)['remote'] == '1.2.3.4'
 
 
@@ -302,12 +321,14 @@ def test_reload():
     write('# who may read', 'cors https://a.example', '  host\tproxy.example  ', 'cors = https://b.example', '',
           'access-log')
     with Server(FOLDER, '--config', options, '--cors', 'https://c.example') as server:
-        assert [allowed(server, 'https://%s.example' % name) is not None for name in 'abcd'] == [True, True, True, False]
+        assert [allowed(server, 'https://%s.example' % name) is not None
+                for name in 'abcd'] == [True, True, True, False]
         assert server.get('/v1/meshes', Host='proxy.example')[0] == 200
         reload(server, 'cors https://d.example', 'access-log')
         eventually(lambda: allowed(server, 'https://d.example') and
                    server.get('/healthz', Host='proxy.example')[0] == 421)
-        assert [allowed(server, 'https://%s.example' % name) is not None for name in 'abcd'] == [False, False, True, True]
+        assert [allowed(server, 'https://%s.example' % name) is not None
+                for name in 'abcd'] == [False, False, True, True]
         reload(server, 'token ' + token, 'access-log')
         eventually(lambda: server.get('/v1/meshes')[0] in refused)
         assert server.get('/v1/meshes', Authorization='Bearer first')[0] == 200
@@ -367,6 +388,8 @@ os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'],
                cwd=SCRATCH, check=True)
-run([test_none_on_loopback, test_any_elsewhere, test_named_origins, test_host_on_loopback, test_token, test_way_in,
-     test_cookies_of_several_servers,
-     test_the_address_of_metrics, test_wrong_tokens_cost_time, test_forwarded_addresses, test_forwarded_addresses_and_guesses, test_reload, test_reload_under_load])
+run([
+    test_none_on_loopback, test_any_elsewhere, test_named_origins, test_host_on_loopback, test_token, test_way_in,
+    test_cookies_of_several_servers, test_the_address_of_metrics, test_wrong_tokens_cost_time, test_forwarded_addresses,
+    test_forwarded_addresses_and_guesses, test_reload, test_reload_under_load
+])

@@ -35,7 +35,9 @@ def read(data, kind):
 
 def cells_of(data, kind):
     cell_data = read(data, kind).GetCellData()
-    return {cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())}
+    return {
+        cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())
+    }
 
 
 def get(path):
@@ -68,13 +70,14 @@ def test_long_lists():
             assert '+' not in head['location'] and len(head['location']) > 1024, head
             status, _, body = server.get(urllib.parse.urljoin('/v1/meshes/cells_float32/mesh', head['location']))
             assert status == 200 and b'time \xc2\xb5s' in body and (b'material' in body) == ('material' in spelled)
-    assert server.get(base + '/levels/1/mesh.vtu?cells=time+%C2%B5s')[2] == server.get(base +
-                                                                                       '/levels/1/mesh.vtu?cells=time%20%C2%B5s')[2]
+    assert server.get(base + '/levels/1/mesh.vtu?cells=time+%C2%B5s')[2] == server.get(
+        base + '/levels/1/mesh.vtu?cells=time%20%C2%B5s')[2]
     assert server.get(base + '/levels/1/mesh.vtu?cells=time%2B%C2%B5s')[0] == 400  # that is a plus
 
 
 def build_larger():
-    """A stream whose finest level fills half of the least cache: with values of cells that are floats, small and large integers."""
+    """A stream whose finest level fills half of the least cache: with values of cells that are floats, small and large
+    integers."""
     made, given, built = (os.path.join(SCRATCH, name) for name in ('fin.vtu', 'cells.vtu', 'larger.tetlod'))
     subprocess.run([TETLOD, 'sample', 'fin', '--size', '14', '-o', made], check=True)
     reader, writer = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
@@ -103,8 +106,10 @@ def test_larger_than_the_cache():
         finest = '/v1/meshes/larger/%s/levels/%d/mesh.' % (shown['cid'], len(shown['levels']) - 1)
         for query in ('vtu?cells=far', 'vtk?cells=far,part', 'vtu?cells=all', 'vtk?cells=all', 'vtu'):
             (_, whole, expected), (status, head, body) = ample.get(finest + query), small.get(finest + query)
-            assert status == 200 and body == expected and head['server-timing'] == 'cache;desc=none', (query, status, head)
-            assert head['etag'] == whole['etag'] and head['content-length'] == str(len(body)) and 'desc=none' not in whole['server-timing']
+            assert (status == 200 and body == expected
+                    and head['server-timing'] == 'cache;desc=none'), (query, status, head)
+            assert (head['etag'] == whole['etag'] and head['content-length'] == str(len(body))
+                    and 'desc=none' not in whole['server-timing'])
             status, _, part = small.get(finest + query, Range='bytes=300-%d' % (len(body) - 100))
             assert status == 206 and part == body[300:-99], query
 
@@ -120,9 +125,12 @@ def test_redirection():
 def by_corners(data):
     """Values of the tetrahedra, by their corners' coordinates."""
     mesh = read(data, 'vtk')
-    points, rows = vtk_to_numpy(mesh.GetPoints().GetData()), vtk_to_numpy(mesh.GetCells().GetData()).reshape(-1, 5)[:, 1:]
+    points, rows = vtk_to_numpy(mesh.GetPoints().GetData()), vtk_to_numpy(mesh.GetCells().GetData()).reshape(-1, 5)[:,
+                                                                                                                    1:]
     cell_data = mesh.GetCellData()
-    columns = {cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())}
+    columns = {
+        cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())
+    }
     return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()} for i,
             row in enumerate(rows)}
 
@@ -135,7 +143,8 @@ def test_in_boxes():
     for low, high in ((middle - 9, middle + 9), (middle - 9, stream.bounds[0]), (middle + 8, middle + 9),
                       (middle, middle)):
         box = ','.join('%.9g' % x for x in (*low, *high))
-        for corners, values in by_corners(get('%s/levels/2/region.vtk?box_level=%d&box=%s&cells=all' % (base, last, box))).items():
+        for corners, values in by_corners(
+                get('%s/levels/2/region.vtk?box_level=%d&box=%s&cells=all' % (base, last, box))).items():
             part = values.pop('Region')
             checked.append(part)
             assert list(values) == ['strain', 'energy', 'material', 'part', 'element', 'time µs'], list(values)
@@ -159,8 +168,8 @@ def test_tags_differ():
 
 def test_description():
     info = server.json('/v1/meshes/cells_float32')
-    assert [(f['name'], f['type'], f['region']) for f in info['cell_fields']] == [(f['name'], f['type'],
-                                                                                   f['region']) for f in stream.cell_fields]
+    assert [(f['name'], f['type'], f['region']) for f in info['cell_fields']] == [(f['name'], f['type'], f['region'])
+                                                                                  for f in stream.cell_fields]
 
 
 with Server(STREAM) as server:

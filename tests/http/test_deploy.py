@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The configurations in server/deploy, on loopback: failover behind nginx and Varnish, plain files, socket activation."""
+"""The configurations in server/deploy, on loopback: failover behind nginx and Varnish, plain files, socket activation.
+"""
 import contextlib
 import http.client
 import json
@@ -111,7 +112,8 @@ def answers_of(server):
 
 
 def fail_over(start_front, connect):
-    """Loads two servers behind a front, kills one without warning, starts it again, stops the other: nothing is lost."""
+    """Loads two servers behind a front, kills one without warning, starts it again, stops the other: nothing is lost.
+    """
     ports = free_port(), free_port()
     servers = [Server(FOLDER, listen='127.0.0.1:%d' % port) for port in ports]
     described = servers[0].json('/v1/meshes/fin')
@@ -253,11 +255,12 @@ def test_under_a_path():
     with Server(FOLDER) as plain, Server(FOLDER, '--base-path', '/deep/er/') as based:
         assert based.url.endswith('/deep/er/')
         port = free_port()
-        process = start_nginx('paths',
-                              'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off; server { listen 127.0.0.1:%d;\n'
-                              'location /some/prefix/ { proxy_pass http://127.0.0.1:%d/; }\n'
-                              'location /deep/er/ { proxy_pass http://127.0.0.1:%d; }\n'
-                              'location /stripped/ { proxy_pass http://127.0.0.1:%d/; } } }\n' % (port, plain.address[1], based.address[1], based.address[1]))
+        process = start_nginx(
+            'paths', 'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off; server { listen 127.0.0.1:%d;\n'
+            'location /some/prefix/ { proxy_pass http://127.0.0.1:%d/; }\n'
+            'location /deep/er/ { proxy_pass http://127.0.0.1:%d; }\n'
+            'location /stripped/ { proxy_pass http://127.0.0.1:%d/; } } }\n' %
+            (port, plain.address[1], based.address[1], based.address[1]))
         try:
             wait_for_port(port)
             check_under(port, '/some/prefix/')
@@ -303,7 +306,8 @@ def start_varnish(ports, place):
 
 
 def check_tokens(ask, server, from_cache):
-    """What is asked for with a token is never anybody else's, whoever came first; and each client is known by its own address."""
+    """What is asked for with a token is never anybody else's, whoever came first; and each client is known by its own
+    address."""
     at = '/v1/meshes/fin/%s' % cid
     bearer = {'Authorization': 'Bearer the-secret'}
     eventually(lambda: ask('/healthz')[0] == 200)  # the front has seen that the server is well
@@ -314,7 +318,8 @@ def check_tokens(ask, server, from_cache):
                                 (bearer, 200), ({'Authorization': 'Bearer x'}, 401)):
             found, head, body = ask(path, **headers)
             assert found == status and not from_cache(head), (path, headers, found, head)
-            assert status != 200 or path[:11] != '/v1/meshes/' or 'private' in head['Cache-Control'] or 'no-cache' in head['Cache-Control'], head
+            assert (status != 200 or path[:11] != '/v1/meshes/' or 'private' in head['Cache-Control']
+                    or 'no-cache' in head['Cache-Control']), head
     assert ask('/metrics', **bearer)[0] == 404
     ask('/healthz', **{'X-Forwarded-For': '1.2.3.4'})
     eventually(lambda: '"remote": "1.2.3.4"' in server.messages())

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What goes wrong around the server: full disks, descriptors that run out, folders and files that cannot be read, files that change."""
+"""What goes wrong around the server: full disks, descriptors that run out, folders and files that cannot be read, files
+that change."""
 import os
 import random
 import resource
@@ -70,7 +71,8 @@ def test_folder_that_goes_away_for_a_while():
         eventually(lambda: server.json('/readyz')['unreadable'] == 1)
         time.sleep(0.5)
         assert server.json('/v1/meshes/fin')['cid'] == cid
-        assert len([line for line in server.messages().splitlines() if 'symbolic links' in line]) == 1, server.messages()
+        assert len([line for line in server.messages().splitlines()
+                    if 'symbolic links' in line]) == 1, server.messages()
         os.unlink(folder)
         os.rename(aside, folder)
         eventually(lambda: server.json('/readyz')['unreadable'] == 0)
@@ -100,7 +102,8 @@ def test_descriptors_run_out():
 
 
 def test_more_files_than_descriptors():
-    """Files are opened when they are read: 10,000 of them with 1,024 descriptors, beside as many connections as there is room for."""
+    """Files are opened when they are read: 10,000 of them with 1,024 descriptors, beside as many connections as there
+    is room for."""
     files, limit = (10000, 1024) if os.environ.get('CONFIG') == 'release' else (1000, 256)
     folder = folder_of('many', 'f0')
     names = ['f%d' % i for i in range(files)]
@@ -162,8 +165,8 @@ def written_over(stream, place):
 
 
 def test_written_over_with_the_same_size_and_time():
-    """The change time tells; a file whose index is as it was is read whole before it is trusted again: levels, values of cells, steps,
-    and the original order."""
+    """The change time tells; a file whose index is as it was is read whole before it is trusted again: levels, values
+    of cells, steps, and the original order."""
     for stream, place in (('', 40), ('cells_float32', 1), ('series_float32', 1), ('kept_order', 1)):
         written_over(os.path.join(ROOT, 'tests', 'golden', stream + '.tetlod') if stream else MADE, place)
 
@@ -292,8 +295,9 @@ ssize_t pread(int fd, void *out, size_t size, off_t offset)
 
 
 def test_a_file_that_hangs():
-    """Who asks for it waits, and is refused after some seconds. All others are answered: from memory at once, and from files by threads
-    that take the place of those that hang. Stopping is not held up. When the file answers again, so does the server."""
+    """Who asks for it waits, and is refused after some seconds. All others are answered: from memory at once, and from
+    files by threads that take the place of those that hang. Stopping is not held up. When the file answers again, so
+    does the server."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
     flag, folder = os.path.join(SCRATCH, 'hang_read'), folder_of('reads', 'hangs')
@@ -310,7 +314,8 @@ def test_a_file_that_hangs():
         waiting = [server.connect() for _ in range(8)]
         for i, connection in enumerate(waiting):
             path = 'stream' if i % 2 else 'levels/%d/mesh.vtu' % i
-            connection.sendall(b'GET /v1/meshes/hangs/%s/%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (cid.encode(), path.encode()))
+            connection.sendall(
+                b'GET /v1/meshes/hangs/%s/%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (cid.encode(), path.encode()))
         time.sleep(0.3)
         begin = time.monotonic()
         assert all(server.get('/healthz')[0] == 200 for _ in range(24))
@@ -332,7 +337,8 @@ def test_a_file_that_hangs():
         with open(flag, 'w'):
             pass
         with server.connect() as connection:
-            connection.sendall(b'GET /v1/meshes/hangs/%s/records/2-9 HTTP/1.1\r\nHost: localhost\r\n\r\n' % cid.encode())
+            connection.sendall(
+                b'GET /v1/meshes/hangs/%s/records/2-9 HTTP/1.1\r\nHost: localhost\r\n\r\n' % cid.encode())
             time.sleep(0.3)
         begin = time.monotonic()
     assert time.monotonic() - begin < 5 and 'a file does not answer' in server.messages()
@@ -353,7 +359,8 @@ int clock_gettime(clockid_t clock, struct timespec *out)
 
 
 def test_a_clock_that_was_set():
-    """Where the time of day is an hour behind of what it was, scans and time-outs come as they did: they wait by another clock."""
+    """Where the time of day is an hour behind of what it was, scans and time-outs come as they did: they wait by
+    another clock."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
     folder = folder_of('ahead', 'fin')

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Malformed and hostile requests from a seeded grammar (HOSTILE=500000 for many, SEED=n for others), of every path, parameter and
-header that the server heeds: never a crash, a hang, a file outside the catalogue or an answer without the token. Every answer is one
-that HTTP knows, and every refusal is whole. A good request is answered throughout."""
+"""Malformed and hostile requests from a seeded grammar (HOSTILE=500000 for many, SEED=n for others), of every path,
+parameter and header that the server heeds: never a crash, a hang, a file outside the catalogue or an answer without the
+token. Every answer is one that HTTP knows, and every refusal is whole. A good request is answered throughout."""
 import os
 import random
 import re
@@ -24,19 +24,20 @@ KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 411, 413, 414, 4
 LAST = b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n'
 QUIET = 0.2  # seconds for which a connection may say nothing before it is given up
 
-ODD = ['', '..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200,
-       '\x7f', '-1', '0', '1', '7',
-       '99999999999999999999', 'nan', '1e999', '-0', '0x1', '1.5', ',', ';', '"', "'", '<', '{id}', '*', '../secret', '/etc/passwd',
-       '%0d%0aX:%20y', '+', '%2B', '\xe9', '\xc3\xa9', '\x01', '1,2,3', '0,0,0,1,1,1', ',,', 'all', 'Pressure', 'vtu', 'K', '1%', '1%25']
-GOOD = {'format': ['vtu', 'vtk', 'tetlod', 'vtp', 'stl', 'glb'],
-        'fields': ['Pressure', 'Pressure,Velocity', ''], 'field': ['Pressure', 'Velocity:0',
-                                                                   'material'], 'cells': ['all', 'material',
-                                                                                          'part,strain'],
-        'measure': ['max', 'sampled', 'rms', 'predicted'], 'error': ['0', '0.01', '1',
-                                                                     '5%25'], 'abs_error': ['0.1'], 'tets': ['100', '1K'],
-        'bytes': ['9000', '1M'], 'value': ['2',
-                                           '0.5'], 'origin': ['0,0,1'], 'normal': ['0,0,1'], 'box': ['0,0,0,1,1,1', '0,0,0,9,9,9;1,1,1,2,2,2'],
-        'box_error': ['0', '0.1%25'], 'time': ['0.5'], 'token': [TOKEN[:-1], TOKEN + 'x']}
+ODD = [
+    '', '..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200, '\x7f',
+    '-1', '0', '1', '7', '99999999999999999999', 'nan', '1e999', '-0', '0x1', '1.5', ',', ';', '"', "'", '<', '{id}',
+    '*', '../secret', '/etc/passwd', '%0d%0aX:%20y', '+', '%2B', '\xe9', '\xc3\xa9', '\x01', '1,2,3', '0,0,0,1,1,1',
+    ',,', 'all', 'Pressure', 'vtu', 'K', '1%', '1%25'
+]
+GOOD = {
+    'format': ['vtu', 'vtk', 'tetlod', 'vtp', 'stl',
+               'glb'], 'fields': ['Pressure', 'Pressure,Velocity', ''], 'field': ['Pressure', 'Velocity:0', 'material'],
+    'cells': ['all', 'material', 'part,strain'], 'measure': ['max', 'sampled', 'rms', 'predicted'],
+    'error': ['0', '0.01', '1', '5%25'], 'abs_error': ['0.1'], 'tets': ['100', '1K'], 'bytes': ['9000', '1M'],
+    'value': ['2', '0.5'], 'origin': ['0,0,1'], 'normal': ['0,0,1'], 'box': ['0,0,0,1,1,1', '0,0,0,9,9,9;1,1,1,2,2,2'],
+    'box_error': ['0', '0.1%25'], 'time': ['0.5'], 'token': [TOKEN[:-1], TOKEN + 'x']
+}
 NUMBERS = ['0', '0', '0', '1', '1', '2', '8']
 FRAMING = ('Content-Length', 'Transfer-Encoding', 'Host', 'Expect')  # most of these end the connection: they are rarer
 # Values of headers: pieces, of which some are put together
@@ -71,7 +72,8 @@ class Generator:
 
     def __init__(self, seed, cids, base):
         self.random, self.cids, self.base = random.Random(seed), cids, base
-        self.id, self.odd = 'fin', 0  # of the request that is being made: its stream, and the share of values that are odd
+        # of the request that is being made: its stream, and the share of values that are odd
+        self.id, self.odd = 'fin', 0
 
     def chance(self, share):
         return self.random.random() < share
@@ -87,11 +89,15 @@ class Generator:
         r = self.random
         self.id, self.odd = r.choice(list(self.cids)), r.choice((0, 0, 0.1, 0.5))
         template = r.choice(['/', '/catalogue.css', '/nothing', *described.DOCUMENT['paths']])
-        parameters = [described.resolve(one) for one in described.DOCUMENT['paths'].get(template, {}).get('get', {}).get('parameters', [])]
+        parameters = [
+            described.resolve(one)
+            for one in described.DOCUMENT['paths'].get(template, {}).get('get', {}).get('parameters', [])
+        ]
         choices = {one['name']: one['schema'].get('enum') for one in parameters}
         path = re.sub(r'\{(\w+)\}', lambda found: self.value(found[1], choices.get(found[1])), template)
         query = [one for one in parameters if one['in'] == 'query']
-        names = [one['name'] for one in query if one.get('required')] + [one['name'] for one in r.sample(query, min(len(query), r.choice((0, 1, 1, 2, 4))))]
+        names = ([one['name'] for one in query if one.get('required')] +
+                 [one['name'] for one in r.sample(query, min(len(query), r.choice((0, 1, 1, 2, 4))))])
         names = list(dict.fromkeys(names)) if not self.chance(0.05) else names
         if self.chance(0.1):
             names.append(r.choice(['token', 'x', '', 'error']))
@@ -205,8 +211,9 @@ def under_attack(server, seed):
         assert server.get('/v1/meshes/fin', **authorized)[0] == 200
         slowest = max(slowest, time.monotonic() - start)
         time.sleep(0.1)
-    print('# %d requests in %.0f s, seed %d: %s; a good one waited %.0f ms at most' % (
-        COUNT // 2, time.monotonic() - started, seed, ', '.join('%s: %d' % pair for pair in sorted(found.items(), key=str)), slowest * 1e3))
+    print('# %d requests in %.0f s, seed %d: %s; a good one waited %.0f ms at most' %
+          (COUNT // 2, time.monotonic() - started, seed, ', '.join(
+              '%s: %d' % pair for pair in sorted(found.items(), key=str)), slowest * 1e3))
     assert not problems, problems[:3]
     assert server.process.poll() is None and server.get('/healthz')[0] == 200
     eventually(lambda: descriptors(server) <= before)  # none of the connections hangs: after the time-out they are gone

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Work that takes a while: whoever has gone is not worked for, nobody has all of it, and stopping does not wait for it."""
+"""Work that takes a while: whoever has gone is not worked for, nobody has all of it, and stopping does not wait for it.
+"""
 import concurrent.futures
 import http.client
 import os
@@ -96,12 +97,11 @@ def test_jobs_of_one_client():
             assert server.get(region(300), X_Forwarded_For='5.6.7.8')[0] == 200
             found = [one.result() for one in many]
         refused = [head for status, head, _ in found if status == 429]
-        assert {status for status, _, _ in found} == {200,
-                                                      429} and all(head['retry-after'] for head in refused), [status for status, _, _ in found]
+        assert ({status for status, _, _ in found} == {200, 429}
+                and all(head['retry-after'] for head in refused)), [status for status, _, _ in found]
         assert len(refused) >= 19 - 2 * limit, len(refused)
-        assert [server.get(region(600 + i),
-                           X_Forwarded_For='1.2.3.4')[0] for i in range(2 *
-                                                                        limit)] == [200] * 2 * limit  # all are given back
+        assert [server.get(region(600 + i), X_Forwarded_For='1.2.3.4')[0]
+                for i in range(2 * limit)] == [200] * 2 * limit  # all are given back
         assert server.get(region(3), X_Forwarded_For='1.2.3.4')[0] == 200
 
 

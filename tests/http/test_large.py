@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Answers that are larger than the cache are written while they are sent: the same bytes, ranges of them, 5 GB, and files that change meanwhile."""
+"""Answers that are larger than the cache are written while they are sent: the same bytes, ranges of them, 5 GB, and
+files that change meanwhile."""
 import hashlib
 import http.client
 import os
@@ -35,9 +36,11 @@ def test_streamed_files_are_the_cached_ones():
                 assert status == 200 and 'cache;desc=none' not in head['server-timing']
                 status, other, same = small.get(path + form)
                 assert status == 200 and same == body, (path, form, len(same), len(body))
-                assert other['etag'] == head['etag'] and other['content-length'] == str(len(body)) and other['tetlod-tets'] == head['tetlod-tets']
+                assert (other['etag'] == head['etag'] and other['content-length'] == str(len(body))
+                        and other['tetlod-tets'] == head['tetlod-tets'])
         streamed = ['none' in small.get(path + 'vtu')[1]['server-timing'] for path in paths]
-        assert streamed[-1] and not streamed[0] and sum(streamed) > 5, streamed  # some of its levels find room in the cache
+        # some of its levels find room in the cache
+        assert streamed[-1] and not streamed[0] and sum(streamed) > 5, streamed
 
 
 def test_the_finest_level_is_what_extract_writes():
@@ -106,7 +109,8 @@ def test_readers_that_wait_take_no_memory():
 
 
 def test_the_kernel_holds_little():
-    """Whole answers in the kernel's buffers would fill them where many read at once: one that is not read leaves most of it in the server."""
+    """Whole answers in the kernel's buffers would fill them where many read at once: one that is not read leaves most
+    of it in the server."""
     with Server(MADE, '--cache', '64M') as server:
         path = levels_of(server)[1][-1] + 'vtk'
         size, held = len(server.get(path)[2]), 0
@@ -131,8 +135,8 @@ def test_the_kernel_holds_little():
 
 
 def sparse_stream(path):
-    """The stream with fields' frames that are nowhere, in the last levels, so many that the stream has five gigabytes. They are checked
-    one by one when they are read. A mark lies on each side of 4 GiB."""
+    """The stream with fields' frames that are nowhere, in the last levels, so many that the stream has five gigabytes.
+    They are checked one by one when they are read. A mark lies on each side of 4 GiB."""
     hole, mark = 1 << 27, b'0123456789'
     zeros = hashlib.sha256(bytes(hole)).digest()[:16]
     with open(MADE, 'rb') as file:
@@ -182,7 +186,8 @@ def test_five_gigabytes():
         assert described['levels'][-1]['bytes'] == total > 5 << 30
         assert server.get(base + 'stream', method='HEAD')[1]['content-length'] == str(total)
         status, head, part = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES - 6, CROSSES + 6))
-        assert status == 206 and part == b'\0' + b'0123456789' + b'\0\0' and head['content-range'].endswith('/%d' % total), part
+        assert (status == 206 and part == b'\0' + b'0123456789' + b'\0\0'
+                and head['content-range'].endswith('/%d' % total)), part
         assert server.get(base + 'stream', Range='bytes=-3')[2] == b'\0\0\0'
         # The gathered frames of all fields: everything behind level 0
         records = base + 'records/0-%d?fields=%s' % (last, ','.join(field['name'] for field in described['fields']))
@@ -232,7 +237,8 @@ def test_what_was_read_once_comes_from_memory():
 
 
 def test_stop_in_the_middle():
-    """Of streams being decoded, and answers that wait for room, are being made or sent, nothing is looked at once it is gone."""
+    """Of streams being decoded, and answers that wait for room, are being made or sent, nothing is looked at once it is
+    gone."""
     folder = os.path.join(SCRATCH, 'stopped')
     os.makedirs(folder, exist_ok=True)
     os.link(MADE, os.path.join(folder, 'fin.tetlod'))

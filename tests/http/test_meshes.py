@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Streams over HTTP: the catalogue, the mesh of an error, levels, records, stored bytes, surfaces; VTK reads what is sent."""
+"""Streams over HTTP: the catalogue, the mesh of an error, levels, records, stored bytes, surfaces; VTK reads what is
+sent."""
 import concurrent.futures
 import contextlib
 import itertools
@@ -58,7 +59,9 @@ def read(reader, data, name):
 
 def arrays(grid):
     point_data = grid.GetPointData()
-    named = {point_data.GetArrayName(i): vtk_to_numpy(point_data.GetArray(i)) for i in range(point_data.GetNumberOfArrays())}
+    named = {
+        point_data.GetArrayName(i): vtk_to_numpy(point_data.GetArray(i)) for i in range(point_data.GetNumberOfArrays())
+    }
     return vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()), named
 
 
@@ -75,8 +78,8 @@ def problem(path, status, **headers):
     got, head, body = server.get(path, **headers)
     assert got == status and head['content-type'] == 'application/problem+json', (path, got, body)
     value = json.loads(body)
-    assert value['status'] == status and value['detail'] and urllib.parse.urljoin(path,
-                                                                                  value['instance']).rstrip('?') == path.rstrip('?'), value
+    assert (value['status'] == status and value['detail']
+            and urllib.parse.urljoin(path, value['instance']).rstrip('?') == path.rstrip('?')), value
     return value
 
 
@@ -97,7 +100,8 @@ def error_of(level, field, measure):
 def test_catalogue():
     meshes = server.json('/v1/meshes')['meshes']
     assert [m['id'] for m in meshes] == ['fin', 'two words']
-    assert meshes[0]['cid'] == info['cid'] and meshes[0]['tets'] == info['tets'] and meshes[0]['levels'] == len(info['levels'])
+    assert (meshes[0]['cid'] == info['cid'] and meshes[0]['tets'] == info['tets']
+            and meshes[0]['levels'] == len(info['levels']))
     for mesh in meshes:
         assert server.json(urllib.parse.urljoin('/v1/meshes', mesh['links']['self']))['id'] == mesh['id']
 
@@ -250,7 +254,8 @@ def test_stored_bytes():
         stream = file.read()
     status, head, body = server.get(base + '/stream')
     assert status == 200 and body == stream and head['content-type'] == 'application/vnd.tetlod'
-    assert head['accept-ranges'] == 'bytes' and 'immutable' in head['cache-control'] and 'no-transform' in head['cache-control']
+    assert (head['accept-ranges'] == 'bytes' and 'immutable' in head['cache-control']
+            and 'no-transform' in head['cache-control'])
     # stored bytes have no other coding: from the cache or the file, caches keep one of them for all clients
     assert not any('vary' in server.get(base + '/stream', **more)[1] for more in ({}, {'Range': 'bytes=0-9'},
                                                                                   {'If_None_Match': head['etag']}))
@@ -342,11 +347,15 @@ def test_not_modified():
 
 
 def test_not_modified_without_making():
-    """Tags follow from the address: a fresh server (after a restart, or another one behind a proxy) makes nothing for a 304."""
-    paths = [base + path for path in ('/levels/2/mesh.vtu', '/levels/2/mesh.vtk', '/levels/2/surface.stl',
-                                      '/records/0-4', '/records/0-4?fields=Pressure',
-                                      '/levels/2/isosurface.vtp?field=Pressure&value=2', '/levels/2/slice.glb?origin=0,0,1&normal=0,0,1')]
-    tags = {(path, coding): server.get(path, Accept_Encoding=coding)[1] for path in paths for coding in ('identity', 'gzip', 'zstd')}
+    """Tags follow from the address: a fresh server (after a restart, or another one behind a proxy) makes nothing for a
+    304."""
+    paths = [
+        base + path for path in ('/levels/2/mesh.vtu', '/levels/2/mesh.vtk', '/levels/2/surface.stl', '/records/0-4',
+                                 '/records/0-4?fields=Pressure', '/levels/2/isosurface.vtp?field=Pressure&value=2',
+                                 '/levels/2/slice.glb?origin=0,0,1&normal=0,0,1')
+    ]
+    tags = {(path, coding): server.get(path, Accept_Encoding=coding)[1] for path in paths
+            for coding in ('identity', 'gzip', 'zstd')}
     assert len({head['etag'] for (path, _), head in tags.items() if 'levels' in path}) == 15
     with Server(FOLDER) as fresh:
         for (path, coding), head in tags.items():
@@ -357,8 +366,10 @@ def test_not_modified_without_making():
                     assert again.get(name) == head.get(name), (path, name)
                 assert again.get('content-length', head['content-length']) == head['content-length'], (path, again)
         received = fresh.raw(b'GET %s HTTP/1.1\r\nHost: localhost\r\nIf-None-Match: *\r\n\r\n' % paths[0].encode())
-        assert received.endswith(b'\r\n\r\n') and received.count(b'\r\n\r\n') == 1, received  # no last chunk, and it ended
-        assert fresh.get(base + '/levels/9/mesh.tetlod')[0] == fresh.get(base + '/records/3-9')[0] == fresh.get(base + '/stream')[0] == 200
+        # no last chunk, and it ended
+        assert received.endswith(b'\r\n\r\n') and received.count(b'\r\n\r\n') == 1, received
+        assert fresh.get(base + '/levels/9/mesh.tetlod')[0] == fresh.get(base + '/records/3-9')[0] == fresh.get(
+            base + '/stream')[0] == 200
         assert metric('tetlod_levels_made_total', fresh) == 0 and metric('tetlod_streams_decoded_total', fresh) == 0
 
 
@@ -400,7 +411,10 @@ def test_names_with_plus():
         for path, status in (('prefix?level=1&fields=', 200), ('mesh?error=0.1&field=', 303)):
             for name in ('a+b%20c', 'a%2Bb+c'):
                 assert plus.get('/v1/meshes/p/' + path + name)[0] == status, (path, name)
-        both = [plus.get('/v1/meshes/p/%s/records/0-1?fields=%s' % (cid, names)) for names in ('a%2Bb%20c,a%20b%20c', 'a%2Bb+c,a+b+c', 'a+b+c,a+b%20c')]
+        both = [
+            plus.get('/v1/meshes/p/%s/records/0-1?fields=%s' % (cid, names))
+            for names in ('a%2Bb%20c,a%20b%20c', 'a%2Bb+c,a+b+c', 'a+b+c,a+b%20c')
+        ]
         assert both[0][0] == 200 and both[0][2] == both[1][2] == both[2][2]
         client = "import tetlod; print(tetlod.read('http://%s:%d/v1/meshes/p', error='5%%', field='a+b c').error <= 0.05)" % plus.address
         done = subprocess.run([sys.executable, '-c', client],
@@ -481,7 +495,8 @@ def glb_array(body, accessor):
 
 
 def make_labelled(folder):
-    """A stream of fin's level 2, whose pressure has a unit and is there twice more, under names that glTF's letters do not tell apart."""
+    """A stream of fin's level 2, whose pressure has a unit and is there twice more, under names that glTF's letters do
+    not tell apart."""
     grid = read(vtkXMLUnstructuredGridReader(), server.get(base + '/levels/2/mesh.vtu')[2], 'level.vtu')
     fields = grid.GetPointData()
     for name in 'p 1', 'p.1':
@@ -500,7 +515,8 @@ def make_labelled(folder):
 
 
 def test_surface_files():
-    """A level's surface is the file that extract writes of it; VTP says units, glTF keeps fields of like names apart."""
+    """A level's surface is the file that extract writes of it; VTP says units, glTF keeps fields of like names apart.
+    """
     folder = os.path.join(SCRATCH, 'labelled')
     make_labelled(folder)
     with Server(folder) as labelled:
@@ -516,11 +532,13 @@ def test_surface_files():
         surface = read(vtkXMLPolyDataReader(), labelled.get(level + 'isosurface.vtp' + query)[2],
                        'labelled.vtp').GetPointData()
         assert surface.GetArray('Pressure').GetInformation().Get(vtkDataArray.UNITS_LABEL()) == 'N/m² <&>'
-        assert not surface.GetArray('p 1').HasInformation() or not surface.GetArray('p 1').GetInformation().Has(vtkDataArray.UNITS_LABEL())
+        assert (not surface.GetArray('p 1').HasInformation()
+                or not surface.GetArray('p 1').GetInformation().Has(vtkDataArray.UNITS_LABEL()))
         body = labelled.get(level + 'isosurface.glb' + query)[2]
         mesh = glb_scene(body)[0]['meshes'][0]
         attributes, names = mesh['primitives'][0]['attributes'], mesh['extras']['fields']
-        assert sorted(names.values()) == sorted(field['name'] for field in shown['fields']) and set(names) < set(attributes), mesh
+        assert (sorted(names.values()) == sorted(field['name'] for field in shown['fields'])
+                and set(names) < set(attributes)), mesh
         for attribute, name in names.items():
             assert (glb_array(body, attributes[attribute]) == vtk_to_numpy(surface.GetArray(name)).ravel()).all(), name
         empty, binary = glb_scene(labelled.get(level + 'isosurface.glb?field=Pressure&value=1e30')[2])
@@ -545,7 +563,8 @@ def test_one_computation():
 
 
 def test_small_cache():
-    """What is read is never dropped, what is not read makes room; what can never fit is refused, its stored bytes are not."""
+    """What is read is never dropped, what is not read makes room; what can never fit is refused, its stored bytes are
+    not."""
     big = os.path.join(SCRATCH, 'big')
     os.makedirs(big, exist_ok=True)
     make_stream('cube', os.path.join(big, 'cube.tetlod'), 12)
@@ -581,7 +600,8 @@ def test_memory_of_regions():
 
 
 def test_slow_readers():
-    """Who reads slowly holds room, until the deadline of the answer; who needs the room waits for it and gets an answer."""
+    """Who reads slowly holds room, until the deadline of the answer; who needs the room waits for it and gets an
+    answer."""
     stream, path = os.path.join(SCRATCH, 'held.tetlod'), os.path.join(SCRATCH, 'held.sock')
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
     with Server(stream, '--cache', '8M', '--memory', '64M', '--timeout', '2', '--quiet', '--listen',
@@ -613,11 +633,13 @@ def test_slow_readers():
 
 
 def test_memory_is_bounded():
-    """Many streams in little memory: those that nobody uses leave, whoever asks gets an answer, and each once more the same."""
+    """Many streams in little memory: those that nobody uses leave, whoever asks gets an answer, and each once more the
+    same."""
     folder = os.path.join(SCRATCH, 'many')
     os.makedirs(folder, exist_ok=True)
     for i in range(12):
-        shutil.copy(FIN, os.path.join(folder, 'm%d.tetlod' % i)) if i == 0 else make_stream('cube', os.path.join(folder, 'm%d.tetlod' % i), 4 + i)
+        path = os.path.join(folder, 'm%d.tetlod' % i)
+        shutil.copy(FIN, path) if i == 0 else make_stream('cube', path, 4 + i)
     with Server(folder, '--memory', '3M', '--cache', '1M') as small, Server(folder) as ample:
         for _ in range(2):
             for i in range(12):
@@ -653,7 +675,8 @@ def test_replaced_stream():
     with Server(folder, '--scan', '0.2', '--keep-replaced', '1000') as changing:
         old = changing.json('/v1/meshes/m')['cid']
         with changing.connect() as reader:  # somebody who reads slowly while it is replaced
-            reader.sendall(b'GET /v1/meshes/m/%s/stream HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n' % old.encode())
+            reader.sendall(
+                b'GET /v1/meshes/m/%s/stream HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n' % old.encode())
             os.replace(new, path)
             eventually(lambda: changing.json('/v1/meshes/m')['cid'] != old)
             assert changing.get('/v1/meshes/m/%s/records/0-1' % old)[0] == 200
@@ -725,7 +748,8 @@ def test_stop_during_answers():
     with Server(stream, '--drain', '1000', '--timeout', '1000', '--quiet', '--listen',
                 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
         shown = ending.json('/v1/meshes/larger')
-        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (shown['cid'].encode(), len(shown['levels']) - 1)
+        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (
+            shown['cid'].encode(), len(shown['levels']) - 1)
         slow.settimeout(PATIENCE)
         slow.connect(path)
         slow.sendall(request % b'vtk')
@@ -756,7 +780,8 @@ def ask_at_once(busy, paths):
             while some := connection.recv(65536):
                 received += some
             found[int(received[9:12])].append(path)
-            assert received[9:12] == b'200' or b'\r\nRetry-After: 1\r\n' in received and b'application/problem+json' in received, received
+            assert (received[9:12] == b'200'
+                    or b'\r\nRetry-After: 1\r\n' in received and b'application/problem+json' in received), received
     return found
 
 
@@ -812,8 +837,8 @@ def test_what_is_no_stream():
     for path in (os.path.join(folder, 'text.tetlod'), os.path.join(folder, 'missing.tetlod')):
         done = subprocess.run([TETLOD, 'serve', path, '--listen', '127.0.0.1:0'], stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE)
-        assert done.returncode in (1,
-                                   3) and done.stdout == b'' and done.stderr.count(b'\n') == 1 and path.encode() in done.stderr, done
+        assert (done.returncode in (1, 3) and done.stdout == b'' and done.stderr.count(b'\n') == 1
+                and path.encode() in done.stderr), done
     busy = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '%s:%d' % server.address], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE)
     assert busy.returncode == 1 and b'in use' in busy.stderr, busy
@@ -823,7 +848,8 @@ def test_what_is_no_stream():
 
 
 def test_damaged_stream():
-    """An index that is right over bytes that are not: the file is named and not served; all else goes on. The good file is taken up."""
+    """An index that is right over bytes that are not: the file is named and not served; all else goes on. The good file
+    is taken up."""
     folder = os.path.join(SCRATCH, 'damaged')
     os.makedirs(folder, exist_ok=True)
     with open(FIN, 'rb') as file:
@@ -844,8 +870,8 @@ def test_damaged_stream():
 
 
 def test_levels_while_decoding():
-    """All levels asked for at once of a stream that nobody has asked for before, by more clients than threads, are the same as
-    one by one later; what a level is mapped from is decoded once."""
+    """All levels asked for at once of a stream that nobody has asked for before, by more clients than threads, are the
+    same as one by one later; what a level is mapped from is decoded once."""
     paths = ['%s/levels/%d/mesh.vtk' % (base, level) for level in range(len(info['levels']))]
     with Server(FOLDER, '--threads', '3') as fresh:
         with concurrent.futures.ThreadPoolExecutor(12) as clients:
@@ -868,7 +894,8 @@ def test_names_of_downloads():
                            ('stream', '.tetlod'), ('levels/1/surface.stl', '-1-surface.stl'),
                            ('levels/0/slice.vtp?origin=0,1,1&normal=1,0,0', '-0-slice.vtp')):
             head = server.get(at + path)[1]
-            assert head['content-disposition'] == 'attachment; filename="%s%s"; filename*=UTF-8\'\'%s%s' % (plain, rest, whole, rest), head
+            assert head['content-disposition'] == 'attachment; filename="%s%s"; filename*=UTF-8\'\'%s%s' % (
+                plain, rest, whole, rest), head
     os.unlink(os.path.join(FOLDER, name + '.tetlod'))
     eventually(lambda: server.get('/v1/meshes/' + quoted)[0] == 404)
 
@@ -879,11 +906,14 @@ make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
 with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
-    run([test_catalogue, test_pages_of_the_catalogue, test_names_of_downloads, test_description, test_level_for_error,
-         test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
-         test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
-         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
-         test_small_cache, test_memory_of_regions, test_slow_readers,
-         test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream,
-         test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing,
-         test_what_is_no_stream, test_damaged_stream])
+    run([
+        test_catalogue, test_pages_of_the_catalogue, test_names_of_downloads, test_description, test_level_for_error,
+        test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions, test_every_level_is_the_cursors,
+        test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes,
+        test_stored_bytes, test_records_of_some_fields, test_prefix, test_ranges, test_not_modified,
+        test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface,
+        test_slice_and_surface, test_surface_files, test_one_computation, test_small_cache, test_memory_of_regions,
+        test_slow_readers, test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream,
+        test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing,
+        test_server_timing, test_what_is_no_stream, test_damaged_stream
+    ])

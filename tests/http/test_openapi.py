@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The description is valid OpenAPI 3.1, and the server does what it says: every operation is asked, well and badly, so that every
-status and every header that it names is seen. (described.py holds every answer of all HTTP tests against it.)"""
+"""The description is valid OpenAPI 3.1, and the server does what it says: every operation is asked, well and badly, so
+that every status and every header that it names is seen. (described.py holds every answer of all HTTP tests against
+it.)"""
 import os
 import re
 import subprocess
@@ -73,7 +74,8 @@ def check(path, asked, **headers):
 def stream_for(path):
     """The stream that has what a path is about, as changes of its examples, and its content id."""
     id = 'run' if '{band}' in path else 'fin'
-    return {'id': id, **({'error': '0.1'} if path.endswith(('/mesh', '/prefix')) else {})}, server.json('/v1/meshes/' + id)['cid']
+    return {'id': id,
+            **({'error': '0.1'} if path.endswith(('/mesh', '/prefix')) else {})}, server.json('/v1/meshes/' + id)['cid']
 
 
 def test_every_operation():
@@ -160,8 +162,8 @@ def test_too_much():
 
 
 def test_all_was_seen():
-    """Every status that the description names came from every operation, with every header that it names. Any operation may
-    answer 503; test_protocol.py and test_meshes.py see it."""
+    """Every status that the description names came from every operation, with every header that it names. Any operation
+    may answer 503; test_protocol.py and test_meshes.py see it."""
     for path, item in document['paths'].items():
         for status, answer in item['get']['responses'].items():
             if status in ('503', 'default'):

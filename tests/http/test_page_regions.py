@@ -38,7 +38,8 @@ def test_as_extract():
         tetlod('extract', 'cube.tetlod', '--level', '1', '--box', BOX, *options, '-o', 'region.vtk')
         assert body == content('region.vtk')
         kind, error = head['tetlod-transition-error'].split('=')
-        assert kind == 'max' and certified(stream, int(head['tetlod-box-level'])) < float(error) <= certified(stream, root)
+        assert (kind == 'max'
+                and certified(stream, int(head['tetlod-box-level'])) < float(error) <= certified(stream, root))
         assert int(head['tetlod-transition-tets']) > 0 and int(head['tetlod-level']) == root
 
 

@@ -90,7 +90,8 @@ def test_a_page_for_browsers():
                        ('/v1/meshes/%3Cscript%3E&', '"./../../"')):
         status, head, body = server.get(path, **browser)
         assert status == 404 and head['content-type'] == 'text/html; charset=utf-8', head
-        assert 'href=' + back in body.decode() and b'<script' not in body and "default-src 'none'" in head['content-security-policy'], body
+        assert ('href=' + back in body.decode() and b'<script' not in body
+                and "default-src 'none'" in head['content-security-policy']), body
         assert head['cache-control'] == 'no-store'
         problem(path, 404)
         problem(path, 404, Accept='application/json, */*')
@@ -102,8 +103,8 @@ def test_a_page_for_browsers():
 
 def test_traversal():
     for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd',
-                 b'/v1/meshes/../../etc/passwd',
-                 b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./catalogue.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
+                 b'/v1/meshes/../../etc/passwd', b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x',
+                 b'/./catalogue.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
         received = ask(b'GET ' + path + b' HTTP/1.1')
         assert one(received) == 404 and b'root:' not in received, (path, received)
 
@@ -115,13 +116,15 @@ def test_nul_does_not_cut():
 
 
 def test_targets_without_a_path():
-    """What begins with neither '/' nor a scheme, or has control characters, is refused, with every header that makes an answer look at the path."""
+    """What begins with neither '/' nor a scheme, or has control characters, is refused, with every header that makes an
+    answer look at the path."""
     browser = b'Accept: text/html\r\n'
     for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80',
                    b'/view/x\x01', b'/healthz?\x7f'):
         received = ask(b'GET ' + target + b' HTTP/1.1', browser)
         assert statuses(received) == [400], (target, received)
-        assert b'application/problem+json' in received and json.loads(received.partition(b'\r\n\r\n')[2])['status'] == 400
+        assert (b'application/problem+json' in received
+                and json.loads(received.partition(b'\r\n\r\n')[2])['status'] == 400)
     assert one(ask(b'OPTIONS healthz HTTP/1.1')) == 400
     assert one(ask(b'GET /\0 HTTP/1.1', browser)) == 200
 
@@ -175,7 +178,8 @@ def test_smuggling():
             (b'Content-Length: 99999999999999999999999999\r\n', inner)):
         for method in (b'GET', b'HEAD', b'OPTIONS', b'POST'):
             received = server.raw(method + b' /healthz HTTP/1.1\r\n' + HOST + headers + b'\r\n' + body, finish=True)
-            if not received:  # libmicrohttpd cannot tell where a body of a coding that it does not know ends: it says nothing
+            # libmicrohttpd cannot tell where a body of a coding that it does not know ends: it says nothing
+            if not received:
                 assert headers.startswith((b'Transfer-Encoding: identity', b'Transfer-Encoding: x')), (method, headers)
             else:
                 assert one(received) >= 400, (method, headers, received)
@@ -220,16 +224,21 @@ def test_refusals_are_problems():
     """All but the few that libmicrohttpd makes itself: those that its parser meets before a request reaches us."""
     get, chunked = b'GET /healthz HTTP/1.1\r\n' + HOST, b'POST /healthz HTTP/1.1\r\n' + HOST + b'Transfer-Encoding: chunked\r\n\r\n'
     ours = {
-        b'GET /nothing HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n': 404, b'DELETE / HTTP/1.1\r\n' + HOST + b'\r\n': 405, b'GET / HTTP/1.1\r\n\r\n': 400,
-        get + HOST + b'\r\n': 400, get + b'a b: c\r\n\r\n': 400, get + b'Content-Length: 5\r\n\r\nhello': 413,
+        b'GET /nothing HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n': 404,
+        b'DELETE / HTTP/1.1\r\n' + HOST + b'\r\n': 405, b'GET / HTTP/1.1\r\n\r\n': 400, get + HOST + b'\r\n': 400,
+        get + b'a b: c\r\n\r\n': 400, get + b'Content-Length: 5\r\n\r\nhello': 413,
         get + b'Content-Length: 0\r\nContent-Length: 0\r\n\r\n': 413, chunked + b'0\r\n\r\n': 405,
-        b'GET /' + b'a' * 9000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, b'GET /?' + b'a&' * 4500 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
-        get + b'X: ' + b'a' * 9000 + b'\r\n\r\n': 431}
+        b'GET /' + b'a' * 9000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
+        b'GET /?' + b'a&' * 4500 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, get + b'X: ' + b'a' * 9000 + b'\r\n\r\n': 431
+    }
     theirs = {
-        b'GET /healthz\r\n' + HOST + b'\r\n': 400, get + b'abc\r\n\r\n': 400, b'GET / HTTP/9.9\r\n' + HOST + b'\r\n': 505,
-        get + b'Content-Length: +0\r\n\r\n': 400, get + b'Content-Length: 99999999999999999999\r\n\r\n': 413,
-        chunked + b'zz\r\n': 400, chunked + b'F' * 20 + b'\r\n': 413, get + b'X: a\r\n' * 1000 + b'\r\n': 431}
-    # Of these it may read a part and close: the kernel then resets the connection, which takes away an answer that was sent
+        b'GET /healthz\r\n' + HOST + b'\r\n': 400, get + b'abc\r\n\r\n': 400,
+        b'GET / HTTP/9.9\r\n' + HOST + b'\r\n': 505, get + b'Content-Length: +0\r\n\r\n': 400,
+        get + b'Content-Length: 99999999999999999999\r\n\r\n': 413, chunked + b'zz\r\n': 400,
+        chunked + b'F' * 20 + b'\r\n': 413, get + b'X: a\r\n' * 1000 + b'\r\n': 431
+    }
+    # Of these it may read a part and close: the kernel then resets the connection, which takes away an answer that was
+    # sent
     longer = {b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
               get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 431,
               chunked + b'1;' + b'a' * 40000: 500}
@@ -250,7 +259,8 @@ def test_many_parameters():
 
 
 def test_forgotten_requests():
-    """Of a request with two faults libmicrohttpd closes the connection and tells nobody: it is let go of all the same."""
+    """Of a request with two faults libmicrohttpd closes the connection and tells nobody: it is let go of all the same.
+    """
     with Server(FOLDER) as forgetful:
         data = b'GET /' + b'a' * 7000 + b' HTTP/1.1\r\n' + HOST + b'Content-Length: -5\r\nCookie: a="\r\n\r\n'
         forgetful.raw(data)
@@ -261,10 +271,11 @@ def test_forgotten_requests():
 
 
 def test_long_requests():
-    """Longer than what is read: where the server closes before all of it is read, the kernel resets the connection, which may take
-    the refusal away before the client sees it."""
+    """Longer than what is read: where the server closes before all of it is read, the kernel resets the connection,
+    which may take the refusal away before the client sees it."""
     for line, headers, wanted in ((b'GET /' + b'a' * 20000, b'', 414), (b'GET /' + b'a' * 100000, b'', 414),
-                                  (b'GET /healthz', b'X: ' + b'a' * 50000 + b'\r\n', 431), (b'GET /healthz', b'X: a\r\n' * 20000, 431)):
+                                  (b'GET /healthz', b'X: ' + b'a' * 50000 + b'\r\n', 431), (b'GET /healthz',
+                                                                                            b'X: a\r\n' * 20000, 431)):
         assert statuses(ask(line + b' HTTP/1.1', headers)) in ([], [wanted]), (line[:20], wanted)
     assert server.get('/v1/meshes/' + 'a' * 3000)[0] == 404
     assert server.get('/healthz')[0] == 200
@@ -294,7 +305,8 @@ def test_pipelining():
 
 
 def test_half_closed():
-    # libmicrohttpd may take the end of the client's side for the end of the connection, or not see it until the time-out
+    # libmicrohttpd may take the end of the client's side for the end of the connection, or not see it until the
+    # time-out
     with Server(FOLDER, '--timeout', '1') as short:
         for data, answers in ((b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n', ([], [200])), (b'GET /hea', ([], [400]))):
             received = short.raw(data, finish=True)
@@ -392,13 +404,15 @@ def test_assets():
         assert status == 200, path
         seen[path] = head
         for name in re.findall(r'["\']\.{0,2}(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
-            if name not in seen and name not in todo and name != '/inline.js':  # that one lies beside pages opened from disk
+            # that one lies beside pages opened from disk
+            if name not in seen and name not in todo and name != '/inline.js':
                 todo.append(name)
     assert all(any(part in name for name in seen) for part in ('.wasm', '/chunk-', '/worker-')), list(seen)
     for path, head in seen.items():
         forever = re.search(r'/(chunk|tetlod|refine|vectors)-[0-9A-Z]{8}\.(js|wasm)$', path)
         worker = re.search(r'/worker-[0-9A-Z]{8}\.js$', path)  # obeys the policy of its own answer
-        assert ('immutable' if forever else 'max-age=60' if worker else 'no-cache') in head['cache-control'], (path, head)
+        assert ('immutable' if forever else 'max-age=60' if worker else 'no-cache') in head['cache-control'], (path,
+                                                                                                               head)
         if path.endswith('.wasm'):
             assert head['content-type'] == 'application/wasm'
         if int(head['content-length']) > 2000:
@@ -423,7 +437,8 @@ def test_page():
                      'connect-src': {"'self'"}}, rules
     for path in ('/view/fin', '/view/a%20b', '/view/nothing?x'):
         status, head, body = server.get(path)
-        assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body and head['etag'], path
+        assert (status == 200 and head['content-type'].startswith('text/html') and b'<html' in body
+                and head['etag']), path
     for path in ('/view', '/view/', '/view/a/b', '/view/%00', '/view/%zz', '/catalogue.css/', '/catalogue.csss'):
         problem(path, 404)
     assert server.get('/catalogue.css')[1]['content-type'].startswith('text/css')
@@ -475,8 +490,10 @@ def test_connection_limits():
         with Server(FOLDER, option, str(count), '--timeout', '1000') as small:
             held = hold(small, count)
             received = small.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
-            for status, head, body in answers(received):  # nothing comes where the request was still on its way when the connection was closed
-                assert status == 503 and head['retry-after'] and body and head['cache-control'] == 'no-store', (option, received)
+            # nothing comes where the request was still on its way when the connection was closed
+            for status, head, body in answers(received):
+                assert (status == 503 and head['retry-after'] and body
+                        and head['cache-control'] == 'no-store'), (option, received)
             held.pop().close()
             eventually(lambda: gets_in(small))
             for connection in held:
@@ -522,7 +539,8 @@ def test_addresses():
 
 
 def test_sockets_of_others():
-    """A socket is removed only where nobody listens: not of a server that is stopped, nor of one whose queue is full."""
+    """A socket is removed only where nobody listens: not of a server that is stopped, nor of one whose queue is full.
+    """
     path = os.path.join('/tmp', 'tetlod-socket-%d.sock' % os.getpid())
 
     def start():
@@ -588,8 +606,10 @@ def cpu_seconds(server_of):
 def test_memory_is_said():
     with Server(FOLDER, '--memory', '300M', '--cache', '20M') as told, Server(FOLDER) as chosen:
         assert 'at most 300 MB for streams (--memory) and 20 MB for answers (--cache), of ' in told.messages()
-        streams, answers, there = map(int,
-                                      re.search(r'at most (\d+) MB for streams .* and (\d+) MB for answers .*, of (\d+) MB', chosen.messages()).groups())
+        streams, answers, there = map(
+            int,
+            re.search(r'at most (\d+) MB for streams .* and (\d+) MB for answers .*, of (\d+) MB',
+                      chosen.messages()).groups())
         assert abs(streams - there / 2) <= 1 and answers <= min(256, there / 8)
 
 
@@ -609,7 +629,8 @@ def test_metrics_apart():
 
 
 def test_threads():
-    """As many HTTP threads, as many that make meshes, that decode and that read files, as asked for, beside the main one, the acceptor and the reaper."""
+    """As many HTTP threads, as many that make meshes, that decode and that read files, as asked for, beside the main
+    one, the acceptor and the reaper."""
     def threads(count):
         with Server(FOLDER, '--threads', str(count)) as server_of:
             return len(os.listdir('/proc/%d/task' % server_of.process.pid))
@@ -654,9 +675,13 @@ def test_metrics():
 
 
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
-    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths,
-         test_a_page_for_browsers, test_traversal,
-         test_nul_does_not_cut, test_targets_without_a_path, test_one_vary, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
-         test_refusals_are_problems, test_many_parameters, test_forgotten_requests, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
-         test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_sockets_of_others, test_long_times, test_memory_is_said, test_metrics_apart, test_threads,
-         test_graceful_stop, test_access_log, test_metrics])
+    run([
+        test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths,
+        test_a_page_for_browsers, test_traversal, test_nul_does_not_cut, test_targets_without_a_path, test_one_vary,
+        test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
+        test_nul_in_headers, test_no_silence, test_refusals_are_problems, test_many_parameters, test_forgotten_requests,
+        test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head,
+        test_conditional, test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris,
+        test_connection_limits, test_idle_connections, test_addresses, test_sockets_of_others, test_long_times,
+        test_memory_is_said, test_metrics_apart, test_threads, test_graceful_stop, test_access_log, test_metrics
+    ])

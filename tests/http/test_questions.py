@@ -108,8 +108,8 @@ def test_steps():
             status, _, body = server.get('/v1/meshes/wake/ask?q=max(Pressure)&%s=%s' % (name, value))
             assert status == 200 and json.loads(body) == json.loads(said), (name, value, status, body, said)
         assert json.loads(said)['time'] == 1
-        for query, wanted, words in (('step=9', 400, 'steps go from 0 to 2'), ('time=7', 422, 'no time 7'), ('step=1&time=0', 400, 'once'),
-                                     ('step=x', 400, 'step')):
+        for query, wanted, words in (('step=9', 400, 'steps go from 0 to 2'), ('time=7', 422, 'no time 7'),
+                                     ('step=1&time=0', 400, 'once'), ('step=x', 400, 'step')):
             status, _, body = server.get('/v1/meshes/wake/ask?q=max(Pressure)&' + query)
             assert status == wanted and words in json.loads(body)['detail'], (query, status, body)
         status, _, body = server.get(path('max(Pressure)', step='1'))
@@ -134,7 +134,8 @@ def test_refusals():
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '10', '-o', os.path.join(SCRATCH, 'fin.vtu')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'fin.vtu'), '-o', STREAM, '--summary', '--quiet'], check=True)
-subprocess.run([TETLOD, 'sample', 'wake', '--steps', '3', '--size', '5', '-o', os.path.join(SCRATCH, 'wake.pvd')], check=True)
+subprocess.run([TETLOD, 'sample', 'wake', '--steps', '3', '--size', '5', '-o',
+                os.path.join(SCRATCH, 'wake.pvd')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'wake.pvd'), '-o', SERIES, '--quiet'], check=True)
 subprocess.run([TETLOD, 'sample', 'cube', '--size', '12', '-o', os.path.join(SCRATCH, 'cube.vtu')], check=True)
 subprocess.run([TETLOD, 'build', os.path.join(SCRATCH, 'cube.vtu'), '-o', os.path.join(FOLDER, 'cube.tetlod'),

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Steps in time over HTTP: meshes and surfaces of every band are the reference decoder's, groups and prefixes are the stream's bytes."""
+"""Steps in time over HTTP: meshes and surfaces of every band are the reference decoder's, groups and prefixes are the
+stream's bytes."""
 import os
 import subprocess
 import sys
@@ -57,7 +58,8 @@ def test_meshes():
                 head, body = get('%s/%s/bands/%d/steps/%d/mesh.vtu' % (base, cid, band, step))
                 answer = read(body, vtkXMLUnstructuredGridReader())
                 found = arrays(answer)
-                assert numpy.array_equal(vtk_to_numpy(answer.GetPoints().GetData()), series.points()), (name, band, step)
+                assert numpy.array_equal(vtk_to_numpy(answer.GetPoints().GetData()),
+                                         series.points()), (name, band, step)
                 assert list(found) == list(values) and float(head['tetlod-time']) == series.times[step], list(found)
                 for field, wanted in values.items():
                     assert numpy.array_equal(found[field].reshape(len(wanted), -1),
@@ -71,11 +73,13 @@ def test_choice():
             for choice in ('step=1', 'time=%r' % series.times[1]):
                 status, head, _ = server.get('%s/mesh?error=%r&%s' % (base, known['error'], choice))
                 assert status == 303 and head['location'].endswith('/bands/%d/steps/1/mesh.vtu' % band), (status, head)
-                assert int(head['tetlod-level']) == known['level'] and float(head['tetlod-error'].split('=')[1]) <= known['error'] * (1 + 1e-9), head
+                assert (int(head['tetlod-level']) == known['level']
+                        and float(head['tetlod-error'].split('=')[1]) <= known['error'] * (1 + 1e-9)), head
         units = max(known['range'][1] - known['range'][0] for known in series.fields) * series.bands[0]['error']
         assert '/bands/0/' in server.get('%s/mesh?abs_error=%r&step=0' % (base, units * 1.001))[1]['location']
         described = server.json(base)['series']
-        assert described['times'] == list(series.times) and [b['error'] for b in described['bands']] == [b['error'] for b in series.bands]
+        assert (described['times'] == list(series.times)
+                and [b['error'] for b in described['bands']] == [b['error'] for b in series.bands])
 
 
 def test_surfaces():
@@ -142,7 +146,8 @@ def same_mesh(body, path):
     """An answer and a file of `tetlod extract`: points, corners and the fields that have steps."""
     with open(path, 'rb') as file:
         wanted = read(file.read(), vtkXMLUnstructuredGridReader())
-    points, cells, fields = vtk_to_numpy(wanted.GetPoints().GetData()), vtk_to_numpy(wanted.GetCells().GetConnectivityArray()), arrays(wanted)
+    points, cells, fields = vtk_to_numpy(wanted.GetPoints().GetData()), vtk_to_numpy(
+        wanted.GetCells().GetConnectivityArray()), arrays(wanted)
     found = read(body, vtkXMLUnstructuredGridReader())
     assert numpy.array_equal(vtk_to_numpy(found.GetPoints().GetData()), points)
     assert numpy.array_equal(vtk_to_numpy(found.GetCells().GetConnectivityArray()), cells)
@@ -151,13 +156,16 @@ def same_mesh(body, path):
 
 
 def test_topologies():
-    """Every step of every topology group is answered: as `tetlod extract` makes it, under the content id of the group's stream."""
+    """Every step of every topology group is answered: as `tetlod extract` makes it, under the content id of the group's
+    stream."""
     base = '/v1/meshes/topologies'
     groups = server.json(base)['topologies']
-    assert [group['steps'] for group in groups] == [2, 2, 1] and sum((group['times'] for group in groups), []) == [0, .25, .5, .75, 1]
+    assert ([group['steps'] for group in groups] == [2, 2, 1] and sum(
+        (group['times'] for group in groups), []) == [0, .25, .5, .75, 1])
     for step, (number, own, time) in enumerate(((0, 0, .1), (0, 1, .3), (1, 0, .6), (1, 1, .8), (2, 0, 1.1))):
         described = server.json('%s?topology=%d' % (base, number))
-        assert described['cid'] == groups[number]['cid'] and described['series']['times'] == groups[number]['times'], described
+        assert (described['cid'] == groups[number]['cid']
+                and described['series']['times'] == groups[number]['times']), described
         assert described['links']['self'] == 'topologies' + ('?topology=%d' % number if number else '')
         for band, known in enumerate(described['series']['bands']):
             path = os.path.join(SCRATCH, 'extracted.vtu')
@@ -165,13 +173,14 @@ def test_topologies():
                             path], check=True, stderr=subprocess.DEVNULL)
             for query in ('step=%d' % step, 'time=%g' % time):
                 status, head, _ = server.get('%s/mesh?error=%r&%s' % (base, known['error'], query))
-                assert status == 303 and head['location'].endswith('%s/bands/%d/steps/%d/mesh.vtu' % (groups[number]['cid'], band, own)), (query, head)
-                assert (head['tetlod-step'], head['tetlod-topology']) == (str(step),
-                                                                          str(number)) and float(head['tetlod-time']) == groups[number]['times'][own], head
+                assert (status == 303 and head['location'].endswith('%s/bands/%d/steps/%d/mesh.vtu' %
+                                                                    (groups[number]['cid'], band, own))), (query, head)
+                assert ((head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number))
+                        and float(head['tetlod-time']) == groups[number]['times'][own]), head
             address = base + '/' + head['location']
             head, body = get(address)
-            assert (head['tetlod-step'], head['tetlod-topology']) == (str(step),
-                                                                      str(number)) and 'step%d-' % step in head['content-disposition'], head
+            assert ((head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number))
+                    and 'step%d-' % step in head['content-disposition']), head
             same_mesh(body, path)
             assert server.get(address, **{'If-None-Match': head['etag']})[0] == 304
     for query in ('step=5', 'step=-1', 'step=1&time=0.5'):
@@ -181,11 +190,13 @@ def test_topologies():
         assert status == 422 and b'times go from 0 to 1; the nearest is' in body, (time, status, body)
     for query in ('topology=3', 'topology=x', 'topology=', 'topologies=1'):
         assert server.get('%s?%s' % (base, query))[0] == 400, query
-    assert server.get('/v1/meshes/series_float32?topology=0')[0] == 200 and server.get('/v1/meshes/series_float32?topology=1')[0] == 400
+    assert (server.get('/v1/meshes/series_float32?topology=0')[0] == 200
+            and server.get('/v1/meshes/series_float32?topology=1')[0] == 400)
 
 
 def test_streams_of_topologies():
-    """A group's content id names its own stream: the bytes, and what is made of them, are those of that stream served alone."""
+    """A group's content id names its own stream: the bytes, and what is made of them, are those of that stream served
+    alone."""
     base = '/v1/meshes/topologies'
     groups, etags = server.json(base)['topologies'], set()
     with open(TOPOLOGIES, 'rb') as file:
@@ -209,8 +220,8 @@ def test_streams_of_topologies():
                 assert body == alone.get('/v1/meshes/alone%d/%s/%s' % (number, group['cid'], path))[2], path
                 etags.add((path, head['etag']))
             first = sum(known['steps'] for known in groups[:number])
-            assert get('%s/prefix?error=1&step=%d' % (base,
-                                                      first))[1] == alone.get('/v1/meshes/alone%d/prefix?error=1&step=0' % number)[2]
+            assert get('%s/prefix?error=1&step=%d' % (base, first))[1] == alone.get(
+                '/v1/meshes/alone%d/prefix?error=1&step=0' % number)[2]
     assert len({etag for _, etag in etags}) == len(etags), etags
     assert server.get('%s/%s/bands/0/steps/0/mesh.vtu' % ('/v1/meshes/series_float32', groups[1]['cid']))[0] == 404
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""make install into a scratch DESTDIR; the examples build against it by pkg-config, read and build streams; make uninstall. The Debian packages
-have the same, and the program in them works."""
+"""make install into a scratch DESTDIR; the examples build against it by pkg-config, read and build streams; make
+uninstall. The Debian packages have the same, and the program in them works."""
 import glob
 import os
 import shlex
@@ -31,7 +31,8 @@ def read(stage, path):
 
 
 def check_example(stage, tools, module, name, arguments):
-    """The C example builds as its first comment says, against the shared and the static libraries, and gives the same with both."""
+    """The C example builds as its first comment says, against the shared and the static libraries, and gives the same
+    with both."""
     said = []
     for kind, more in (('shared', []), ('static', ['--static'])):
         flags = shlex.split(run('pkg-config', '--cflags', '--libs', *more, module, **tools).stdout)
@@ -92,17 +93,22 @@ def main():
     done = make('install', stage)
     report('make install', done.returncode == 0, done.stderr)
     there = files(stage)
-    wanted = ['usr/bin/tetlod', 'usr/include/tetlod.h', 'usr/include/tetlod_build.h', 'usr/lib/libtetlod.a',
-              'usr/lib/libtetlod.so', 'usr/lib/libtetlod.so.0',
-              'usr/lib/libtetlod-build.a', 'usr/lib/libtetlod-build.so', 'usr/lib/libtetlod-build.so.0', 'usr/lib/pkgconfig/tetlod.pc',
-              'usr/lib/pkgconfig/tetlod-build.pc', 'usr/lib/systemd/system/tetlod.service', 'usr/lib/systemd/system/tetlod.socket',
-              'usr/lib/cmake/tetlod/tetlod-config.cmake', 'usr/share/bash-completion/completions/tetlod',
-              'usr/share/man/man1/tetlod.1']
+    wanted = [
+        'usr/bin/tetlod', 'usr/include/tetlod.h', 'usr/include/tetlod_build.h', 'usr/lib/libtetlod.a',
+        'usr/lib/libtetlod.so', 'usr/lib/libtetlod.so.0', 'usr/lib/libtetlod-build.a', 'usr/lib/libtetlod-build.so',
+        'usr/lib/libtetlod-build.so.0', 'usr/lib/pkgconfig/tetlod.pc', 'usr/lib/pkgconfig/tetlod-build.pc',
+        'usr/lib/systemd/system/tetlod.service', 'usr/lib/systemd/system/tetlod.socket',
+        'usr/lib/cmake/tetlod/tetlod-config.cmake', 'usr/share/bash-completion/completions/tetlod',
+        'usr/share/man/man1/tetlod.1'
+    ]
     report('what it installs', all(name in there for name in wanted), there)
     unit = read(stage, 'usr/lib/systemd/system/tetlod.service')
     report('the unit starts the installed program', 'ExecStart=/usr/bin/tetlod serve' in unit, unit)
-    tools = {'PKG_CONFIG_PATH': os.path.join(stage, 'usr/lib/pkgconfig'), 'PKG_CONFIG_SYSROOT_DIR': stage,
-             'PKG_CONFIG_ALLOW_SYSTEM_CFLAGS': '1', 'PKG_CONFIG_ALLOW_SYSTEM_LIBS': '1', 'LD_LIBRARY_PATH': os.path.join(stage, 'usr/lib')}
+    tools = {
+        'PKG_CONFIG_PATH': os.path.join(stage, 'usr/lib/pkgconfig'), 'PKG_CONFIG_SYSROOT_DIR': stage,
+        'PKG_CONFIG_ALLOW_SYSTEM_CFLAGS': '1', 'PKG_CONFIG_ALLOW_SYSTEM_LIBS': '1',
+        'LD_LIBRARY_PATH': os.path.join(stage, 'usr/lib')
+    }
     version = run('pkg-config', '--modversion', 'tetlod', **tools).stdout.strip()
     report('the version is that of the header', version and '"%s"' % version in read(stage, 'usr/include/tetlod.h'),
            version)

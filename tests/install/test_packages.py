@@ -29,12 +29,15 @@ def make(*arguments, **more):
 
 
 def test_deb():
-    """The packages unpack into a clean root; the program there passes the tests of everyday use. lintian has nothing to say."""
+    """The packages unpack into a clean root; the program there passes the tests of everyday use. lintian has nothing to
+    say."""
     if not shutil.which('dh'):
         return 'debhelper is not installed'
     done = make('deb')
     assert done.returncode == 0, done.stdout
-    packages = {os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))}
+    packages = {
+        os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))
+    }
     plugin = ['tetlod-paraview'] if glob.glob('/usr/lib/*/cmake/paraview-*') else []
     ranks = ['tetlod-mpi', 'libtetlod-mpi-dev'] if shutil.which('mpicc') else []
     wanted = ['libtetlod-dev', 'libtetlod0', 'python3-tetlod', 'tetlod', 'tetlod-doc', *ranks, *plugin]
@@ -45,13 +48,14 @@ def test_deb():
     control = call('dpkg-deb', '-f', packages['tetlod'], 'Depends').stdout
     assert 'libmicrohttpd' in control and 'libzstd' in control, control
     there = {os.path.relpath(os.path.join(folder, name), root) for folder, _, names in os.walk(root) for name in names}
-    wanted = [r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?',
-              r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
-              r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h',
-              r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc',
-              r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
-              r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py',
-              r'usr/share/doc/tetlod/format/SPEC\.md', r'usr/share/doc/tetlod/examples/c/insitu_series\.c']
+    wanted = [
+        r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?', r'lib/systemd/system/tetlod\.(service|socket)',
+        r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
+        r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h',
+        r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc', r'usr/lib/\S+/cmake/tetlod/tetlod-config\.cmake',
+        r'usr/lib/python3/dist-packages/tetlod/tetlod_paraview\.py', r'usr/share/doc/tetlod/format/SPEC\.md',
+        r'usr/share/doc/tetlod/examples/c/insitu_series\.c'
+    ]
     wanted += [r'usr/bin/tetlod-mpi', r'usr/share/man/man1/tetlod-mpi\.1\.gz', r'usr/include/tetlod_mpi\.h',
                r'usr/lib/\S+/libtetlod-mpi\.a', r'usr/lib/\S+/pkgconfig/tetlod-mpi\.pc'] if ranks else []
     wanted += [r'usr/lib/\S+/paraview-\S+/plugins/TetlodReader/(TetlodReader|libvtkIOTetlod)\.so'] if plugin else []
@@ -127,7 +131,8 @@ def test_needs():
     done = make('needs', 'WEB=0', PATH=only(*tools, 'pkg-config'))
     assert done.returncode == 0, done.stdout
     done = make('needs', 'WEB=0', PATH=only(*tools))
-    assert done.returncode != 0 and 'pkg-config' in done.stdout and 'libmicrohttpd' in done.stdout and 'npm' not in done.stdout, done.stdout
+    assert (done.returncode != 0 and 'pkg-config' in done.stdout and 'libmicrohttpd' in done.stdout
+            and 'npm' not in done.stdout), done.stdout
     done = make('needs', 'WEB=0', 'SERVER=0', PATH=only(*tools))
     assert done.returncode != 0 and 'libmicrohttpd' not in done.stdout, done.stdout
     done = make('needs', PATH=only(*tools, 'pkg-config'))
@@ -142,7 +147,8 @@ def test_a_bare_machine():
     for target in ('demo', 'check', 'all'):
         done = call('make', target, cwd=tree, PATH=only(*bare))
         said = done.stdout.splitlines()
-        assert done.returncode and said[0].startswith('make: this is missing: cc ') and len([line for line in said if '***' not in line]) == 1, done.stdout
+        assert (done.returncode and said[0].startswith('make: this is missing: cc ')
+                and len([line for line in said if '***' not in line]) == 1), done.stdout
         assert len(set(said[0].split())) == len(said[0].split()), said
     dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(ALONE, PATH=only(*bare)),
                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -156,7 +162,8 @@ def test_a_bare_machine():
         os.chmod(os.path.join(root, name), 0o755)
     done = call('make', 'demo', cwd=tree, PATH=root)
     said = [line for line in done.stdout.splitlines() if '***' not in line]
-    assert len(said) == 1 and said[0].startswith('make: installs as root, with apt-get, what is missing: gcc '), done.stdout
+    assert (len(said) == 1
+            and said[0].startswith('make: installs as root, with apt-get, what is missing: gcc ')), done.stdout
     with open(os.path.join(root, 'installed')) as file:
         assert file.read() == 'update -qq\n'
 

@@ -43,7 +43,9 @@ def check_help(help_of):
     report('and no other', made_up)
     report('every help has its usage line',
            [command for command, text in help_of.items() if not text.startswith('usage: tetlod %s' % command)])
-    sources = {os.path.basename(path)[4:-2].replace('_', '-') for path in glob.glob(os.path.join(ROOT, 'src/cli/cmd_*.c'))}
+    sources = {
+        os.path.basename(path)[4:-2].replace('_', '-') for path in glob.glob(os.path.join(ROOT, 'src/cli/cmd_*.c'))
+    }
     report('every command is listed', sorted(sources.symmetric_difference(help_of)))
 
 
@@ -53,8 +55,8 @@ def check_manual(help_of):
     report('the manual has every line of every help',
            ['%s: %s' % (command, line) for command,
             text in help_of.items() for line in text.splitlines() if line not in plain])
-    report('the manual names no option that no help has', sorted(set(OPTION.findall(plain)) -
-                                                                  set(OPTION.findall(' '.join(help_of.values()))) - {'--version'}))
+    report('the manual names no option that no help has',
+           sorted(set(OPTION.findall(plain)) - set(OPTION.findall(' '.join(help_of.values()))) - {'--version'}))
 
 
 def check_targets():

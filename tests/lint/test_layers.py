@@ -23,8 +23,10 @@ LAYERS = {
     'src/mesh': ARRAYS,
     'src/io': MESHES + ['src/io/readers/', 'src/io/writers/', 'src/io/services/'],
     'src/io/readers': MESHES + ['src/stream/level_mesh.h', 'src/stream/metadata.h', 'src/io/services/'],
-    'src/io/writers': MESHES + ['src/stream/level_mesh.h', 'src/stream/metadata.h', 'src/cut/cut.h', 'src/io/services/h5.h',
-                                 'format/coding/pointer.h'],
+    'src/io/writers': MESHES + [
+        'src/stream/level_mesh.h', 'src/stream/metadata.h', 'src/cut/cut.h', 'src/io/services/h5.h',
+        'format/coding/pointer.h'
+    ],
     'src/io/services': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
@@ -34,55 +36,69 @@ LAYERS = {
     'src/simplify/mesh': MESHES + ['src/log/contraction_log.h'],
     'src/simplify/rounds': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/limit.h', 'src/simplify/ladder.h', 'src/simplify/mesh/'],
-    'src/cells': MESHES + ['format/write/write_input.h', 'src/simplify/piece.h', 'src/simplify/rounds/rounds.h', 'src/simplify/ladder.h',
-                            'src/simplify/simplify.h', 'src/simplify/simplify_options.h', 'src/log/contraction_log.h'],
+    'src/cells': MESHES + [
+        'format/write/write_input.h', 'src/simplify/piece.h', 'src/simplify/rounds/rounds.h', 'src/simplify/ladder.h',
+        'src/simplify/simplify.h', 'src/simplify/simplify_options.h', 'src/log/contraction_log.h'
+    ],
     'src/log': MESHES,
     'src/stream': MESHES,
     'src/measure': MESHES + ['src/log/', 'src/stream/'],
-    'src/pipeline': MESHES + ['format/common/', 'format/coding/', 'format/read/summary.h', 'format/read/box_sums.h',
-                              'format/write/', 'src/ask/clip.h',
-                              'src/ask/features.h',
-                              'src/simplify/simplify.h', 'src/simplify/further.h', 'src/simplify/retrace.h', 'src/cells/cell_phases.h',
-                              'src/cells/cell_help.h',
-                              'src/log/', 'src/measure/'],
-    'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_helper.h', 'src/pipeline/build_warnings.h',
-                             'src/pipeline/build_series.h',
-                             'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'],
+    'src/pipeline': MESHES + [
+        'format/common/', 'format/coding/', 'format/read/summary.h', 'format/read/box_sums.h', 'format/write/',
+        'src/ask/clip.h', 'src/ask/features.h', 'src/simplify/simplify.h', 'src/simplify/further.h',
+        'src/simplify/retrace.h', 'src/cells/cell_phases.h', 'src/cells/cell_help.h', 'src/log/', 'src/measure/'
+    ],
+    'src/library': MESHES + [
+        'src/pipeline/build.h', 'src/pipeline/build_helper.h', 'src/pipeline/build_warnings.h',
+        'src/pipeline/build_series.h', 'src/pipeline/field_choice.h', 'src/pipeline/series_spool.h'
+    ],
     'src/many': ARRAYS,
     'src/mpi': ARRAYS + ['src/cli/cli.h', 'src/cli/build_request.h', 'src/library/'],
     'src/report': MESHES + ['src/stream/', 'src/ask/', 'src/diff/decide.h'],
     'server': MESHES + ['server/net/', 'server/routes/', 'server/jobs/', 'server/http/', 'server/store/'],
     'server/net': ARRAYS + ['server/http/message.h'],
-    'server/routes': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/stream/',
-                               'src/measure/region_error.h', 'format/read/reader.h', 'server/jobs/', 'server/http/',
-                               'server/store/'],
-    'server/jobs': MESHES + ['src/ask/ask.h', 'src/io/io.h', 'src/report/info_json.h', 'src/stream/', 'server/http/',
-                             'server/store/'],
+    'server/routes': MESHES + [
+        'src/cut/', 'src/io/io.h', 'src/report/', 'src/stream/', 'src/measure/region_error.h', 'format/read/reader.h',
+        'server/jobs/', 'server/http/', 'server/store/'
+    ],
+    'server/jobs': MESHES +
+    ['src/ask/ask.h', 'src/io/io.h', 'src/report/info_json.h', 'src/stream/', 'server/http/', 'server/store/'],
     'server/http': MESHES + ['server/store/'],
     'server/store': MESHES + ['src/report/', 'src/stream/metadata.h', 'src/stream/level_mesh.h', 'format/read/parts.h'],
     'server/web/refine': MESHES + ['src/stream/', 'src/ask/'],
     'server/web/wasm': MESHES + ['format/common/bytes.h', 'src/cut/'],
-    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/page_check.h', 'format/write/prefix.h'] + MESHES + [
-                'src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/',
-                'src/log/', 'src/measure/', 'src/many/', 'src/stream/', 'src/ask/', 'src/diff/decide.h',
-                'server/server.h',
-                'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'],
+    'src/cli': ['format/common/bytes.h', 'format/read/grids.h', 'format/write/page_check.h', 'format/write/prefix.h'] +
+    MESHES + [
+        'src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/',
+        'src/measure/', 'src/many/', 'src/stream/', 'src/ask/', 'src/diff/decide.h', 'server/server.h',
+        'server/routes/assets.h', 'server/routes/stream_json.h', 'server/store/catalogue.h'
+    ],
 }
-LIBC = set('''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
+LIBC = set(
+    '''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/time sys/vfs sys/types'''.split())
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
-    'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/services/contain.c'],
-    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/',
-                                                              'server/http/'], 'lz4.h': ['src/io/'], 'zstd.h': ['server/http/'],
+    'hdf5.h': ['src/io/'],
+    'netcdf.h': ['src/io/'],
+    'netcdf_mem.h': ['src/io/'],
+    'cgnslib.h': ['src/io/'],
+    'sys/wait.h': ['src/io/services/contain.c'],
+    'expat.h': ['src/io/'],
+    'lzma.h': ['src/io/'],
+    'zlib.h': ['src/io/', 'server/http/'],
+    'lz4.h': ['src/io/'],
+    'zstd.h': ['server/http/'],
     'jansson.h': ['src/stream/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
-    'curl/curl.h': ['src/cli/web_source.c'], 'mpi.h': ['src/mpi/'],
+    'curl/curl.h': ['src/cli/web_source.c'],
+    'mpi.h': ['src/mpi/'],
 }
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
-SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction|sigwait|dup2)\s*\(|\b(stdout|stderr)\b|'
-                    r'\b(STDOUT|STDERR)_FILENO\b')
+SPEAKS = re.compile(
+    r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction|sigwait|dup2)\s*\(|\b(stdout|stderr)\b|'
+    r'\b(STDOUT|STDERR)_FILENO\b')
 
 CHILDREN = ['src/io/services/contain.c']  # a process of its own, which must end
 SPEAKERS = CHILDREN + ['src/mpi/mpi_main.c', 'src/util/temporary.c']  # the last cleans up at a signal

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Rules that are not kept everywhere yet: files that include each other, lines above 120 columns, phrases that are no plain English.
-For each there is the number of places that break it. A number may only go down: who mends a place lowers it."""
+"""Rules that are not kept everywhere yet: files that include each other, lines above 120 columns, phrases that are no
+plain English. For each there is the number of places that break it. A number may only go down: who mends a place lowers
+it."""
 import os
 import re
 import subprocess
@@ -11,7 +12,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 0, 'long lines': 999, 'phrases': 55}
+ALLOWED = {'in circles': 0, 'long lines': 334, 'phrases': 55}
 
 
 def circles(sources):
@@ -30,8 +31,9 @@ def circles(sources):
                 seen.add(one)
                 todo += uses.get(one, ())
         reach[start] = seen
-    return sorted('%s includes itself by way of %s' % (one,
-                                                       ', '.join(sorted(other for other in reach[one] if one in reach.get(other, ()) and other != one)))
+    return sorted('%s includes itself by way of %s' %
+                  (one, ', '.join(sorted(other
+                                         for other in reach[one] if one in reach.get(other, ()) and other != one)))
                   for one in uses if one in reach[one])
 
 

@@ -3,12 +3,12 @@
 """usage: run_mutants.py [NAME...]
 
 Takes one line of the proof, or of what guards the server, out at a time, in a copy of the tree under build/mutants, and
-expects a test to go red. A mutant that no test sees is a hole in the tests; a line that is no longer there is a fault of
-the tables (table.py, door_table.py).
+expects a test to go red. A mutant that no test sees is a hole in the tests; a line that is no longer there is a fault
+of the tables (table.py, door_table.py).
 
-A killer is a test (`unit/test_exact`, `cli/test_promise.py`), maybe with one of its tests (`http/test_jobs.py test_grace`,
-for tests of the server and of the page), or `attack FIRST COUNT`, `proof FIRST COUNT` or `doors FIRST COUNT`: seeds of
-these programs of tests/attack, of which one must find what it does not find without the mutant.
+A killer is a test (`unit/test_exact`, `cli/test_promise.py`), maybe with one of its tests (`http/test_jobs.py
+test_grace`, for tests of the server and of the page), or `attack FIRST COUNT`, `proof FIRST COUNT` or `doors FIRST
+COUNT`: seeds of these programs of tests/attack, of which one must find what it does not find without the mutant.
 """
 import os
 import re

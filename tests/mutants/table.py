@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lines that the promise hangs on: each is taken out in turn, and a test must go red (run_mutants.py).
 
-`old` is text that is once in the file; `why` says what the line is for. Where several lines ask the same, each alone may go without harm:
+`old` is text that is once in the file; `why` says what the line is for. Where several lines ask the same, each alone
+may go without harm:
 `more` are the others, (file, old, new), and all go at once.
 """
 
@@ -22,46 +23,63 @@ mutant('star without a tetrahedron', 'src/simplify/mesh/kernels.c',
        'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 0; i < weighing->count; i++) {',
        'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 1; i < weighing->count; i++) {',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
-mutant('rounding slack', 'src/simplify/mesh/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
-mutant('upper is the value', 'src/simplify/rounds/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
-       'errors accumulate', PROOF)
-mutant('one side of the error', 'src/simplify/rounds/outcome.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
+mutant('rounding slack', 'src/simplify/mesh/kernels.c', 'wide slack = wide_mul(rounding, size);',
+       'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding',
+       'unit/test_rounds')
+mutant('upper is the value', 'src/simplify/rounds/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];',
+       'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;', 'errors accumulate', PROOF)
+mutant('one side of the error', 'src/simplify/rounds/outcome.c',
+       'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
        'worst = larger(worst, (upper[c] - value) * component->factor);', 'the error counts both ways', PROOF)
-mutant('certified is one side', 'src/simplify/rounds/merge.c', 'answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);',
+mutant('certified is one side', 'src/simplify/rounds/merge.c',
+       'answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);',
        'answer->errors[c] : upper[c] - values[c];', 'what is stored counts both ways', PROOF)
 mutant('mean beyond the error', 'src/simplify/rounds/merge.c',
-       'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    return value >= least && value <= greatest ? value : middle;',
-       'return field_round(field, component, most >= 0 ? mean : middle);', 'a better value keeps to the error that is stated', PROOF)
+       'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    '
+       'return value >= least && value <= greatest ? value : middle;',
+       'return field_round(field, component, most >= 0 ? mean : middle);',
+       'a better value keeps to the error that is stated', PROOF)
 mutant('values are not rounded', 'src/simplify/rounds/outcome.c',
-       'double value =\n            field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
-       'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
-mutant('flips', 'src/simplify/mesh/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
-       'C1: no tetrahedron flips or degenerates', PROOF,
+       'double value =\n            field_round(&run->working->fields[component->field], component->component, '
+       '(upper[c] + lower[c]) / 2);', 'double value = (upper[c] + lower[c]) / 2;',
+       'the error is that of the value as stored', PROOF)
+mutant('flips', 'src/simplify/mesh/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);',
+       'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);', 'C1: no tetrahedron flips or degenerates', PROOF,
        more=(('src/simplify/rounds/evaluate.c', 'working_row(working, data->slots[c])) <= 0)', 'working_row(working, data->slots[c])) < -1)'),
              ('src/simplify/rounds/evaluate.c', '!answer.half_turned, answer.followed', 'true, answer.followed'),
              ('src/simplify/rounds/evaluate.c', 'answer.turned <= data->shared[n], answer.followed', 'true, answer.followed')))
 mutant('link condition', 'src/simplify/rounds/evaluate.c',
-       'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room) && !room) {',
-       'C4 is asked', 'unit/test_links')
-mutant('link triangles', 'src/simplify/mesh/links.c', 'if (!has_a && !meets_well(links, v))', 'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
-mutant('link condition across the inside', 'src/simplify/mesh/links.c', 'if (open && !data->along[neighbour])\n        return false;', '',
+       'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {',
+       'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room) && !room) {', 'C4 is asked',
+       'unit/test_links')
+mutant('link triangles', 'src/simplify/mesh/links.c', 'if (!has_a && !meets_well(links, v))',
+       'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
+mutant('link condition across the inside', 'src/simplify/mesh/links.c',
+       'if (open && !data->along[neighbour])\n        return false;', '',
        'an edge through the inside with both ends on the boundary', 'unit/test_links')
 mutant("link condition's boundary", 'src/simplify/mesh/links.c',
-       'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
-       'a tetrahedron with boundary faces at both ends', 'unit/test_links')
+       'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return '
+       'false;', '', 'a tetrahedron with boundary faces at both ends', 'unit/test_links')
 
 # ---- local bounds (2)
 
-mutant('local bound of one side', 'src/simplify/rounds/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
-mutant('local bound stays behind', 'src/simplify/rounds/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
+mutant('local bound of one side', 'src/simplify/rounds/merge.c', 'bounds[record] = worst;',
+       'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
+mutant('local bound stays behind', 'src/simplify/rounds/rounds.c',
+       'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
        'a record that closes a gap takes its bounds along', 'cli/test_local_bound')
-mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0)', 'larger(floor((bound - grid->origin) / grid->step), 0)',
-       'what is stored is no less than the bound', 'cli/test_local_bound')
-mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = ceil(rounding / step) * step;', 'origin = 0;',
-       "the original's vertices are off by their rounding", 'cli/test_local_bound')
-mutant('local bound above max', 'src/pipeline/local_bound.c', '*certified = larger(*certified, most * log->components[c].scale * (1 - TIE / 2));', '(void)certified;',
+mutant('local bound is rounded down', 'src/pipeline/local_bound.c',
+       'larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0)',
+       'larger(floor((bound - grid->origin) / grid->step), 0)', 'what is stored is no less than the bound',
+       'cli/test_local_bound')
+mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = ceil(rounding / step) * step;',
+       'origin = 0;', "the original's vertices are off by their rounding", 'cli/test_local_bound')
+mutant('local bound above max', 'src/pipeline/local_bound.c',
+       '*certified = larger(*certified, most * log->components[c].scale * (1 - TIE / 2));', '(void)certified;',
        'max is the largest of the bounds that are stored', 'cli/test_local_bound')
-mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLOD_OK && larger(found[0], found[1]) > floor)', 'if (status == TETLOD_OK && larger(found[0], found[1]) > 2 * floor)',
+mutant('verify believes local bounds', 'src/cli/against.c',
+       'if (status == TETLOD_OK && larger(found[0], found[1]) > floor)',
+       'if (status == TETLOD_OK && larger(found[0], found[1]) > 2 * floor)',
        'a local bound that is too small is refused', ATTACK)
 
 # ---- the transition of a region (2)
@@ -69,108 +87,137 @@ mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLO
 mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (lack[v] > 0)\n',
        'if (lack[v] > INFINITY)\n',
        'where vertices of several levels meet, a local bound is raised', REGIONS)
-mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;', 'out[count + i] = s->values[i] + by;',
-       'it is raised for what is below and above the original', 'cli/test_region.py')
-mutant('transition beside another body', 'src/measure/region_error.c', '.threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted', '.threads = m->threads, .wanted',
+mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;',
+       'out[count + i] = s->values[i] + by;', 'it is raised for what is below and above the original',
+       'cli/test_region.py')
+mutant('transition beside another body', 'src/measure/region_error.c',
+       '.threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted', '.threads = m->threads, .wanted',
        'each body is compared with itself', 'cli/test_region.py')
 
 # ---- steps in time (10)
 
 mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',
-       'series->component_count + row->first + component, out);\n', 'series->component_count + row->first + component, out);\n    out[0] = larger(out[0], range[0]);\n    out[1] = smaller(out[1], range[1]);\n',
-       'between the vertices U that is cut at one of them does not hold the original', 'cli/test_series')
+       'series->component_count + row->first + component, out);\n',
+       'series->component_count + row->first + component, out);\n    out[0] = larger(out[0], range[0]);\n    out[1] = '
+       'smaller(out[1], range[1]);\n', 'between the vertices U that is cut at one of them does not hold the original',
+       'cli/test_series')
 
-mutant('moved points are not rounded', 'src/pipeline/encode_series.c', 'worst += series_rounding(series, row->control, row->band);', 'worst += 0;',
+mutant('moved points are not rounded', 'src/pipeline/encode_series.c',
+       'worst += series_rounding(series, row->control, row->band);', 'worst += 0;',
        'a point that moves is rounded twice', 'cli/test_series.py')
-mutant('no room for moved points to be rounded', 'src/pipeline/build_series.c', 'return series_is_displacement(series, control) &&\n           units_in_last_place',
+mutant('no room for moved points to be rounded', 'src/pipeline/build_series.c',
+       'return series_is_displacement(series, control) &&\n           units_in_last_place',
        'return series->input->bands[band] <= 0 && units_in_last_place',
        'a band that is narrower than rounding is bit for bit', 'cli/test_series.py')
-mutant('a step says more than its own range', 'src/pipeline/encode_series.c', 'fminf(error, most_said(series, step, row->control, row->band))', 'error',
+mutant('a step says more than its own range', 'src/pipeline/encode_series.c',
+       'fminf(error, most_said(series, step, row->control, row->band))', 'error',
        "with --range step no error is above the band's in the step's own range", 'cli/test_series.py')
 
 # ---- the boundary (5)
 
-mutant('no demands of the map, above', 'src/simplify/rounds/outcome.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
+mutant('no demands of the map, above', 'src/simplify/rounds/outcome.c',
+       'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
        'what the boundary map demands of the upper value', 'unit/test_rounds')
-mutant('no demands of the map, below', 'src/simplify/rounds/outcome.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
+mutant('no demands of the map, below', 'src/simplify/rounds/outcome.c',
+       'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
        'what the boundary map demands of the lower value', 'unit/test_rounds')
-mutant('no crossings', 'src/simplify/mesh/boundary_map.c', 'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);', 'return graphs(map, cosine) && map_vertices(map);',
-       'edges of the old and the new patch cross', 'unit/test_boundary_map')
-mutant('no result in the old patch', 'src/simplify/mesh/boundary_map.c', 'return !result || map_result(map);', 'return true;',
-       'the result between the ends', 'unit/test_boundary_map')
-mutant('distance is not counted', 'src/simplify/mesh/boundary_map.c', 'double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;',
-       'double all = larger(boundary_map_least(map, moved, stride, 0), 0), rim = 0;', 'how far the boundary moved', PROOF)
-mutant('distance does not add up', 'src/simplify/rounds/merge.c', 'row[row_moved(working)] = moved;', 'row[row_moved(working)] = 0;',
-       'how far the boundary moved in all', PROOF)
+mutant('no crossings', 'src/simplify/mesh/boundary_map.c',
+       'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);',
+       'return graphs(map, cosine) && map_vertices(map);', 'edges of the old and the new patch cross',
+       'unit/test_boundary_map')
+mutant('no result in the old patch', 'src/simplify/mesh/boundary_map.c', 'return !result || map_result(map);',
+       'return true;', 'the result between the ends', 'unit/test_boundary_map')
+mutant('distance is not counted', 'src/simplify/mesh/boundary_map.c',
+       'double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;',
+       'double all = larger(boundary_map_least(map, moved, stride, 0), 0), rim = 0;', 'how far the boundary moved',
+       PROOF)
+mutant('distance does not add up', 'src/simplify/rounds/merge.c', 'row[row_moved(working)] = moved;',
+       'row[row_moved(working)] = 0;', 'how far the boundary moved in all', PROOF)
 
 # ---- frozen vertices (6)
 
-mutant('inverted are not frozen', 'src/simplify/rounds/evaluate.c', 'if (working->flags[slot] & VERTEX_FROZEN)\n', 'if (working->flags[slot] & 0)\n',
-       'no star that moves has a degenerate or inverted tetrahedron', PROOF)
-mutant('folds are not frozen', 'src/simplify/mesh/border.c', 'working->flags[working->corners[t][c]] |= VERTEX_FROZEN;', '(void)c;',
-       'no star that moves has a folded tetrahedron', PROOF)
+mutant('inverted are not frozen', 'src/simplify/rounds/evaluate.c', 'if (working->flags[slot] & VERTEX_FROZEN)\n',
+       'if (working->flags[slot] & 0)\n', 'no star that moves has a degenerate or inverted tetrahedron', PROOF)
+mutant('folds are not frozen', 'src/simplify/mesh/border.c', 'working->flags[working->corners[t][c]] |= VERTEX_FROZEN;',
+       '(void)c;', 'no star that moves has a folded tetrahedron', PROOF)
 
 # ---- faces and tetrahedra
 
-mutant('simplices: flips', 'src/simplify/mesh/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) <= 0)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
-       'C1', 'unit/test_working')
-mutant('simplices: link triangles', 'src/simplify/mesh/links.c', 'return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));',
-       'return true;', 'C4: a common triangle', 'unit/test_links')
-mutant("simplices: link condition's boundary", 'src/simplify/mesh/links.c', 'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {',
-       'C4: the boundary is coned', 'unit/test_links')
+mutant('simplices: flips', 'src/simplify/mesh/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) <= 0)',
+       'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)', 'C1', 'unit/test_working')
+mutant('simplices: link triangles', 'src/simplify/mesh/links.c',
+       'return !(count == 3 && mask == IN_B && table_find(&links->pairs, triangle_key(v)));', 'return true;',
+       'C4: a common triangle', 'unit/test_links')
+mutant("simplices: link condition's boundary", 'src/simplify/mesh/links.c',
+       'if (working->boundary_faces[star->tets[i]] >> f & 1) {', 'if (f > 3) {', 'C4: the boundary is coned',
+       'unit/test_links')
 mutant('simplices: faces behind those that vanish', 'src/simplify/mesh/working.c', 'opened &= count > 2;',
        'opened = false;',
        'a face behind several tetrahedra that vanish is on the boundary', 'unit/test_working')
-mutant('simplices: a vertex is forgotten', 'src/simplify/rounds/outcome.c', 'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
-       'for (uint32_t s = 0; s < 2 && room; s++)\n        list_star(', 'the star is of all vertices of the simplex', 'unit/test_outcome', PROOF)
+mutant('simplices: a vertex is forgotten', 'src/simplify/rounds/outcome.c',
+       'for (uint32_t s = 0; s < join->count && room; s++)\n        list_star(',
+       'for (uint32_t s = 0; s < 2 && room; s++)\n        list_star(', 'the star is of all vertices of the simplex',
+       'unit/test_outcome', PROOF)
 
 # ---- new numbers without gaps
 
-mutant('numbers: boundary faces keep theirs', 'src/simplify/mesh/working.c', 'working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);', '',
+mutant('numbers: boundary faces keep theirs', 'src/simplify/mesh/working.c',
+       'working->boundary_faces = renumber_tets(out, working->boundary_faces, 1);', '',
        'what belongs to a tetrahedron moves with it', 'unit/test_working')
-mutant('numbers: stars keep theirs', 'src/simplify/mesh/working.c', 'star[i] = numbers->tets[star[i]];', '(void)star[i];', 'the same', 'unit/test_working')
+mutant('numbers: stars keep theirs', 'src/simplify/mesh/working.c', 'star[i] = numbers->tets[star[i]];',
+       '(void)star[i];', 'the same', 'unit/test_working')
 mutant('numbers: points that refused keep theirs', 'src/simplify/exact/overlaps.c',
-       'overlaps->sentinels = renumber_tets(numbers, overlaps->sentinels, sizeof *overlaps->sentinels);', '', 'the same', 'unit/test_overlaps')
+       'overlaps->sentinels = renumber_tets(numbers, overlaps->sentinels, sizeof *overlaps->sentinels);', '',
+       'the same', 'unit/test_overlaps')
 mutant('numbers: lists of originals keep theirs', 'src/simplify/exact/overlaps.c',
-       'overlaps->lists = renumber_tets(numbers, overlaps->lists, sizeof *overlaps->lists);', '', 'the same', 'unit/test_overlaps')
-mutant('numbers: hosts keep theirs', 'src/simplify/exact/overlaps.c', 'overlaps->host[v] = numbers->tets[overlaps->host[v]];', '(void)numbers;',
-       'the same', 'unit/test_exact')
+       'overlaps->lists = renumber_tets(numbers, overlaps->lists, sizeof *overlaps->lists);', '', 'the same',
+       'unit/test_overlaps')
+mutant('numbers: hosts keep theirs', 'src/simplify/exact/overlaps.c',
+       'overlaps->host[v] = numbers->tets[overlaps->host[v]];', '(void)numbers;', 'the same', 'unit/test_exact')
 
 # ---- the exact limit (8)
 
-mutant('exact: no original vertices', 'src/simplify/exact/examiner.c', 'if (!at_vertex(e, v))', 'if (v > UINT32_MAX - 1 && !at_vertex(e, v))',
-       'critical points of kind 1', 'unit/test_exact')
-mutant('exact: no walls', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
-       'critical points of kind 2', 'unit/test_exact')
+mutant('exact: no original vertices', 'src/simplify/exact/examiner.c', 'if (!at_vertex(e, v))',
+       'if (v > UINT32_MAX - 1 && !at_vertex(e, v))', 'critical points of kind 1', 'unit/test_exact')
+mutant('exact: no walls', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);',
+       'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);', 'critical points of kind 2', 'unit/test_exact')
 mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/examiner.c',
        'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
        'an edge is followed to its end', 'unit/test_exact')
-mutant('exact: an edge ends where it begins', 'src/simplify/exact/examiner.c', 'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
-       'the same', 'unit/test_exact')
-mutant('exact: an edge is told by one end', 'src/simplify/exact/cover.c', 'if (edge[0] == least && edge[1] == greatest)', 'if (edge[1] == greatest)',
-       'all edges are asked', 'unit/test_exact')
-mutant('exact: slots keep their numbers', 'src/simplify/exact/cover.c', 'cover->slot_numbers[cover->link[l]] = TETLOD_NONE;', '(void)cover->slot_numbers[cover->link[l]];',
+mutant('exact: an edge ends where it begins', 'src/simplify/exact/examiner.c',
+       'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)', 'the same', 'unit/test_exact')
+mutant('exact: an edge is told by one end', 'src/simplify/exact/cover.c',
+       'if (edge[0] == least && edge[1] == greatest)', 'if (edge[1] == greatest)', 'all edges are asked',
+       'unit/test_exact')
+mutant('exact: slots keep their numbers', 'src/simplify/exact/cover.c',
+       'cover->slot_numbers[cover->link[l]] = TETLOD_NONE;', '(void)cover->slot_numbers[cover->link[l]];',
        "the next star's link has numbers of its own", 'unit/test_exact')
-mutant('exact: the oldest point stays', 'src/simplify/exact/overlaps.c', 'uint32_t last = same < count ? same : count - 1;', 'uint32_t last = same < count ? same : 0;',
+mutant('exact: the oldest point stays', 'src/simplify/exact/overlaps.c',
+       'uint32_t last = same < count ? same : count - 1;', 'uint32_t last = same < count ? same : 0;',
        'the last two points that refused are kept', 'unit/test_overlaps')
-mutant('exact: no spokes', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
-       'critical points of kind 3', 'unit/test_exact')
-mutant('exact: not the new vertex', 'src/simplify/exact/examiner.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
-       'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/cover.c', 'if (!pair_original(cover, working, t))', 'if (t % 8 != 7 && !pair_original(cover, working, t))',
-       'a cone lists all originals that overlap it', 'unit/test_exact')
-mutant('exact: planes turned outwards', 'src/simplify/exact/cover.c', 'bool turned = !(dot(plane->normal, r) > 0);', 'bool turned = dot(plane->normal, r) > 0;',
-       'the same', 'unit/test_exact')
-mutant('exact: walls of the wrong side', 'src/simplify/exact/cover.c', 'cover->masks[(2 * f + !positive) * words', 'cover->masks[(2 * f + positive) * words',
-       'the same', 'unit/test_exact')
-mutant('exact: a refusal is forgotten', 'src/simplify/rounds/simplices.c', 'known->bound = nextafterf(', 'known->bound = 0 * nextafterf(',
-       'what was refused is not asked again', 'unit/test_asked_once')
-mutant('exact: what the bounds say is stored', 'src/simplify/rounds/merge.c', 'answer && run->asked->certifies ? answer->errors[c]', 'answer && run->asked->certifies ? 0 * answer->errors[c]',
+mutant('exact: no spokes', 'src/simplify/exact/examiner.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);',
+       'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));', 'critical points of kind 3', 'unit/test_exact')
+mutant('exact: not the new vertex', 'src/simplify/exact/examiner.c', 'if (!is_original(e) && !at_apex(e))',
+       'if (0 && !is_original(e) && !at_apex(e))', 'critical points of kind 4', 'unit/test_exact')
+mutant('exact: originals are lost', 'src/simplify/exact/cover.c', 'if (!pair_original(cover, working, t))',
+       'if (t % 8 != 7 && !pair_original(cover, working, t))', 'a cone lists all originals that overlap it',
+       'unit/test_exact')
+mutant('exact: planes turned outwards', 'src/simplify/exact/cover.c', 'bool turned = !(dot(plane->normal, r) > 0);',
+       'bool turned = dot(plane->normal, r) > 0;', 'the same', 'unit/test_exact')
+mutant('exact: walls of the wrong side', 'src/simplify/exact/cover.c', 'cover->masks[(2 * f + !positive) * words',
+       'cover->masks[(2 * f + positive) * words', 'the same', 'unit/test_exact')
+mutant('exact: a refusal is forgotten', 'src/simplify/rounds/simplices.c', 'known->bound = nextafterf(',
+       'known->bound = 0 * nextafterf(', 'what was refused is not asked again', 'unit/test_asked_once')
+mutant('exact: what the bounds say is stored', 'src/simplify/rounds/merge.c',
+       'answer && run->asked->certifies ? answer->errors[c]', 'answer && run->asked->certifies ? 0 * answer->errors[c]',
        'what is stored is what the limit has answered', PROOF)
-mutant('exact: originals stay marked', 'src/simplify/exact/cover.c', 'cover->listed[cover->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
-mutant('exact: the star stays marked', 'src/simplify/exact/cover.c', 'cover->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
+mutant('exact: originals stay marked', 'src/simplify/exact/cover.c', 'cover->listed[cover->tets[t] / 64] = 0;', '',
+       'the next star has all of its originals', 'unit/test_exact')
+mutant('exact: the star stays marked', 'src/simplify/exact/cover.c', 'cover->covered[star->tets[i] / 64] = 0;',
+       '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
 mutant('exact: distances of another order', 'src/simplify/exact/cover.h',
-       'return n[0] * r[0] + n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2];', 'return n[0] * r[0] + (n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2]);',
+       'return n[0] * r[0] + n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2];',
+       'return n[0] * r[0] + (n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2]);',
        'all decisions are taken from the same numbers', 'unit/test_exact')
 
 # ---- differences of two results (14)
@@ -223,40 +270,50 @@ mutant('diff: only what is deep is left open', 'src/diff/open_parts.c',
 
 # ---- the overlay, which checks it: what rules pairs out (8)
 
-mutant('overlay: half of a box', 'src/measure/weights_map.h', 'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
+mutant('overlay: half of a box', 'src/measure/weights_map.h',
+       'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
        'a box reaches as far as its farthest corner', 'unit/test_overlay')
-mutant('overlay: a box behind a face', 'src/measure/weights_map.h', 'behind |= most[k] <= THIN - noise;', 'behind |= most[k] <= THIN;',
-       'a box is behind a face if rounding cannot have put it there', 'unit/test_overlay')
-mutant('overlay: corners behind a face', 'src/measure/weights_map.h', 'if (!(most > THIN - map->noise * largest))', 'if (!(most > THIN))',
-       'the same of corners', 'unit/test_overlay')
-mutant('overlay: a vertex behind a face', 'src/measure/overlay.c', 'THIN - weights_in(reach, clusters', 'THIN - 0 * weights_in(reach, clusters',
-       'the same of the vertices of a cluster', 'unit/test_overlay')
-mutant('overlay: a vertex of another number', 'src/measure/clusters.c', 'clusters->corners[i][c] = (uint8_t)k;', 'clusters->corners[i][c] = (uint8_t)(k & 7);',
-       "a tetrahedron's corners are its own", 'unit/test_overlay')
-mutant('overlay: no crossings of a face', 'src/measure/overlay.c', 'if ((from < 0) != (to < 0) &&', 'if (from < 0 && to > INFINITY &&',
-       'the part before a face has corners of its own', 'unit/test_overlay')
-mutant('overlay: no room before a face', 'src/measure/overlay.c', 'exceeds_before(in[m], k, at, 2 * cell->slack, enough)', 'exceeds_before(in[m], k, at, 0, enough)',
+mutant('overlay: a box behind a face', 'src/measure/weights_map.h', 'behind |= most[k] <= THIN - noise;',
+       'behind |= most[k] <= THIN;', 'a box is behind a face if rounding cannot have put it there', 'unit/test_overlay')
+mutant('overlay: corners behind a face', 'src/measure/weights_map.h', 'if (!(most > THIN - map->noise * largest))',
+       'if (!(most > THIN))', 'the same of corners', 'unit/test_overlay')
+mutant('overlay: a vertex behind a face', 'src/measure/overlay.c', 'THIN - weights_in(reach, clusters',
+       'THIN - 0 * weights_in(reach, clusters', 'the same of the vertices of a cluster', 'unit/test_overlay')
+mutant('overlay: a vertex of another number', 'src/measure/clusters.c', 'clusters->corners[i][c] = (uint8_t)k;',
+       'clusters->corners[i][c] = (uint8_t)(k & 7);', "a tetrahedron's corners are its own", 'unit/test_overlay')
+mutant('overlay: no crossings of a face', 'src/measure/overlay.c', 'if ((from < 0) != (to < 0) &&',
+       'if (from < 0 && to > INFINITY &&', 'the part before a face has corners of its own', 'unit/test_overlay')
+mutant('overlay: no room before a face', 'src/measure/overlay.c',
+       'exceeds_before(in[m], k, at, 2 * cell->slack, enough)', 'exceeds_before(in[m], k, at, 0, enough)',
        'a corner is before a face as far as rounding can tell', 'unit/test_overlay')
-mutant('overlay: no slack of a bound', 'src/measure/overlay.c', 'double enough = worker->most[compared->field] - 8 * size * cell->slack;',
-       'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding', 'unit/test_overlay')
-mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'return most + 8 * size * cell->slack;', 'return most + 0 * size;',
-       'what is left to 113 bits is what doubles cannot rule out', 'unit/test_overlay')
-mutant('overlay: clipped as rounding has it', 'src/measure/overlay.c', 'double room = 2 * cell->slack;', 'double room = 0;',
-       'the ends lie between those of what rounding allows', 'unit/test_overlay')
-mutant('overlay: corners of the wrong mesh', 'src/measure/overlay.c', 'if (m != overlay->finer && !both)', 'if (m == overlay->finer && !both)',
-       'before both are weighed only those of the finer mesh are known', 'unit/test_overlay')
-mutant('overlay: a finest level that moved', 'src/measure/overlay_levels.c', '!memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&', '',
+mutant('overlay: no slack of a bound', 'src/measure/overlay.c',
+       'double enough = worker->most[compared->field] - 8 * size * cell->slack;',
+       'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding',
+       'unit/test_overlay')
+mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'return most + 8 * size * cell->slack;',
+       'return most + 0 * size;', 'what is left to 113 bits is what doubles cannot rule out', 'unit/test_overlay')
+mutant('overlay: clipped as rounding has it', 'src/measure/overlay.c', 'double room = 2 * cell->slack;',
+       'double room = 0;', 'the ends lie between those of what rounding allows', 'unit/test_overlay')
+mutant('overlay: corners of the wrong mesh', 'src/measure/overlay.c', 'if (m != overlay->finer && !both)',
+       'if (m == overlay->finer && !both)', 'before both are weighed only those of the finer mesh are known',
+       'unit/test_overlay')
+mutant('overlay: a finest level that moved', 'src/measure/overlay_levels.c',
+       '!memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&', '',
        'only what is the original is not compared with it', 'unit/test_overlay')
-mutant('overlay: a finest level of other tetrahedra', 'src/measure/overlay_levels.c', '!memcmp(finest->corners, original->corners, 4 * finest->stored * sizeof(uint32_t))', 'true',
-       'the same', 'unit/test_overlay')
-mutant('overlay: a finest level of other values', 'src/measure/overlay_levels.c', 'for (uint32_t f = 0; f < original->field_count && same; f++)', 'for (uint32_t f = original->field_count; f < original->field_count && same; f++)',
-       'the same', 'unit/test_overlay')
+mutant('overlay: a finest level of other tetrahedra', 'src/measure/overlay_levels.c',
+       '!memcmp(finest->corners, original->corners, 4 * finest->stored * sizeof(uint32_t))', 'true', 'the same',
+       'unit/test_overlay')
+mutant('overlay: a finest level of other values', 'src/measure/overlay_levels.c',
+       'for (uint32_t f = 0; f < original->field_count && same; f++)',
+       'for (uint32_t f = original->field_count; f < original->field_count && same; f++)', 'the same',
+       'unit/test_overlay')
 
 # ---- pieces (PROOF.md, 11)
 
 mutant('piece: seams are contracted', 'src/simplify/piece.c', '(piece->frozen[v] ? VERTEX_SINGULAR : 0)', '0',
        'a star must be in the piece as a whole', 'unit/test_piece')
-mutant('piece: U and L begin anew', 'src/simplify/piece.c', 'memcpy(row + ROW_FIELDS, piece->bounds + 2 * (size_t)v * k, 2 * k * sizeof *row);', '',
+mutant('piece: U and L begin anew', 'src/simplify/piece.c',
+       'memcpy(row + ROW_FIELDS, piece->bounds + 2 * (size_t)v * k, 2 * k * sizeof *row);', '',
        'errors accumulate from piece to piece', 'unit/test_piece')
 mutant('piece: seams are boundary', 'src/simplify/piece.c',
        'working->boundary_faces[t] = whole->ranges.turned ? turn_faces(faces) : faces;', '(void)faces;',
@@ -264,19 +321,25 @@ mutant('piece: seams are boundary', 'src/simplify/piece.c',
 
 # ---- what is stored
 
-mutant('max below sampled', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',
+mutant('max below sampled', 'src/pipeline/build.c',
+       'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',
        'max is never below what was measured', ATTACK)
-mutant('finer levels may be worse', 'src/pipeline/build.c', 'errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);', 'errors[m] = finer[m] < 0 ? 0 : errors[m];',
-       'a level promises for all finer ones', ATTACK)
-mutant('domain error without rounding', 'src/pipeline/build.c', 'double domain = at->moved + build->rounded_by;', 'double domain = at->moved;',
-       'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
-mutant('no exact maximum', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));', '(void)exact;',
+mutant('finer levels may be worse', 'src/pipeline/build.c',
+       'errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);',
+       'errors[m] = finer[m] < 0 ? 0 : errors[m];', 'a level promises for all finer ones', ATTACK)
+mutant('domain error without rounding', 'src/pipeline/build.c', 'double domain = at->moved + build->rounded_by;',
+       'double domain = at->moved;', 'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
+mutant('no exact maximum', 'src/pipeline/build.c',
+       'errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));', '(void)exact;',
        'where max is proved for a partner it is no less than the exact maximum', 'attack 1210 1', 'attack 1424 1')
 mutant('rounding is outside the limit', 'src/pipeline/limits.c', '*limit -= lost;', '',
        'a limit holds with what rounding takes', 'cli/test_promise.py')
-mutant('a vector without its share', 'src/pipeline/control.c', 'return (own > 0 && whole > 0 ? smaller(own / whole, 1) : 1) / sqrt(mesh->fields[vector].components);',
-       '(void)own;\n    (void)whole;\n    return 1;', "a magnitude's promise holds for the vector", 'cli/test_promise.py')
-mutant('one range for all fields', 'format/read/reader.c', 'info->fields[f].range[1] - info->fields[f].range[0] : 1;', 'info->fields[0].range[1] - info->fields[0].range[0] : 1;',
+mutant('a vector without its share', 'src/pipeline/control.c',
+       'return (own > 0 && whole > 0 ? smaller(own / whole, 1) : 1) / sqrt(mesh->fields[vector].components);',
+       '(void)own;\n    (void)whole;\n    return 1;', "a magnitude's promise holds for the vector",
+       'cli/test_promise.py')
+mutant('one range for all fields', 'format/read/reader.c', 'info->fields[f].range[1] - info->fields[f].range[0] : 1;',
+       'info->fields[0].range[1] - info->fields[0].range[0] : 1;',
        'an absolute error is of every field in its own range', 'unit/test_choices')
 
 # ---- verify
@@ -297,22 +360,23 @@ mutant('overlay: clusters that are asked about are passed over', 'src/measure/ov
 mutant('overlay: all is one body', 'src/measure/overlay.c',
        'return overlay->one_body || bodies', 'return true || bodies',
        'each body is compared with itself', 'unit/test_overlay')
-mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
+mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TOO_SMALL) - NOISE && stored',
+       'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c',
        'if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'
        '                            "level %u: its domain',
        'if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH,\n'
        '                            "level %u: its domain',
        'the domain error is measured again', ATTACK)
-mutant('verify: errors may be too large', 'src/cli/against.c', 'stored <= high * (1 + TOO_LARGE) + NOISE)', 'stored <= 1e300)',
-       'what is measured is wrong in both directions', ATTACK)
-mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = mesh_same(&rounded, &finest, a->error);', '(void)finest;',
-       'the finest level is the input, rounded', 'cli/test_cells')
+mutant('verify: errors may be too large', 'src/cli/against.c', 'stored <= high * (1 + TOO_LARGE) + NOISE)',
+       'stored <= 1e300)', 'what is measured is wrong in both directions', ATTACK)
+mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = mesh_same(&rounded, &finest, a->error);',
+       '(void)finest;', 'the finest level is the input, rounded', 'cli/test_cells')
 mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c',
-       'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,\n'
-       '                               "the difference',
-       'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count,\n'
-       '                               "the difference',
+       'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i '
+       '% check->field_count,\n                               "the difference',
+       'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % '
+       'check->field_count,\n                               "the difference',
        'tetrahedra that are as they were are compared at their corners', 'cli/test_forged')
 
 # ---- features (PROOF.md, 13)
@@ -323,7 +387,8 @@ mutant('features: heights without the bound', FEATURE_SOURCE, PROVEN_SWEEP,
        'sweep(search, &proven, search->upper, search->middle, error);',
        'a certain maximum counts with what it has at least', FEATURES)
 mutant('features: saddles without the bound', FEATURE_SOURCE, PROVEN_SWEEP,
-       'sweep(search, &proven, search->middle, search->lower, error);', 'a saddle may be as high as its bound', FEATURES)
+       'sweep(search, &proven, search->middle, search->lower, error);', 'a saddle may be as high as its bound',
+       FEATURES)
 mutant('features: an upper end everywhere', FEATURE_SOURCE,
        'bounded = !exceeds(search->upper[v], search->lower[v], search->query->persistence);', 'bounded = true;',
        'between functions that are far apart any number of maxima fits', FEATURES)
@@ -361,7 +426,8 @@ mutant('seams are contracted', 'src/simplify/piece.c', 'out->frozen[v] |= shared
        'a cell has not the whole star of a vertex at its seam', 'cli/test_pages')
 mutant('errors of one cell', 'src/cells/cell_phases.c',
        'state->certified[c] = fmax(state->certified[c], log->certified[last * k + c]);',
-       'state->certified[c] = fmin(1e-6, log->certified[last * k + c]);', 'a level has the errors of all cells', 'cli/test_pages')
+       'state->certified[c] = fmin(1e-6, log->certified[last * k + c]);', 'a level has the errors of all cells',
+       'cli/test_pages')
 mutant('a set that is not closed', 'format/read/page_set.c',
        'set->has[group[-1].first_page + table->needed[table->pages[p].needed_begin + i]] = 1;', ';',
        'lemma 3: with a page all that it needs is there', 'unit/test_page_set')

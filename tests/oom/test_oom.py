@@ -91,10 +91,11 @@ def make_inputs():
     points = ' '.join('%d %d %d' % p for p in
                       [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
     with open(path('mixed.vtu'), 'w') as file:
-        file.write('<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="8" NumberOfCells="2"><Points>'
-                   '<DataArray type="Float64" NumberOfComponents="3">%s</DataArray></Points><Cells>%s</Cells><PointData>'
-                   '<DataArray type="Int8" Name="a">1 2 3 4 5 6 7 8</DataArray></PointData></Piece></UnstructuredGrid>'
-                   '</VTKFile>' % (points, tets))
+        file.write(
+            '<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="8" NumberOfCells="2"><Points>'
+            '<DataArray type="Float64" NumberOfComponents="3">%s</DataArray></Points><Cells>%s</Cells><PointData>'
+            '<DataArray type="Int8" Name="a">1 2 3 4 5 6 7 8</DataArray></PointData></Piece></UnstructuredGrid>'
+            '</VTKFile>' % (points, tets))
 
 
 def main():

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The page in a browser: serves a sample, page.mjs looks at it, and at a notebook with streams of two servers, as nbconvert shows it."""
+"""The page in a browser: serves a sample, page.mjs looks at it, and at a notebook with streams of two servers, as
+nbconvert shows it."""
 import os
 import subprocess
 import sys

@@ -18,7 +18,8 @@ from ._words import speak
 class Answer:
     """What is certain of a question about the original: its answer is from `lower` to `upper`.
 
-    bound: 'exact' (but for rounding) or 'certified'. level: that says so; None for the index. bytes: that are read for it.
+    bound: 'exact' (but for rounding) or 'certified'. level: that says so; None for the index. bytes: that are read for
+    it.
     answer: of a predicate ('max(T) < 500') 'yes', 'no' or 'unknown'; None of others. time: of a step of a series.
     """
     question: str

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Building streams from meshes in memory: by libtetlod-build where it is installed, else by the program, of a VTU file."""
+"""Building streams from meshes in memory: by libtetlod-build where it is installed, else by the program, of a VTU file.
+"""
 from __future__ import annotations
 
 import os
@@ -26,16 +27,16 @@ def build(mesh: Any, tets: Any = None, fields: Union[Mapping[str, Any], Sequence
           program: Optional[str] = None, **options: Any) -> Optional[bytes]:
     """Builds a stream. Returns its bytes, or writes it to the file `output`.
 
-    `mesh` is a Mesh, a meshio mesh, a grid of VTK or PyVista, or an array of points with `tets` (m, 4) and `fields` of the points
-    and `cells` of the tetrahedra by name. Options are those of `tetlod build`, with _ for -: field='Pressure', max_error=0.1,
-    keep_order=True; lists repeat an option.
+    `mesh` is a Mesh, a meshio mesh, a grid of VTK or PyVista, or an array of points with `tets` (m, 4) and `fields` of
+    the points and `cells` of the tetrahedra by name. Options are those of `tetlod build`, with _ for -:
+    field='Pressure', max_error=0.1, keep_order=True; lists repeat an option.
 
     A series: `fields` is a list of such mappings, one a step, or `mesh` is a list of meshes; `times` are the steps'
     times, 0, 1, 2, ... without. Series are built by the program.
 
-    Arrays, a Mesh, and meshio's tetrahedra are built by libtetlod-build where it is installed, without a file between. It also takes
-    progress=function(phase, fraction), which cancels by returning False, and metadata=dict or JSON text. Otherwise the program builds: `program`,
-    $TETLOD, or `tetlod` of the PATH.
+    Arrays, a Mesh, and meshio's tetrahedra are built by libtetlod-build where it is installed, without a file between.
+    It also takes progress=function(phase, fraction), which cancels by returning False, and metadata=dict or JSON text.
+    Otherwise the program builds: `program`, $TETLOD, or `tetlod` of the PATH.
     """
     if isinstance(fields, (list, tuple)) or isinstance(mesh, (list, tuple)) and tets is None:
         return build_series(mesh, tets, fields, cells or {}, times, output, program, options)
@@ -54,8 +55,8 @@ def build(mesh: Any, tets: Any = None, fields: Union[Mapping[str, Any], Sequence
         os.replace(part, output)
         return None
     for name in {'progress', 'metadata'} & set(options):
-        raise TypeError('%s= is for libtetlod-build, which %s' % (name,
-                                                                  'does not take this' if library else 'is not installed'))
+        raise TypeError(
+            '%s= is for libtetlod-build, which %s' % (name, 'does not take this' if library else 'is not installed'))
     return build_by_program(mesh, arrays, output, program, options)
 
 
@@ -102,7 +103,8 @@ def run_program(program: Optional[str], folder: str, path: str, output: Any,
                 options: Mapping[str, Any]) -> Optional[bytes]:
     command = program or os.environ.get('TETLOD') or shutil.which('tetlod')
     if not command:
-        raise FileNotFoundError('neither libtetlod-build nor the program tetlod is installed (or name it: program=, or $TETLOD)')
+        raise FileNotFoundError(
+            'neither libtetlod-build nor the program tetlod is installed (or name it: program=, or $TETLOD)')
     made = os.path.join(folder, 'mesh.tetlod') if output is None else os.fspath(output)
     done = subprocess.run([command, 'build', path, '-o', made, '--quiet', *arguments(options)],
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -150,7 +152,8 @@ def arrays_of(mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]],
 def checked(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any]) -> Arrays:
     points, tets = np.asarray(points), np.asarray(tets)
     if points.ndim != 2 or points.shape[1] != 3 or tets.ndim != 2 or tets.shape[1] != 4:
-        raise ValueError('points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
+        raise ValueError(
+            'points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
     if points.dtype.kind != 'f':
         points = points.astype(np.float64)
     for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n,
@@ -196,11 +199,14 @@ def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cell
     topology = {'connectivity': tets.astype(np.int64).ravel(),
                 'offsets': np.arange(4, 4 * len(tets) + 1, 4, dtype=np.int64),
                 'types': np.full(len(tets), VTK_TETRA, np.uint8)}
-    body = '<Piece NumberOfPoints="%d" NumberOfCells="%d">' % (len(points), len(tets)) + section('Points', {'Points': points}) + \
-        section('Cells', topology) + section('PointData', dict(fields)) + section('CellData', dict(cells)) + '</Piece>'
+    body = ('<Piece NumberOfPoints="%d" NumberOfCells="%d">' % (len(points), len(tets)) +
+            section('Points', {'Points': points}) + section('Cells', topology) + section('PointData', dict(fields)) +
+            section('CellData', dict(cells)) + '</Piece>')
     with open(path, 'wb') as file:
-        file.write(('<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
-                    '<UnstructuredGrid>%s</UnstructuredGrid><AppendedData encoding="raw">_' % body).encode())
+        file.write((
+            '<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
+            'header_type="UInt64">'
+            '<UnstructuredGrid>%s</UnstructuredGrid><AppendedData encoding="raw">_' % body).encode())
         for _, values in appended:
             file.write(values.nbytes.to_bytes(8, 'little') + values.tobytes())
         file.write(b'</AppendedData></VTKFile>')

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Building by libtetlod-build, through ctypes: arrays in memory go in, the bytes of the stream come out; no file, no process."""
+"""Building by libtetlod-build, through ctypes: arrays in memory go in, the bytes of the stream come out; no file, no
+process."""
 from __future__ import annotations
 
 import ctypes
@@ -31,17 +32,16 @@ class CArray(Structure):
 
 class CMesh(Structure):
     _fields_ = [('struct_size', c_size_t), ('vertices', c_uint32), ('tets', c_uint32), ('position_type', c_int),
-                ('positions', c_void_p),
-                ('corners', c_void_p), ('field_count', c_uint32), ('cell_field_count', c_uint32), ('fields', POINTER(CArray)),
-                ('cell_fields', POINTER(CArray))]
+                ('positions', c_void_p), ('corners', c_void_p), ('field_count', c_uint32),
+                ('cell_field_count', c_uint32), ('fields', POINTER(CArray)), ('cell_fields', POINTER(CArray))]
 
 
 class COptions(Structure):
     _fields_ = [('struct_size', c_size_t), ('controls', POINTER(c_char_p)), ('control_count', c_uint32),
-                ('region', c_char_p),
-                ('max_error', c_double), ('min_tets', c_uint32), ('domain_error', c_double), ('boundary_angle', c_double), ('growth', c_double),
-                ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
-                ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
+                ('region', c_char_p), ('max_error', c_double), ('min_tets', c_uint32), ('domain_error', c_double),
+                ('boundary_angle', c_double), ('growth', c_double), ('certify_exact', c_int), ('certify_all', c_int),
+                ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint), ('position_error', c_double),
+                ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
                 ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p),
                 ('warn', WARN), ('warn_opaque', c_void_p), ('without', POINTER(c_char_p)), ('without_count', c_uint32),
                 ('summary', c_int), ('keep_features', c_double)]
@@ -122,15 +122,16 @@ def c_options(library: ctypes.CDLL, given: Mapping[str, Any], kept: List[Any]) -
     options.certify_exact = given.get('certify') == 'exact'
     options.compression = given.get('compress') or options.compression
     metadata = given.get('metadata')
-    options.metadata = metadata.encode() if isinstance(metadata,
-                                                       str) else json.dumps(metadata).encode() if metadata is not None else None
+    options.metadata = (metadata.encode() if isinstance(metadata, str) else
+                        json.dumps(metadata).encode() if metadata is not None else None)
     return options
 
 
 def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any],
           given: Dict[str, Any]) -> bytes:
     """The stream of arrays. `given` are options of OPTIONS."""
-    library, kept, chunks, error = functions(path), [], [], CError()  # type: ctypes.CDLL, List[Any], List[bytes], CError
+    library, kept, chunks, error = functions(
+        path), [], [], CError()  # type: ctypes.CDLL, List[Any], List[bytes], CError
     raised: List[BaseException] = []
 
     def write(_: Any, data: int, size: int) -> int:

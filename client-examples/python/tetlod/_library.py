@@ -68,15 +68,14 @@ class CTopology(Structure):
 
 class CInfo(Structure):
     _fields_ = [('cid', c_char * 33), ('vertices', c_uint64), ('tets', c_uint64), ('bytes', c_uint64),
-                ('bounds', c_double * 6),
-                ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
-                ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
-                ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
-                ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count',
-                                                                               c_uint32), ('cell_fields', POINTER(CCellField)),
-                ('topology_count', c_uint32), ('topologies', POINTER(CTopology)), ('cell_rows', c_uint32),
-                ('page_count', c_uint32), ('first_paged_level', c_uint32), ('exact_last', c_int),
-                ('stream_offset', c_uint64)]
+                ('bounds', c_double * 6), ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64),
+                ('inverted_tets', c_uint64), ('unused_points', c_uint64), ('field_count', c_uint32),
+                ('level_count', c_uint32), ('fields', POINTER(CField)), ('levels', POINTER(CLevel)),
+                ('metadata', c_char_p), ('metadata_size', c_size_t),
+                ('keeps_order', c_int), ('section_count', c_uint32), ('sections', POINTER(CSection)),
+                ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField)), ('topology_count', c_uint32),
+                ('topologies', POINTER(CTopology)), ('cell_rows', c_uint32), ('page_count', c_uint32),
+                ('first_paged_level', c_uint32), ('exact_last', c_int), ('stream_offset', c_uint64)]
 
 
 class CPlace(Structure):
@@ -179,7 +178,8 @@ class LibraryDecoder:
     """A cursor of the library on a source. `seek` moves it, `arrays` are views that hold until it moves again."""
 
     def __init__(self, path: str, source: Source, fields: Optional[Sequence[str]]) -> None:
-        self._library, self._source, self._problem = load(path), source, None  # type: ctypes.CDLL, Source, Optional[BaseException]
+        self._library, self._source, self._problem = load(
+            path), source, None  # type: ctypes.CDLL, Source, Optional[BaseException]
         here = weakref.ref(self)
 
         def read(_: Any, offset: int, buffer: int, size: int) -> int:
@@ -187,7 +187,8 @@ class LibraryDecoder:
             return ERR_IO if decoder is None else decoder._fill(offset, buffer, size)
 
         self._read = READ(read)
-        self._file, self._cursor, self._series, self._series_cursor, error = c_void_p(), c_void_p(), c_void_p(), c_void_p(), CError()
+        self._file, self._cursor, self._series, self._series_cursor, error = c_void_p(), c_void_p(), c_void_p(
+        ), c_void_p(), CError()
         self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None,
                                               byref(error)), error)
         weakref.finalize(self, free, self._library, self._file, self._cursor, self._series, self._series_cursor,
@@ -241,12 +242,14 @@ class LibraryDecoder:
             errors = {f.name: dict(zip(MEASURES, values[4 * i:4 * i + 4])) for i, f in enumerate(fields)}
             levels.append(Level(number, level.vertices, level.tets, level.end, level.domain_error, errors))
         b = c.bounds[:]
-        return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])),
-                    bool(c.lossless), fields,
-                    tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
-                    tuple(Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset,
-                                   t.size) for t in c.topologies[:c.topology_count]),
-                    tuple(range(c.first_paged_level, c.level_count - c.exact_last)) if c.page_count else ())
+        return Info(
+            c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless),
+            fields, tuple(levels), metadata_of(c.metadata),
+            tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
+            tuple(
+                Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset, t.size)
+                for t in c.topologies[:c.topology_count]),
+            tuple(range(c.first_paged_level, c.level_count - c.exact_last)) if c.page_count else ())
 
     def seek(self, level: int) -> None:
         error = CError()

@@ -10,11 +10,12 @@ VTK_TETRA = 10
 
 
 class Cells(Mapping[str, Any]):
-    """Values of tetrahedra by name. They lie at the end of a stream, and are read when they are asked for. A stream that is cut off
-    lacks those of which bytes are missing."""
+    """Values of tetrahedra by name. They lie at the end of a stream, and are read when they are asked for. A stream
+    that is cut off lacks those of which bytes are missing."""
 
     def __init__(self, names: Sequence[str], read: Callable[[str], Any], count: int) -> None:
-        self._names, self._read, self._count, self._held = names, read, count, {}  # type: Sequence[str], Callable[[str], Any], int, Dict[str, Any]
+        self._names, self._read, self._count, self._held = names, read, count, {
+        }  # type: Sequence[str], Callable[[str], Any], int, Dict[str, Any]
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._names:
@@ -45,7 +46,8 @@ def described(name: str, values: Any) -> str:
 class Mesh:
     """A level. `points` (n, 3), `tets` (m, 4), `fields` by name: (n,) or (n, components). The arrays are read-only.
 
-    `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the range.
+    `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the
+    range.
     `errors[field][measure]` are all of them. `cells` holds values of tetrahedra by name, such as materials.
     `time` is that of the step that `Stream.at` found. `id` is the stream's content id. `tet_levels` of a region is
     the level that each tetrahedron is of, and whose errors hold in it; else None.

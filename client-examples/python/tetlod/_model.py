@@ -13,7 +13,8 @@ Fraction = Union[float, str]
 
 @dataclass(frozen=True)
 class Field:
-    """A field of the points. `range` is that of the original over all components; of a local bound, 0 and the largest."""
+    """A field of the points. `range` is that of the original over all components; of a local bound, 0 and the largest.
+    """
     name: str
     components: int
     type: str
@@ -24,7 +25,8 @@ class Field:
 
 @dataclass(frozen=True)
 class Level:
-    """A level: `bytes` is the length of the prefix that decodes to it, `errors[field][measure]` a fraction of the field's range."""
+    """A level: `bytes` is the length of the prefix that decodes to it, `errors[field][measure]` a fraction of the
+    field's range."""
     level: int
     vertices: int
     tets: int
@@ -35,8 +37,8 @@ class Level:
 
 @dataclass(frozen=True)
 class Topology:
-    """Steps of a series over one mesh, where others are over other ones: a stream of its own, `bytes` from `offset` on. The first one is the
-    stream itself."""
+    """Steps of a series over one mesh, where others are over other ones: a stream of its own, `bytes` from `offset` on.
+    The first one is the stream itself."""
     steps: int
     times: Tuple[float, ...]
     cid: str
@@ -46,8 +48,8 @@ class Topology:
 
 @dataclass(frozen=True)
 class Info:
-    """The index of a stream. `cells` are the names of fields whose values belong to tetrahedra; `topologies` is empty unless steps in time have
-    different meshes."""
+    """The index of a stream. `cells` are the names of fields whose values belong to tetrahedra; `topologies` is empty
+    unless steps in time have different meshes."""
     cid: str
     vertices: int
     tets: int
@@ -150,7 +152,10 @@ def level_for(fields: Sequence[Field], levels: Sequence[Level], choice: Choice) 
             raise ValueError('no level %d; there are 0 to %d' % (choice.level, len(levels) - 1))
         return choice.level
     if choice.tets is not None or choice.bytes is not None:
-        within = [i for i, k in enumerate(levels) if (k.tets <= choice.tets if choice.tets is not None else k.bytes <= (choice.bytes or 0))]
+        within = [
+            i for i, k in enumerate(levels)
+            if (k.tets <= choice.tets if choice.tets is not None else k.bytes <= (choice.bytes or 0))
+        ]
         return max(within, default=0)
     limit = choice.fraction if choice.abs_error is None else choice.abs_error
     meant = fields_meant(fields, choice.field)

@@ -97,8 +97,7 @@ def information(stream: Any) -> Info:
     exact = [f['exact_later'] or not scale.bits for f, scale in zip(stream.fields, stream.scales[1:])]
     low, high = stream.bounds
     return Info(stream.cid, stream.vertices, stream.tets, stream.bytes,
-                ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
-                not stream.scales[0].bits and all(exact) and not any(f['quantum'] for f in stream.cell_fields), fields, levels, stream.metadata,
+                ((low[0], low[1], low[2]), (high[0], high[1], high[2])), not stream.scales[0].bits and all(exact)
+                and not any(f['quantum'] for f in stream.cell_fields), fields, levels, stream.metadata,
                 tuple(f['name'] for f in stream.cell_fields),
-                tuple(Topology(**topology) for topology in stream.topologies),
-                tuple(sorted(stream.groups)))
+                tuple(Topology(**topology) for topology in stream.topologies), tuple(sorted(stream.groups)))

@@ -127,7 +127,8 @@ class Inside(Part):
 
 
 class Remote(Source):
-    """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
+    """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them.
+    """
 
     def __init__(self, url: str, headers: Headers, progress: Optional[Progress]) -> None:
         self.name, self.url, self.headers, self.progress = url, url, dict(headers), progress
@@ -172,7 +173,8 @@ class Remote(Source):
             self.answer = None
 
     def _apart(self, offset: int, size: int) -> Optional[bytes]:
-        """A section behind the levels, or behind those that somebody wants, by a request of its own. None: the host does not answer Range requests."""
+        """A section behind the levels, or behind those that somebody wants, by a request of its own. None: the host
+        does not answer Range requests."""
         with contextlib.closing(self._open(self.url, {'Range': 'bytes=%d-%d' % (offset, offset + size - 1)})) as answer:
             return answer.read() if answer.status == 206 else None
 
@@ -199,14 +201,17 @@ class Remote(Source):
             return False
         headers = {'Range': 'bytes=%d-%d' % (have, end - 1)}
         if self.tag:
-            headers['If-Range'] = self.tag  # the file may be replaced between two requests: then the answer is all of the new one
+            # the file may be replaced between two requests: then the answer is all of the new one
+            headers['If-Range'] = self.tag
         answer = self._open(self.url, headers)
         if answer.status == 200:
             if have:
                 answer.close()
                 raise StreamError('%s: the file was replaced meanwhile; open it again' % self.name)
             if int(answer.headers.get('Content-Length') or FIRST + 1) > FIRST:
-                warnings.warn('%s: this host does not answer Range requests: the whole stream is downloaded, once' % self.name, stacklevel=2)
+                warnings.warn(
+                    '%s: this host does not answer Range requests: the whole stream is downloaded, once' % self.name,
+                    stacklevel=2)
         self.tag = answer.headers.get('ETag') or self.tag
         self.tag = None if self.tag and self.tag.startswith('W/') else self.tag
         self.answer = answer

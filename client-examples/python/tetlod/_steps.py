@@ -49,7 +49,8 @@ class Steps:
         for band, (error, _) in enumerate(self.bands):
             if error <= limit:
                 return band
-        raise ValueError('no band of the series has an error of at most %g; the finest has %g' % (limit, self.bands[-1][0]))
+        raise ValueError(
+            'no band of the series has an error of at most %g; the finest has %g' % (limit, self.bands[-1][0]))
 
     def step_for(self, time: float) -> int:
         """The step whose time is nearest: the first of several."""

@@ -62,7 +62,8 @@ class Stream:
         return self._mesh(copy=True)
 
     def seek(self, level: Optional[int] = None, **choice: Any) -> 'Stream':
-        """Moves to a level: its number, or `error`, `abs_error`, `tets`, `bytes` with `field` and `measure` as in `open`."""
+        """Moves to a level: its number, or `error`, `abs_error`, `tets`, `bytes` with `field` and `measure` as in
+        `open`."""
         self._choice = Choice(level=level, **choice)
         return self._seek(level_for(self.fields, self.levels, self._choice))
 
@@ -91,7 +92,8 @@ class Stream:
         cells = Cells([name for name in self.info.cells if name not in self._missing_cells()], read, len(region.tets))
         fields = {name: frozen(values) for name, values in region.fields.items()}
         return Mesh(frozen(region.points), frozen(region.tets), fields, here[-1],
-                    error_of(level, self.fields, Choice()), level.errors, max(self.levels[number].domain_error for number in here), cells, id=self.info.cid,
+                    error_of(level, self.fields, Choice()), level.errors,
+                    max(self.levels[number].domain_error for number in here), cells, id=self.info.cid,
                     tet_levels=frozen(region.levels))
 
     @property
@@ -100,15 +102,17 @@ class Stream:
         return StepSequence(self)
 
     def at(self, time: float, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None) -> Mesh:
-        """The step whose time is nearest, as a mesh of copies with the fields that have steps. The stream stays at its level.
+        """The step whose time is nearest, as a mesh of copies with the fields that have steps. The stream stays at its
+        level.
 
-        error: a fraction of each field's range over all steps; abs_error: the same in the fields' units. The coarsest form within
-        it is taken; without one, the exact form. Its `cells` are those that have values at the step. ValueError for a time
-        that is more than half a step outside of the series.
+        error: a fraction of each field's range over all steps; abs_error: the same in the fields' units. The coarsest
+        form within it is taken; without one, the exact form. Its `cells` are those that have values at the step.
+        ValueError for a time that is more than half a step outside of the series.
         """
         check_time(self.times, time)
         topologies = self.info.topologies
-        nearest = min(range(len(topologies)), key=lambda i: min(abs(own - time) for own in topologies[i].times), default=0)
+        nearest = min(range(len(topologies)), key=lambda i: min(abs(own - time) for own in topologies[i].times),
+                      default=0)
         return (self._topology(nearest) if nearest else self)._at(time, error, abs_error)
 
     def _at(self, time: float, error: Optional[Fraction], abs_error: Optional[float]) -> Mesh:
@@ -145,18 +149,24 @@ class Stream:
         level = self.levels[steps.bands[band][1]]
         self._source.expect(level.bytes)
         points, tets, values = self._decoder.seek_step(band, step)
-        fields = {name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected}
-        errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
-        return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
-                    level.domain_error, self._step_cells(step, len(tets)), steps.times[step], self.info.cid)
+        fields = {
+            name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected
+        }
+        errors = {
+            name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields
+        }
+        return Mesh(frozen(points), frozen(tets), fields, level.level,
+                    max((known['max'] for known in errors.values()), default=math.nan), errors, level.domain_error,
+                    self._step_cells(step, len(tets)), steps.times[step], self.info.cid)
 
     def ask(self, question: str, within: Optional[Fraction] = None, *, time: Optional[float] = None,
             step: Optional[int] = None) -> Answer:
-        """What is certain of a question about the original, as `tetlod ask` says it: 'mean(p)', 'max(T) < 500', 'p at (0,0,1)'.
+        """What is certain of a question about the original, as `tetlod ask` says it: 'mean(p)', 'max(T) < 500', 'p at
+        (0,0,1)'.
 
-        within: how wide the interval may be, in the answer's units, or '1%' (the default) of what it can be. time, step: of a
-        series. The program answers ($TETLOD, or of the PATH); of a URL it reads the bytes that the answer needs. The stream
-        stays at its level.
+        within: how wide the interval may be, in the answer's units, or '1%' (the default) of what it can be. time,
+        step: of a series. The program answers ($TETLOD, or of the PATH); of a URL it reads the bytes that the answer
+        needs. The stream stays at its level.
         """
         return ask(self._source, question, within, time, step)
 
@@ -218,7 +228,8 @@ class Stream:
     def __enter__(self) -> 'Stream':
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException], trace: Optional[TracebackType]) -> None:
+    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
+                 trace: Optional[TracebackType]) -> None:
         self.close()
 
     def __reduce__(self) -> Any:
@@ -232,18 +243,21 @@ class Stream:
         return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
 
     def _repr_html_(self) -> Optional[str]:
-        """What a notebook shows of a server's stream, at the error that was asked for; None of others. It is the server's element
-        where the server lets the notebook's origin read it (serve --cors), else its page in a frame, and what both need."""
+        """What a notebook shows of a server's stream, at the error that was asked for; None of others. It is the
+        server's element where the server lets the notebook's origin read it (serve --cors), else its page in a frame,
+        and what both need."""
         source, error = self._source, self._choice.fraction
         if source.server is None or source.page is None:
             return None
-        page, asked = (source.page, '') if error is None else ('%s#error=%.6g' % (source.page, error), 'error="%.6g"' % error)
+        page, asked = ((source.page, '') if error is None else
+                       ('%s#error=%.6g' % (source.page, error), 'error="%.6g"' % error))
         style = 'style="display: block; width: 100%; height: 480px; border: 0"'
         frame = '<iframe src="%s" title="tetlod" %s></iframe>' % (html.escape(page), style)
         words = '<p>This is <a href="%s">%s</a>. Nothing is shown while its server does not run (tetlod serve), or cannot be reached.</p>' % (
             html.escape(page), html.escape(source.page))
         script = '<script type="module" src="%s"></script>' % html.escape(source.server + '/element.js')
-        return '%s<tetlod-view src="%s" %s %s>%s%s</tetlod-view>' % (script, html.escape(source.name), asked, style, frame, words)
+        return '%s<tetlod-view src="%s" %s %s>%s%s</tetlod-view>' % (script, html.escape(
+            source.name), asked, style, frame, words)
 
     def _topology(self, number: int) -> 'Stream':
         """The stream of a topology group."""
@@ -251,7 +265,8 @@ class Stream:
             table = self.info.topologies[number]
             stream = Stream(Part(self._source, table.offset, table.bytes), Choice(), self._selected, self._wanted)
             if (stream.info.cid, stream.info.bytes, stream.info.topologies) != (table.cid, table.bytes, ()):
-                raise StreamError('%s: topology group %d is another stream than the table says' % (self._source.name, number))
+                raise StreamError(
+                    '%s: topology group %d is another stream than the table says' % (self._source.name, number))
             self._topologies[number] = stream
         return self._topologies[number]
 
@@ -277,12 +292,15 @@ class Stream:
         level = self.levels[self.level]
         points, tets, fields = self._decoder.arrays()
         if copy:
-            points, tets, fields = frozen(points), frozen(tets), {name: frozen(values) for name, values in fields.items()}
-        return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error,
-                    self._cells(len(tets)), id=self.info.cid)
+            points, tets, fields = frozen(points), frozen(tets), {
+                name: frozen(values) for name, values in fields.items()
+            }
+        return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors,
+                    level.domain_error, self._cells(len(tets)), id=self.info.cid)
 
     def _cells(self, count: int) -> Cells:
-        return Cells([name for name in self.info.cells if name not in self._missing_cells()], self._decoder.cells, count)
+        return Cells([name for name in self.info.cells if name not in self._missing_cells()], self._decoder.cells,
+                     count)
 
     def _step_cells(self, step: int, count: int) -> Cells:
         here = [name for name in self.info.cells if name not in self._missing_cells()]
@@ -294,7 +312,8 @@ class Stream:
         return tuple(name for name, end in zip(self.info.cells, self._decoder.cell_ends) if end > self._source.size)
 
     def _available(self, choice: Choice) -> int:
-        """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a finer one."""
+        """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a
+        finer one."""
         wanted, missing, here = level_for(self.fields, self.levels, choice), self._missing_cells(), self.available
         if wanted <= here and (choice != Choice() or not missing):
             return wanted
@@ -322,7 +341,8 @@ def check_time(times: Sequence[float], time: float) -> None:
     second, before = next((t for t in times if t > first), first), next((t for t in reversed(times) if t < last), last)
     if not first - (second - first) / 2 <= time <= last + (last - before) / 2:
         nearest = first if time < first else last
-        raise ValueError('there is no time %g: times go from %g to %g; the nearest is %g' % (time, first, last, nearest))
+        raise ValueError(
+            'there is no time %g: times go from %g to %g; the nearest is %g' % (time, first, last, nearest))
 
 
 def frozen(array: Any) -> Any:
@@ -342,10 +362,11 @@ def choose_decoder(source: Source, fields: Optional[Sequence[str]], decoder: Opt
     return PythonDecoder(source, fields)
 
 
-def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optional[float] = None, level: Optional[int] = None,
-         tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
-         fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
-         progress: Optional[Progress] = None, headers: Optional[Headers] = None) -> Stream:
+def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optional[float] = None,
+         level: Optional[int] = None, tets: Optional[int] = None, bytes: Optional[int] = None,
+         field: Optional[str] = None, measure: str = 'max', fields: Union[str, Sequence[str], None] = None,
+         decoder: Optional[str] = None, progress: Optional[Progress] = None,
+         headers: Optional[Headers] = None) -> Stream:
     """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, the URL of a stream on any host,
     a file that is open for reading, or a function fetch(offset, size) that gives bytes of the stream.
 
@@ -368,23 +389,24 @@ def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optio
         raise
 
 
-def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None, level: Optional[int] = None,
-         tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
-         fields: Union[str, Sequence[str], None] = None, decoder: Optional[str] = None,
-         progress: Optional[Progress] = None, headers: Optional[Headers] = None, box: Optional[Sequence[Any]] = None,
-         box_error: Optional[Fraction] = None) -> Mesh:
+def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None,
+         level: Optional[int] = None, tets: Optional[int] = None, bytes: Optional[int] = None,
+         field: Optional[str] = None, measure: str = 'max', fields: Union[str, Sequence[str], None] = None,
+         decoder: Optional[str] = None, progress: Optional[Progress] = None, headers: Optional[Headers] = None,
+         box: Optional[Sequence[Any]] = None, box_error: Optional[Fraction] = None) -> Mesh:
     """One level as a mesh. Its arrays are the decoder's own memory, without a copy.
 
-    error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of `field`, or of
-    every field that the stream controls. abs_error: the same in the field's units. level: this level. tets, bytes: the finest
-    level of at most so many tetrahedra or bytes. Without a choice: the finest level. box, box_error: `Stream.region`.
+    error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of
+    `field`, or of every field that the stream controls. abs_error: the same in the field's units. level: this level.
+    tets, bytes: the finest level of at most so many tetrahedra or bytes. Without a choice: the finest level. box,
+    box_error: `Stream.region`.
     """
     if box is not None:
         choice = {'error': error, 'abs_error': abs_error, 'level': level, 'tets': tets, 'bytes': bytes}
         given = {name: value for name, value in choice.items() if value is not None}
         with open(source, level=0, fields=fields, decoder=decoder, progress=progress, headers=headers) as found:
             return found.region(box, box_error=box_error, **given)
-    stream = open(source, error=error, abs_error=abs_error, level=level, tets=tets, bytes=bytes, field=field, measure=measure, fields=fields,
-                  decoder=decoder, progress=progress, headers=headers)
+    stream = open(source, error=error, abs_error=abs_error, level=level, tets=tets, bytes=bytes, field=field,
+                  measure=measure, fields=fields, decoder=decoder, progress=progress, headers=headers)
     with stream:
         return stream._seek(stream.target)._mesh(copy=False)

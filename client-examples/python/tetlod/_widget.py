@@ -66,7 +66,8 @@ def widget(source: Location, error: Optional[Fraction] = None, *, field: Optiona
     """A picture of a stream in a notebook, as the viewer's page shows it. Needs anywidget.
 
     source, headers: as in `open`, or a Stream: the kernel reads it, the browser asks the kernel. error, field: what is
-    shown; state: what the viewer's page has behind the # of its link. They are attributes of the widget, too: w.error = '1%'.
+    shown; state: what the viewer's page has behind the # of its link. They are attributes of the widget, too: w.error =
+    '1%'.
     """
     stream = source if isinstance(source, Stream) else open_stream(source, level=0, headers=headers)
     asked = '' if error is None else error if isinstance(error, str) else '%.6g' % error

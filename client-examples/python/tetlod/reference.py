@@ -108,7 +108,8 @@ class Bytes:
             name = self.text(size, 'strict')
         except UnicodeDecodeError:
             name = ''
-        require(name and size <= 255 and not NOT_IN_NAMES.search(name), 'a field without a name, or with one of more than 255 bytes')
+        require(name and size <= 255 and not NOT_IN_NAMES.search(name),
+                'a field without a name, or with one of more than 255 bytes')
         return name
 
 
@@ -204,12 +205,15 @@ class Stream:
         require(len(header) == 64 and header[:8] == MAGIC, 'not a tetlod stream')
         fields = struct.unpack('<8sHHIIIIIQ16sI4s', header)
         _, major, minor, required, _, index_size, plain_size, early_size, self.bytes, cid, reserved, check = fields
-        require(major >= 2, 'the stream has the old layout (format %d.%d), from before the first release' % (major, minor))
+        require(major >= 2,
+                'the stream has the old layout (format %d.%d), from before the first release' % (major, minor))
         require(major == 2, 'the stream needs a newer reader')
         require(digest(header[:60])[:4] == check, 'the header is damaged')
         require(required & ~1 == 0, 'the stream needs a newer reader')
-        require(reserved == 0 and index_size <= plain_size <= min(1 << 28, max(index_size, allowed(TABLE, index_size))) and early_size <= 1 << 28 and
-                64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
+        require(
+            reserved == 0 and index_size <= plain_size <= min(1 << 28, max(index_size, allowed(TABLE, index_size)))
+            and early_size <= 1 << 28 and 64 + index_size + early_size <= self.bytes < 1 << 63,
+            'the header contradicts itself')
         self.budget = Budget(self.bytes if size is None else min(size, self.bytes), memory)
         self.budget.take(TABLE_BYTE * plain_size, 'the index')
         index = read(64, index_size)
@@ -241,7 +245,9 @@ class Stream:
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]
-        require(all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)), 'the index has bounds that are none')
+        require(
+            all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)),
+            'the index has bounds that are none')
         self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
         self.scales = [Scale(data, 3)]
         self.fields = []
@@ -279,12 +285,15 @@ class Stream:
             self._check_level(level, coarser, stored)
             self.levels.append(level)
             self.frames.append(frames)
-        require(sum(level['vertices'] + level['tets'] for level in self.levels) <= allowed(LEVEL_ROWS, self.bytes), 'more levels than go with the bytes')
+        require(
+            sum(level['vertices'] + level['tets'] for level in self.levels) <= allowed(LEVEL_ROWS, self.bytes),
+            'more levels than go with the bytes')
         self._check_errors()
         self._check_tail()
         self._parse_sections(data, early, early_size, offset)
         finest = self.levels[-1]
-        require(finest['vertices'] == self.vertices and finest['tets'] == self.tets > 0, 'the levels do not lead to the original')
+        require(finest['vertices'] == self.vertices and finest['tets'] == self.tets > 0,
+                'the levels do not lead to the original')
 
     def _parse_sections(self, data, early, early_size, late):
         """The directory (SPEC 3.5)."""
@@ -305,9 +314,12 @@ class Stream:
             twice = tag not in ('CVAL', 'TVAL', 'CSTP', 'PVAL', 'PSTP') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
-            require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
-            self.sections.append({'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
-                                  'packed': bool(flags & 4), 'digest': sha})
+            require(tag in known or not flags & 1,
+                    'the stream cannot be read without its section %s, which is not known here' % tag)
+            self.sections.append({
+                'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
+                'packed': bool(flags & 4), 'digest': sha
+            })
         require(ends[2] == early_size and late + ends[0] == self.bytes, 'the header and the index disagree about sizes')
 
     def section(self, tag, number=0):
@@ -392,7 +404,8 @@ class Stream:
             require(0 < self.cell_rows <= self.tets, 'cell fields of too many cells or none')
             if 'PMAP' in tags:
                 packed = [section['packed'] for section in self.sections if section['tag'] == 'PMAP']
-                require(not packed[0] and 'PVAL' not in tags[:tags.index('PMAP')], 'a map from tetrahedra to cells at the wrong place')
+                require(not packed[0] and 'PVAL' not in tags[:tags.index('PMAP')],
+                        'a map from tetrahedra to cells at the wrong place')
             else:
                 require(self.cell_rows == self.tets, 'cells without the map to them')
             self._parse_cells(data, 'PVAL', self.cell_rows)
@@ -406,7 +419,8 @@ class Stream:
             kind, components, flags, reserved, low, high = data.take('BBBBdd')
             quantum, error = data.take('dd') if tag == 'PVAL' else (0.0, 0.0)
             length = data.take('H')
-            require(0 <= quantum <= 2.0**900 and 0 <= error < math.inf and (kind < 2 if quantum else error == 0), 'rounded cell data of an unknown kind')
+            require(0 <= quantum <= 2.0**900 and 0 <= error < math.inf and (kind < 2 if quantum else error == 0),
+                    'rounded cell data of an unknown kind')
             require(kind < len(CELL_TYPES) and 1 <= components <= 64 and reserved == 0, 'cell data of an unknown kind')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'cell data without a range')
             name = data.name(length)
@@ -419,8 +433,10 @@ class Stream:
                 mapped = [other['stored'] for other in self.sections if other['tag'] == 'PMAP'][0]
                 fits = fits and self.tets * components <= allowed(STEP_ROWS, section['stored'] + mapped)
             require(fits, 'cell fields that do not go with their values')
-            self.cell_fields.append({'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
-                                     'range': [low, high], 'quantum': quantum, 'error': error})
+            self.cell_fields.append({
+                'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
+                'range': [low, high], 'quantum': quantum, 'error': error
+            })
         require(data.at == len(data.data), 'the table of cell data is damaged')
 
     def _parse_topologies(self, data):
@@ -428,7 +444,8 @@ class Stream:
         following = [section for section in self.sections if section['tag'] == 'NEXT']
         count = data.take('I')
         require(any(section['tag'] == 'TIME' for section in self.sections), 'topology groups without steps')
-        require(following and not following[0]['packed'] and count > 1 and len(data.data) >= 4 + 32 * count, 'the table of topology groups is damaged')
+        require(following and not following[0]['packed'] and count > 1 and len(data.data) >= 4 + 32 * count,
+                'the table of topology groups is damaged')
         offset = following[0]['offset']
         for number in range(count):
             steps, reserved, size, cid = data.take('IIQ16s')
@@ -438,8 +455,9 @@ class Stream:
                                     'offset': offset if number else 0, 'bytes': size if number else self.bytes})
             offset += size
         steps = sum(topology['steps'] for topology in self.topologies)
-        require(offset == following[0]['offset'] + following[0]['stored'] and steps <= 1 << 20 and len(data.data) == 4 + 32 * count + 8 * steps,
-                'the table of topology groups is damaged')
+        require(
+            offset == following[0]['offset'] + following[0]['stored'] and steps <= 1 << 20
+            and len(data.data) == 4 + 32 * count + 8 * steps, 'the table of topology groups is damaged')
         times = struct.unpack('<%dd' % steps, data.data[4 + 32 * count:])
         require(all(map(math.isfinite, times)) and all(map(operator.le, times, times[1:])), 'times that fall')
         for topology in self.topologies:
@@ -451,14 +469,18 @@ class Stream:
         if number == 0:
             return self
         table = self.topologies[number]
-        stream = Stream(lambda offset, size: self._read(table['offset'] + offset, min(size, max(0, table['bytes'] - offset))), table['bytes'])
-        require((stream.cid, stream.bytes, stream.topologies) == (table['cid'], table['bytes'], []), 'a topology group is another stream than the table says')
+        stream = Stream(
+            lambda offset, size: self._read(table['offset'] + offset, min(size, max(0, table['bytes'] - offset))),
+            table['bytes'])
+        require((stream.cid, stream.bytes, stream.topologies) == (table['cid'], table['bytes'], []),
+                'a topology group is another stream than the table says')
         require(any(section['tag'] == 'TIME' for section in stream.sections), 'a topology group without steps')
         stream.group_times = table['times']
         return stream
 
     def cells(self, name):
-        """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first."""
+        """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first.
+        """
         return self.spread(self.cell_values(name))
 
     def spread(self, rows):
@@ -470,7 +492,8 @@ class Stream:
         """A row for each cell, or for each tetrahedron where `parents` gives None."""
         number = [field['name'] for field in self.cell_fields].index(name)
         field, rows = self.cell_fields[number], self.cell_rows or self.tets
-        data, kind = self.section('PVAL' if self.cell_rows else 'CVAL', number), np.dtype(field['type']).newbyteorder('<')
+        data, kind = self.section('PVAL' if self.cell_rows else 'CVAL',
+                                  number), np.dtype(field['type']).newbyteorder('<')
         shape = (rows, field['components']) if field['components'] > 1 else (rows,)
         self.need_cells(field)
         if field['quantum']:
@@ -482,7 +505,8 @@ class Stream:
             require(np.all(np.isfinite(values)), 'cell data that is not finite')
             return values
         values = np.frombuffer(data, kind)
-        require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
+        require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))),
+                'cell data beyond 2^53')
         return values.reshape(shape)
 
     def need_cells(self, field):
@@ -539,14 +563,19 @@ class Stream:
         if coarser:
             require(self.tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
         given = [max(vertices, tets)]
-        given += [vertices * field['components'] * (2 if self.tail and field['exact_later'] else 1) for field in self.fields]
-        require(all(numbers <= allowed(NUMBERS, size) for numbers, size in zip(given, stored)), 'levels of more than their bytes can hold')
+        given += [
+            vertices * field['components'] * (2 if self.tail and field['exact_later'] else 1) for field in self.fields
+        ]
+        require(all(numbers <= allowed(NUMBERS, size) for numbers, size in zip(given, stored)),
+                'levels of more than their bytes can hold')
 
     def _check_tail(self):
         """The exact tail has no mesh, and a frame for each field that it makes exact."""
         for part, field in enumerate(self.fields, 1):
-            require(not field['exact_later'] or self.tail and self.scales[part].bits, 'an exact tail that does not go with its fields')
-            require(field['exact_later'] or not self.tail or not self.frames[-1][part][1], 'an exact tail that does not go with its fields')
+            require(not field['exact_later'] or self.tail and self.scales[part].bits,
+                    'an exact tail that does not go with its fields')
+            require(field['exact_later'] or not self.tail or not self.frames[-1][part][1],
+                    'an exact tail that does not go with its fields')
         require(not self.tail or not self.frames[-1][0][1], 'a tail with a mesh of its own')
 
     def _check_errors(self):
@@ -561,8 +590,9 @@ class Stream:
         return self._part('level %d' % level, *self.frames[level][part])
 
     def order(self):
-        """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for each
-        tetrahedron which of its corners are the original's first to fourth. None if the stream does not keep it."""
+        """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for
+        each tetrahedron which of its corners are the original's first to fourth. None if the stream does not keep it.
+        """
         data = self.section('ORDR')
         if data is None:
             return None
@@ -603,7 +633,8 @@ class Stream:
         raise KeyError('no field %r; there are %s' % (name, ', '.join(f['name'] for f in self.fields)))
 
     def level_for_error(self, error, field=None, measure='max', absolute=False):
-        """The coarsest level whose error is at most `error`: a fraction of the range, or `absolute`, in the field's units.
+        """The coarsest level whose error is at most `error`: a fraction of the range, or `absolute`, in the field's
+        units.
 
         Without a field: of every controlled field, each in its own range."""
         fields = [f for f in self.fields if (f['name'] == field if field else f['controlled'])]
@@ -840,8 +871,8 @@ class Column:
 
 
 # By the labels of three edges' earlier tetrahedra, two bits each (1: one stays, 2: one goes): SPEC 7.3's table
-NEIGHBOURS = [((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8), (9, 9, 9, 9))[bin(n & 0b010101).count('1')][bin(n & 0b101010).count('1')]
-              for n in range(64)]
+NEIGHBOURS = [((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8),
+               (9, 9, 9, 9))[bin(n & 0b010101).count('1')][bin(n & 0b101010).count('1')] for n in range(64)]
 STEPS = (-6.0, -2.5, -0.75, 0.0, 0.75, 2.5, 6.0)
 
 
@@ -849,7 +880,8 @@ OTHERS = [[[c for c in range(4) if c != place and c != opposite][:2] for opposit
 
 
 def replaced(corners, place, opposite, own, other):
-    """The tetrahedron on the other side of the face that has `own` at `place` and not the corner `opposite` (SPEC 7.4)."""
+    """The tetrahedron on the other side of the face that has `own` at `place` and not the corner `opposite` (SPEC 7.4).
+    """
     out = list(corners)
     out[place], out[opposite] = own, other
     first, second = OTHERS[place][opposite]
@@ -871,7 +903,8 @@ POWERS = [float(10**i) for i in range(23)]
 
 
 class Numbers:
-    """What the exact values of a component are (SPEC 9.3): floats, decimals of so many digits behind the point, or in all."""
+    """What the exact values of a component are (SPEC 9.3): floats, decimals of so many digits behind the point, or in
+    all."""
 
     def __init__(self, kind, digits, scale):
         self.kind, self.digits, self.scale = kind, digits, scale
@@ -919,7 +952,8 @@ class Cursor:
         self.models = Models()
         self.tets_list, self.stars, self.parents = [], [], []
         self.count = self.tet_count = 0
-        self.stored, self.labels, self.most_labels = [0] * len(self.columns), 0, 0  # bytes of the columns' frames; labels of records
+        # bytes of the columns' frames; labels of records
+        self.stored, self.labels, self.most_labels = [0] * len(self.columns), 0, 0
         self.log, self.done = [], 0  # records: (vertex, other codes and values, [(labels, tetrahedra)])
         self.ends = [0]              # records in the log at each level's end
         self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
@@ -1085,8 +1119,9 @@ class Cursor:
             frame = self.stream.frame(level, column.part)
             coder.start(frame)
             self.stored[c] += len(frame)
-        self.most_labels = min(allowed(FIELD_LABELS if column.part else LABELS, size) // (column.components if column.part else 1)
-                               for column, size in zip(self.columns, self.stored))
+        self.most_labels = min(
+            allowed(FIELD_LABELS if column.part else LABELS, size) // (column.components if column.part else 1)
+            for column, size in zip(self.columns, self.stored))
 
     def _finish(self, level):
         for coder in self.coders:
@@ -1207,8 +1242,8 @@ class Cursor:
         self._finish(level)
 
     def seek_pages(self, chosen):
-        """From the root on, in a new cursor: of each level in pages only some, {level: numbers of pages}. They have to be a
-        closed set (reference_pages.closure): the pages that they need are among them."""
+        """From the root on, in a new cursor: of each level in pages only some, {level: numbers of pages}. They have to
+        be a closed set (reference_pages.closure): the pages that they need are among them."""
         self.seek(min(self.stream.groups) - 1)
         for level, group in sorted(self.stream.groups.items()):
             self._take_room(level)
@@ -1280,7 +1315,8 @@ class Cursor:
         return place
 
     def _lay_out(self, vertex):
-        """The star: per tetrahedron which of its corners the vertex is, and the others; what takes the link's out of a list."""
+        """The star: per tetrahedron which of its corners the vertex is, and the others; what takes the link's out of a
+        list."""
         star, link, tets = [], {}, self.tets_list
         for t in self.stars[vertex]:
             a, b, c, d = tets[t]
@@ -1359,7 +1395,8 @@ class Cursor:
         coder, column = self.coders[0], self.columns[0]
         placement = coder.tree(self.models.placement, 2)
         require(placement < 3, 'a record holds what no writer writes')
-        trails, result = [[0, 0, 0, 3 if placement == 2 and i == 0 else placement] for i in range(4)], []  # far, level, side, kind
+        # far, level, side, kind
+        trails, result = [[0, 0, 0, 3 if placement == 2 and i == 0 else placement] for i in range(4)], []
         for axis in range(3):
             known, codes, scale = column.codes[axis], [0] * children, column.scale
             own, near = known[vertex], link(known)
@@ -1512,8 +1549,8 @@ class Cursor:
 
     def _labels(self, star, a, b, first_stays):
         """The label of each tetrahedron of the star, and the link's edges in the order in which they are met: of each
-        8 * (3 * the place of its first tetrahedron + which of that one's other corners is not on it), 4 if there are more
-        tetrahedra than that one, 2 if one goes, 1 if one stays."""
+        8 * (3 * the place of its first tetrahedron + which of that one's other corners is not on it), 4 if there are
+        more tetrahedra than that one, 2 if one goes, 1 if one stays."""
         X, Y, Z = self.columns[0].values
         coder, (chances, counts), vertices = self.coders[0], self.models.label, self.count
         width, code, most, rest = coder.range, coder.code, coder.seen_most, coder.rest
@@ -1639,8 +1676,8 @@ def main():
     if options.error is not None:
         level = stream.level_for_error(options.error)
     cursor = stream.cursor().seek(level)
-    print('%s: level %d of %d, %d vertices, %d tetrahedra' % (options.stream, level, len(stream.levels) - 1, cursor.count,
-                                                             cursor.tet_count))
+    print('%s: level %d of %d, %d vertices, %d tetrahedra' %
+          (options.stream, level, len(stream.levels) - 1, cursor.count, cursor.tet_count))
     if options.output:
         fields = {f['name']: cursor.field(f['name']) for f in stream.fields}
         np.savez(options.output, positions=cursor.positions, tets=cursor.tets, **fields)

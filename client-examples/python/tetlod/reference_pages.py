@@ -53,8 +53,8 @@ class Group:
         return node
 
     def lists(self, positions, tets, left_out):
-        """Of each page the vertices of its tetrahedra, ascending; those at seams; and each tetrahedron's page. Tetrahedra of pages
-        that were left out before are in none."""
+        """Of each page the vertices of its tetrahedra, ascending; those at seams; and each tetrahedron's page.
+        Tetrahedra of pages that were left out before are in none."""
         found, seams, page_of, tet_pages = [set() for _ in self.pages], set(), {}, []
         for t, corners in enumerate(tets):
             axes = [[values[c] for c in corners] for values in positions]

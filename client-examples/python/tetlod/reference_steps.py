@@ -206,7 +206,8 @@ class CellSteps:
     def __init__(self, stream, table, steps):
         tags = [section['tag'] for section in stream.sections]
         table_tag, tag = ('PTIM', 'PSTP') if stream.cell_rows else ('CTIM', 'CSTP')
-        require(tags[tags.index(table_tag) - 1] == 'TIME', 'a table of cells\' steps that does not follow that of steps')
+        require(tags[tags.index(table_tag) - 1] == 'TIME',
+                'a table of cells\' steps that does not follow that of steps')
         self._stream, self.names, self.ranges, data = stream, [], {}, Bytes(table)
         fields, count = data.take('II')
         require(0 < fields <= 256 and count == steps, 'a table of cells\' steps beyond the limits')

@@ -34,7 +34,8 @@ def difference(a: Any, b: Any, field: str, limit: Union[Limit, None] = None, *, 
 
 def assert_same(a: Any, b: Any, field: str, limit: Limit, *, norm: str = 'max', time: Times = None,
                 step: Steps = None) -> None:
-    """AssertionError unless the difference of `field` is certainly at most `limit`: in its units, or '2%' of its range in a."""
+    """AssertionError unless the difference of `field` is certainly at most `limit`: in its units, or '2%' of its range
+    in a."""
     judge(difference(a, b, field, limit, norm=norm, time=time, step=step))
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ParaView plugin: opens tetlod streams, of files and of URLs, at the error that a slider sets; a series has time steps.
+"""ParaView plugin: opens tetlod streams, of files and of URLs, at the error that a slider sets; a series has time
+steps.
 
 Tools > Manage Plugins > Load New, choose this file. Then File > Open knows .tetlod, and Sources has "Tetlod URL".
 The plugin needs the Python package tetlod: installed for ParaView's Python, or the one that this file lies in. What
