@@ -227,8 +227,17 @@ def decomposed_case():
     return None if done.returncode == 3 and b'processor1: ' in done.stderr and b'owner' in done.stderr else done
 
 
-def collated_case(binary, packed):
-    """The files of all pieces as one, each with the bytes of the pieces, of which the first has a header for all."""
+def collate(name, pieces, folder, packed):
+    """The files of pieces as one, with the bytes of each, of which the first has a header for all."""
+    blocks = [open(path('parts/processor%d/%s' % (piece, name)), 'rb').read() for piece in pieces]
+    blocks[1:] = [block[block.index(b'}\n') + 2:] for block in blocks[1:]]
+    put('parts/%s/%s' % (folder, name), 'decomposedBlockData', b''.join(
+        b'// Processor%d\n\n%d\n(%s)\n\n' % (piece, len(block), block) for piece, block in zip(pieces, blocks)), True,
+        packed)
+
+
+def collated_case(binary, packed, folders):
+    """Pieces in the folders of several programs, each of which has written those of some."""
     points, tets, part_of = parted_cube()
     for part in range(3):
         mine = np.flatnonzero(part_of == part)
@@ -243,25 +252,27 @@ def collated_case(binary, packed):
     files = [os.path.relpath(os.path.join(folder, name), path('parts/processor0'))
              for folder, _, names in os.walk(path('parts/processor0')) for name in names if name != 'case.foam']
     for name in files:
-        blocks = [open(path('parts/processor%d/%s' % (part, name)), 'rb').read() for part in range(3)]
-        blocks[1:] = [block[block.index(b'}\n') + 2:] for block in blocks[1:]]
-        put('parts/processors3/' + name, 'decomposedBlockData', b''.join(
-            b'// Processor%d\n\n%d\n(%s)\n\n' % (part, len(block), block) for part, block in enumerate(blocks)), True,
-            packed)
+        for folder, pieces in folders.items():
+            collate(name, pieces, folder, packed)
     for part in range(3):
         shutil.rmtree(path('parts/processor%d' % part))
     found = converted(path('parts/case.foam'))
     if not all(np.array_equal(a, b) for a, b in zip((*found[:2], found[3]['T']), (*wanted[:2], wanted[3]['T']))):
         return 'another mesh'
-    write('parts/processors3/one.foam', '')
-    done = tetlod('convert', path('parts/processors3/one.foam'), '-o', path('out.vtu'))
+    last = 'parts/' + max(folders)
+    write(last + '/one.foam', '')
+    done = tetlod('convert', path(last + '/one.foam'), '-o', path('out.vtu'))
     if done.returncode != 3 or b'several pieces' not in done.stderr:
         return done
-    name = path('parts/processors3/constant/polyMesh/points' + ('.gz' if packed else ''))
+    name = path(last + '/constant/polyMesh/points' + ('.gz' if packed else ''))
     data = (gzip.open if packed else open)(name, 'rb').read()
     (gzip.open if packed else open)(name, 'wb').write(data[:len(data) // 2])
     done = tetlod('convert', path('parts/case.foam'), '-o', path('out.vtu'))
-    return None if done.returncode == 3 and done.stderr.count(b'\n') == 1 and b'points' in done.stderr else done
+    if done.returncode != 3 or done.stderr.count(b'\n') != 1 or b'points' not in done.stderr:
+        return done
+    shutil.rmtree(path(last))
+    done = tetlod('convert', path('parts/case.foam'), '-o', path('out.vtu'))
+    return None if done.returncode == 3 and (len(folders) == 1 or b'processors3_A-B' in done.stderr) else done
 
 
 def damaged_gzip_case():
@@ -322,8 +333,9 @@ def main():
         case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)
     case('longer files', large_case)
     case('a decomposed case', decomposed_case)
-    case('a collated case', collated_case, False, False)
-    case('a collated case, binary, packed', collated_case, True, True)
+    case('a collated case', collated_case, False, False, {'processors3': range(3)})
+    case('a collated case of two programs, binary, packed', collated_case, True, True,
+         {'processors3_0-1': range(2), 'processors3_2-2': [2]})
     case('damaged gzip', damaged_gzip_case)
     case('four triangles that are no tetrahedron', odd_tetrahedra_case)
     damaged_cases(False)

@@ -4,6 +4,7 @@
  * the fields of a time, a folder whose name is a number. Boundary conditions are not read.
  */
 #include <dirent.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -246,11 +247,18 @@ static enum tetlod_status read_mesh(struct blocks *out, const struct io_input *i
 }
 
 /* ---- decomposed cases: a mesh in each folder processor0, processor1, ..., or N meshes in each file of a folder
- * processorsN (collated) */
+ * processorsN, or those of pieces A to B in a folder processorsN_A-B (collated) */
 
-/* What is in a folder: how many processors, N of processorsN, the last time (-1: none), and whether there is a mesh. */
+/* A folder of files that hold several pieces. */
+struct collated {
+    char name[48];
+    uint32_t count, first, last; /* pieces of the case; those that are here */
+};
+
+/* What is in a folder: how many processors, the last time (-1: none), and whether there is a mesh. */
 struct contents {
-    uint32_t processors, collated;
+    uint32_t processors;
+    struct collated collated; /* that has a piece; count 0: none has */
     double last;
     bool has_mesh;
 };
@@ -262,19 +270,36 @@ static bool is_processor(const char *name)
     return strncmp(name, start, strlen(start)) == 0 && *number && number[strspn(number, "0123456789")] == 0;
 }
 
-/* N of processorsN, or 0. */
-static uint32_t collated_count(const char *name)
+/* The number of pieces behind a text that begins there; false: another text, or no such number. */
+static bool number_behind(const char **io_name, const char *before, uint32_t *out)
 {
-    enum { MOST = 1 << 20 };
-    static const char start[] = "processors";
-    struct text number = {name + strlen(start), name + strlen(name)};
-    int64_t count;
-    if (strncmp(name, start, strlen(start)) != 0 || !text_int(&number, &count) || number.at != number.end)
-        return 0;
-    return count > 0 && count <= MOST ? (uint32_t)count : 0;
+    enum { MAX_PIECES = 1 << 20 };
+    size_t size = strlen(before), digits = 0;
+    uint64_t number = 0;
+    if (strncmp(*io_name, before, size) != 0)
+        return false;
+    for (*io_name += size; **io_name >= '0' && **io_name <= '9' && digits < 8; digits++)
+        number = 10 * number + (uint64_t)(*(*io_name)++ - '0');
+    *out = (uint32_t)number;
+    return digits && number <= MAX_PIECES;
 }
 
-static struct contents look(const char *folder)
+/* False: the name is that of something else. */
+static bool parse_collated(const char *name, struct collated *out)
+{
+    const char *at = name;
+    if (!number_behind(&at, "processors", &out->count) || !out->count)
+        return false;
+    out->first = 0;
+    out->last = out->count - 1;
+    if (*at && (!number_behind(&at, "_", &out->first) || !number_behind(&at, "-", &out->last) || *at))
+        return false;
+    snprintf(out->name, sizeof out->name, "%s", name);
+    return out->first <= out->last && out->last < out->count;
+}
+
+/* Of several folders that have the piece, the first by name is taken: the one that has all. */
+static struct contents look(const char *folder, uint32_t piece)
 {
     struct contents out = {.last = -1};
     struct dirent **entries;
@@ -283,11 +308,14 @@ static struct contents look(const char *folder)
     for (int i = 0; i < count; i++) {
         const char *name = entries[i]->d_name;
         struct text text = {name, name + strlen(name)};
+        struct collated collated;
         double time;
         if (text_double(&text, false, &time) && time > out.last)
             out.last = time;
         out.processors += is_processor(name);
-        out.collated = collated_count(name) ? collated_count(name) : out.collated;
+        if (!out.collated.count && parse_collated(name, &collated) && collated.first <= piece &&
+            piece <= collated.last)
+            out.collated = collated;
         free(entries[i]);
     }
     if (count >= 0)
@@ -297,13 +325,26 @@ static struct contents look(const char *folder)
     return out;
 }
 
-/* The folder of a piece, or of all. */
-static void name_folder(const struct contents *whole, uint32_t piece, char out[32])
+/* The folder of a piece; *out_part: its place there from 1, or 0: it has a folder for itself. */
+static enum tetlod_status find_piece(const char *folder, const struct contents *whole, uint32_t piece,
+                                     struct collated *io_collated, char out[48], uint32_t *out_part,
+                                     struct tetlod_error *error)
 {
-    if (whole->processors)
-        snprintf(out, 32, "processor%u", piece);
-    else
-        snprintf(out, 32, "processors%u", whole->collated);
+    *out_part = 0;
+    if (whole->processors) {
+        snprintf(out, 48, "processor%" PRIu32, piece);
+        return TETLOD_OK;
+    }
+    if (piece > io_collated->last)
+        *io_collated = look(folder, piece).collated;
+    if (io_collated->count != whole->collated.count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "there is no folder processors%" PRIu32 "_A-B that has processor %" PRIu32
+                            "; is the case complete?",
+                            whole->collated.count, piece);
+    memcpy(out, io_collated->name, sizeof io_collated->name);
+    *out_part = piece - io_collated->first + 1;
+    return TETLOD_OK;
 }
 
 /* The pieces meet in points of the same number or, where these are not there, in points that are the same bit for
@@ -312,17 +353,17 @@ static enum tetlod_status read_processors(struct blocks *out, const struct io_in
                                           const struct contents *whole, struct io_report *report,
                                           struct tetlod_error *error)
 {
-    for (uint32_t p = 0; p < (whole->processors ? whole->processors : whole->collated); p++) {
-        char path[4500], name[32], *there = NULL;
+    struct collated collated = whole->collated;
+    for (uint32_t p = 0; p < (whole->processors ? whole->processors : whole->collated.count); p++) {
+        char path[4500], name[48], *there = NULL;
         struct io_input piece = *input;
         struct tetlod_error inner = {0};
-        name_folder(whole, p, name);
+        TETLOD_TRY(find_piece(folder, whole, p, &collated, name, &piece.part, error));
         snprintf(path, sizeof path, "%s/constant/polyMesh", name);
         TETLOD_TRY(io_resolve(input, path, &there, error)); // is it below the case's folder?
         free(there);
         snprintf(path, sizeof path, "%.4096s/%s/case.foam", folder, name);
         piece.path = path;
-        piece.part = whole->processors ? 0 : p + 1;
         enum tetlod_status status = read_mesh(out, &piece, true, report, &inner);
         if (status != TETLOD_OK)
             return tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
@@ -334,16 +375,15 @@ static enum tetlod_status read_processors(struct blocks *out, const struct io_in
 enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                              struct tetlod_error *error)
 {
-    char folder[4097], first[4200], name[32];
+    char folder[4097], first[4200];
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
     const char *slash = strrchr(input->path, '/');
     snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - input->path) : 1, slash ? input->path : ".");
-    const struct contents whole = look(folder);
-    name_folder(&whole, 0, name);
-    snprintf(first, sizeof first, "%s/%s", folder, name);
-    const struct contents piece = look(first);
-    bool decomposed = (whole.processors || whole.collated) && piece.has_mesh &&
+    const struct contents whole = look(folder, 0);
+    snprintf(first, sizeof first, "%s/%s", folder, whole.processors ? "processor0" : whole.collated.name);
+    const struct contents piece = look(first, 0);
+    bool decomposed = (whole.processors || whole.collated.count) && piece.has_mesh &&
                       (!whole.has_mesh || piece.last > whole.last);
     return decomposed ? read_processors(out, input, folder, &whole, report, error)
                       : read_mesh(out, input, false, report, error);
