@@ -258,7 +258,7 @@ $(SHARED_BUILD): $(call objects,$(BUILD_SRC) $(FORMAT_SRC)) src/library/exports.
 	    $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
 # The program's large arrays may be in files (src/cli/scratch_memory.h)
-WRAPPED := $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc aligned_alloc free)
+WRAPPED := $(patsubst %,-Wl$(comma)--wrap=%,malloc calloc realloc aligned_alloc free pthread_create)
 $(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
 
@@ -304,6 +304,10 @@ $(B)/tests/unit/test_asked_once: private TETLOD_LDFLAGS += -Wl,--wrap=exact_exam
 
 # What others do between two locks is done there
 $(B)/tests/unit/test_site: private TETLOD_LDFLAGS += -Wl,--wrap=pthread_mutex_unlock
+
+# Arrays are in files, as they are in the program
+$(B)/tests/unit/test_scratch_memory: $(B)/src/cli/scratch_memory.o
+$(B)/tests/unit/test_scratch_memory: private TETLOD_LDFLAGS += $(WRAPPED)
 
 # The heap is counted (tests/heap.h)
 $(addprefix $(B)/tests/unit/,test_region_room test_bounds): private TETLOD_LDFLAGS += \

@@ -2,9 +2,12 @@
 /*
  * A large array is a *region*: whole pages of its own, so that its address tells it from what the C library made. A
  * table lists them. What is being made, resized or freed is not in it: no pages are taken of that.
- * Pages are taken by a timer's signal, on the thread that brings them in: a timer of processor time, because on a busy
- * machine a thread that watched would come too late. So the table's lock is one that a handler may try, and no call
- * that waits for a disk is made under it.
+ * Pages are taken by a timer's signal, on the thread that brings them in: each thread has a timer of its own. On a busy
+ * machine a thread that watched the others would come too late, and so would a signal to the process, which one thread
+ * gets for all; timers of processor time look at the system's ticks alone, and in a tick a thread brings in 50 MB. What
+ * a thread brings in stays below what it can touch in LOOK_AGAIN while it runs: its signal waits for it while it does
+ * not. A handler takes the table's lock, so it never interrupts a thread that has it, and no call that waits for a disk
+ * is made under it.
  * Each region in a file has a file for itself, with blocks for all of it: a folder that is full is found here, not
  * where the array is written; and what is freed is gone.
  */
@@ -14,6 +17,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
+#include <pthread.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdatomic.h>
@@ -21,7 +25,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -32,11 +36,12 @@
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
 static const double MEMORY_SHARE = 0.25;
 
-/* Pages are taken from a share of the limit on, until the share GIVEN_BACK is free again. What is left up to the limit
- * is for what threads bring in between two looks, of so many microseconds of processor time (or the system's tick, 4 ms or
- * 10): BETWEEN bytes were seen, and more than a share of a small limit cannot be spared for that. */
-static const double MIN_LEFT = 0.3, MAX_LEFT = 0.4, GIVEN_BACK = 0.2;
-enum { LOOK_AGAIN = 1000, BETWEEN = 64 << 20 };
+/* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
+ * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
+ * than a share of a small limit cannot be spared for that. Less than WINDOW bytes of files are never taken: where a
+ * limit is too small for the rest, the program would only read the same pages again and again. */
+static const double MIN_LEFT = 0.1, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
+enum { LOOK_AGAIN = 250000, BETWEEN = 5 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
 struct region {
     char *at;
@@ -47,12 +52,14 @@ struct region {
 /* malloc has no context: the program's only state that is not passed on. */
 static struct {
     atomic_bool on, stays;
-    size_t page, smallest;
-    uint64_t limit, high, low, in_memory, in_files, peak;
+    atomic_uint watched; /* threads */
+    size_t page, smallest, piece;
+    uint64_t limit, libraries, in_memory, in_files, peak;
     int statm; /* file of the system that says what is resident */
     atomic_flag lock;
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */
+    size_t taken;         /* bytes of it */
     unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
@@ -63,66 +70,149 @@ void *__real_calloc(size_t count, size_t size);
 void *__real_realloc(void *block, size_t size);
 void *__real_aligned_alloc(size_t alignment, size_t size);
 void __real_free(void *block);
+int __real_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void *(*run)(void *), void *argument);
 void *__wrap_malloc(size_t size);
 void *__wrap_calloc(size_t count, size_t size);
 void *__wrap_realloc(void *block, size_t size);
 void *__wrap_aligned_alloc(size_t alignment, size_t size);
 void __wrap_free(void *block);
+int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void *(*run)(void *), void *argument);
 
 /* ---- the lock */
 
-static bool try_lock(void)
-{
-    return !atomic_flag_test_and_set_explicit(&memory.lock, memory_order_acquire);
-}
+/* Does this thread have the lock, or is it about to? Its signal's handler looks. */
+static _Thread_local volatile sig_atomic_t has_lock;
 
 static void lock(void)
 {
-    while (!try_lock())
+    has_lock = 1;
+    while (atomic_flag_test_and_set_explicit(&memory.lock, memory_order_acquire))
         sched_yield();
 }
 
 static void unlock(void)
 {
     atomic_flag_clear_explicit(&memory.lock, memory_order_release);
+    has_lock = 0;
 }
 
 /* ---- what is resident */
 
-static uint64_t resident(void)
+/* All that is resident, and what of it is of files. */
+struct resident {
+    uint64_t all, files;
+};
+
+static struct resident look(void)
 {
     char text[128] = "";
-    uint64_t pages = 0;
+    uint64_t pages[3] = {0}; // of all addresses, resident, of files
     ssize_t got = pread(memory.statm, text, sizeof text - 1, 0);
-    const char *at = got > 0 ? strchr(text, ' ') : NULL; // behind the size of all
-    while (at && *++at >= '0' && *at <= '9')
-        pages = 10 * pages + (uint64_t)(*at - '0');
-    return pages * memory.page;
+    const char *at = got > 0 ? text : "";
+    for (int i = 0; i < 3 && *at; i++, at += *at == ' ')
+        for (; *at >= '0' && *at <= '9'; at++)
+            pages[i] = 10 * pages[i] + (uint64_t)(*at - '0');
+    return (struct resident){pages[1] * memory.page, pages[2] * memory.page};
 }
 
-/* Takes pages of files, region by region, until little is resident. What is written there stays in the file. A signal's
- * handler: where its thread has the lock, the next one takes them. */
+/* What may be resident now. */
+static uint64_t allowed(void)
+{
+    double limit = (double)memory.limit, between = BETWEEN * (double)atomic_load(&memory.watched);
+    return (uint64_t)(limit - fmin(fmax(between, MIN_LEFT * limit), MAX_LEFT * limit));
+}
+
+static bool is_above(struct resident now, uint64_t limit)
+{
+    return now.all > limit && now.files > memory.libraries + WINDOW;
+}
+
+/* Takes a piece of the region at the hand. What is written there stays in the file. */
+static void take_piece(void)
+{
+    const struct region *region = &memory.regions[memory.hand % memory.count];
+    size_t left = region->size > memory.taken ? region->size - memory.taken : 0;
+    size_t piece = left < memory.piece ? left : memory.piece;
+    if (piece && region->file >= 0)
+        madvise(region->at + memory.taken, piece, MADV_DONTNEED);
+    memory.taken += piece;
+    if (piece == left || region->file < 0) {
+        memory.hand++;
+        memory.taken = 0;
+    }
+}
+
+/* Takes pages of files until little is resident. A signal's handler: where its thread has the lock, the next one takes
+ * them. While another thread takes them, this one waits: it would bring in more. */
 static void take_pages(int signal)
 {
     const int before = errno;
     (void)signal;
-    if (resident() > memory.high && try_lock()) {
-        for (unsigned i = 0; i < memory.count && resident() > memory.low; i++) {
-            const struct region *region = &memory.regions[memory.hand++ % memory.count];
-            if (region->file >= 0)
-                madvise(region->at, region->size, MADV_DONTNEED);
-        }
+    if (!has_lock && is_above(look(), allowed())) {
+        lock();
+        unsigned last = memory.hand + memory.count;
+        uint64_t low = allowed() - (uint64_t)(GIVEN_BACK * (double)memory.limit);
+        while (memory.hand < last && is_above(look(), low))
+            take_piece();
         unlock();
     }
     errno = before;
 }
 
-static int start_timer(void)
+/* A timer whose signal this thread gets. */
+static bool watch_thread(timer_t *out)
 {
-    const struct itimerval every = {{.tv_usec = LOOK_AGAIN}, {.tv_usec = LOOK_AGAIN}};
+    const struct itimerspec every = {{.tv_nsec = LOOK_AGAIN}, {.tv_nsec = LOOK_AGAIN}};
+    struct sigevent event = {.sigev_notify = SIGEV_THREAD_ID, .sigev_signo = SIGPROF};
+    event._sigev_un._tid = gettid(); // glibc has no other name for it
+    if (timer_create(CLOCK_MONOTONIC, &event, out) != 0)
+        return false;
+    if (timer_settime(*out, 0, &every, NULL) != 0) {
+        timer_delete(*out);
+        return false;
+    }
+    atomic_fetch_add(&memory.watched, 1);
+    return true;
+}
+
+static bool start_watching(void)
+{
+    timer_t timer; // until the program ends
     struct sigaction action = {.sa_handler = take_pages, .sa_flags = SA_RESTART};
     sigemptyset(&action.sa_mask);
-    return sigaction(SIGPROF, &action, NULL) != 0 || setitimer(ITIMER_PROF, &every, NULL) != 0;
+    return sigaction(SIGPROF, &action, NULL) == 0 && watch_thread(&timer);
+}
+
+struct thread_start {
+    void *(*run)(void *argument);
+    void *argument;
+};
+
+/* A thread that there can be no timer for runs without: the others' take its pages. */
+static void *run_watched(void *argument)
+{
+    struct thread_start start = *(struct thread_start *)argument;
+    timer_t timer;
+    __real_free(argument);
+    bool watched = watch_thread(&timer);
+    void *result = start.run(start.argument);
+    if (watched) {
+        timer_delete(timer);
+        atomic_fetch_sub(&memory.watched, 1);
+    }
+    return result;
+}
+
+int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void *(*run)(void *), void *argument)
+{
+    struct thread_start *start = atomic_load(&memory.on) ? __real_malloc(sizeof *start) : NULL;
+    if (!start)
+        return __real_pthread_create(out, attributes, run, argument);
+    *start = (struct thread_start){run, argument};
+    int failed = __real_pthread_create(out, attributes, run_watched, start);
+    if (failed)
+        __real_free(start);
+    return failed;
 }
 
 enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error)
@@ -131,12 +221,12 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     TETLOD_TRY(spool_open(&probe, error));
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
-    memory.limit = limit;
-    memory.high = limit - (uint64_t)fmin(fmax(BETWEEN, MIN_LEFT * (double)limit), MAX_LEFT * (double)limit);
-    memory.low = memory.high - (uint64_t)(GIVEN_BACK * (double)limit);
-    memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
     memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-    if (memory.statm < 0 || start_timer() != 0)
+    memory.limit = limit;
+    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
+    memory.libraries = look().files;
+    memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
+    if (memory.statm < 0 || !start_watching())
         return tetlodi_fail(error, TETLOD_ERR_NOMEM, "the memory in use cannot be looked at");
     atomic_store(&memory.on, true);
     return TETLOD_OK;

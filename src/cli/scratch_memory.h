@@ -2,12 +2,12 @@
 /*
  * Large arrays in files, so that the program can work on meshes that do not fit into memory.
  *
- * The linker leads malloc, calloc, realloc, aligned_alloc and free of this program's own code here (--wrap in the
- * Makefile). Until scratch_memory_begin they are those of the C library. From then on a large array is mapped: as
- * memory while little is in use, else as a file without a name in the scratch folder. A timer's signal (SIGPROF)
- * looks how much of the process is resident; before that passes the limit it takes files' pages away, which the system
- * reads again where they are looked at. So no code knows where its arrays are, and the bytes that it computes are the
- * same.
+ * The linker leads malloc, calloc, realloc, aligned_alloc, free and pthread_create of this program's own code here
+ * (--wrap in the Makefile). Until scratch_memory_begin they are those of the C library. From then on a large array is
+ * mapped: as memory while little is in use, else as a file without a name in the scratch folder. Each thread has a
+ * timer, whose signal (SIGPROF) looks how much of the process is resident; before that passes the limit it takes files'
+ * pages away, which the system reads again where they are looked at. So no code knows where its arrays are, and the
+ * bytes that it computes are the same.
  */
 #ifndef TETLOD_SCRATCH_MEMORY_H
 #define TETLOD_SCRATCH_MEMORY_H
@@ -17,8 +17,9 @@
 
 #include "format/tetlod.h"
 
-/* From now on at most about `limit` bytes are resident. The scratch folder is TMPDIR's (src/util/spool.h). ERR_IO:
- * there can be no files in it. ERR_NOMEM: there is no timer. */
+/* From now on at most `limit` bytes are resident, if what is not in files leaves room. The calling thread is watched,
+ * and those that it makes from now on. The scratch folder is TMPDIR's (src/util/spool.h). ERR_IO: there can be no files
+ * in it. ERR_NOMEM: there is no timer. */
 TETLOD_CHECKED enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error);
 
 /* All that is needed fits into memory: arrays that are made from now on are not in files. */

@@ -8,9 +8,10 @@
 
 /* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records,
  * and goes before a field's exact tail, and what that takes; and what the program takes with its libraries and the
- * compressor's tables: measured. Of the rest the allocator wastes one part in ALLOCATOR. */
+ * compressor's tables: measured. What is built by cells takes PAGED_TET more a tetrahedron: cells that wait, with their
+ * seams, and pages. Of the rest the allocator wastes one part in ALLOCATOR. */
 enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
-      PROGRAM = 14 << 20, ALLOCATOR = 32 };
+      PAGED_TET = 40, PROGRAM = 14 << 20, ALLOCATOR = 32 };
 
 /* What stays resident where large arrays are in files: a thread's cell, and the root, which has some cells' tetrahedra;
  * a tetrahedron of a cell: measured. */
@@ -47,7 +48,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     uint64_t most = contract > measure ? contract : measure;
     most = most > keep ? most : keep;
     held += quantise_wanted(&options->quantise) ? held : 0; // the rounded mesh
-    uint64_t sum = held + (most > encode ? most : encode);
+    most = most > encode ? most : encode;
+    uint64_t sum = held + most + (options->paged ? tets * PAGED_TET : 0);
     return PROGRAM + sum + sum / ALLOCATOR;
 }
 

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Arrays in files: what is resident stays below the limit while threads go through them as fast as they can. */
+#include <stdlib.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "src/cli/scratch_memory.h"
+#include "src/util/parallel.h"
+#include "tests/test.h"
+
+enum { MEGABYTE = 1 << 20, LIMIT = 72 * MEGABYTE, ARRAYS = 3, BYTES = 80 * MEGABYTE, PASSES = 4 };
+
+static size_t peak(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (size_t)usage.ru_maxrss << 10;
+}
+
+struct arrays {
+    uint64_t *numbers[ARRAYS];
+    uint64_t sums[ARRAYS];
+};
+
+/* A worker's array: every pass adds one to each number. */
+static void add_up(void *opaque, unsigned worker, size_t begin, size_t end)
+{
+    struct arrays *arrays = opaque;
+    (void)worker;
+    for (size_t a = begin; a < end; a++)
+        for (int pass = 0; pass < PASSES; pass++)
+            for (size_t i = 0; i < BYTES / sizeof(uint64_t); i++)
+                arrays->sums[a] += ++arrays->numbers[a][i];
+}
+
+static void test_stays_below(void)
+{
+    struct arrays arrays = {0};
+    if (SANITIZED)
+        SKIP("what sanitizers take is resident, too");
+    REQUIRE(scratch_memory_begin(LIMIT, NULL) == TETLOD_OK);
+    struct pool *pool = pool_new(ARRAYS); // its threads are watched
+    REQUIRE(pool);
+    for (int a = 0; a < ARRAYS; a++)
+        REQUIRE((arrays.numbers[a] = calloc(BYTES / sizeof(uint64_t), sizeof(uint64_t))));
+    CHECK(scratch_memory_peak() >= (uint64_t)ARRAYS * BYTES);
+    pool_run(pool, ARRAYS, 1, add_up, &arrays);
+    for (int a = 0; a < ARRAYS; a++) {
+        CHECK(arrays.sums[a] == (uint64_t)(BYTES / sizeof(uint64_t)) * PASSES * (PASSES + 1) / 2);
+        free(arrays.numbers[a]);
+    }
+    pool_free(pool);
+    if (peak() > LIMIT)
+        TEST_FAIL("%zu MB were resident", peak() / MEGABYTE);
+}
+
+/* What fits stays in memory; what grows keeps its numbers. */
+static void test_grows(void)
+{
+    if (SANITIZED)
+        SKIP("what sanitizers take is resident, too");
+    size_t count = 0;
+    uint64_t *numbers = NULL, before = scratch_memory_peak();
+    for (size_t size = MEGABYTE; size <= 64 * (size_t)MEGABYTE; size *= 2) {
+        uint64_t *grown = realloc(numbers, size);
+        REQUIRE(grown);
+        numbers = grown;
+        for (; count < size / sizeof *numbers; count++)
+            numbers[count] = count;
+    }
+    size_t wrong = 0;
+    for (size_t i = 0; i < count; i++)
+        wrong += numbers[i] != i;
+    CHECK(wrong == 0);
+    CHECK(scratch_memory_peak() == before);
+    free(numbers);
+}
+
+int main(void)
+{
+    RUN(test_stays_below);
+    RUN(test_grows);
+    return test_end();
+}
