@@ -434,7 +434,7 @@ static enum tetlod_status contract_root(struct cell_run *run)
         options.progress = report_root;
         options.progress_opaque = &progress;
     }
-    bool shares = run->share && !work_has_helpers(run->share);
+    bool shares = run->share && run->share->keeps_parts;
     enum tetlod_status status = shares ? share_root(run, &root, &options) : contract_rest(run, &root, &options);
     if (status == TETLOD_OK)
         status = take_components(run, log);

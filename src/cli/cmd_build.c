@@ -458,7 +458,7 @@ static int help_others(const struct build_request *request)
 static enum tetlod_status build_output(struct build_request *request, const struct input *in,
                                        struct build_report *report, double *write_seconds, struct tetlod_error *error)
 {
-    return build_leads(&request->build) ? build_file(request, in, report, write_seconds, error)
+    return build_writes(&request->build) ? build_file(request, in, report, write_seconds, error)
                                         : write_stream(request, in, NULL, report, error);
 }
 
@@ -474,7 +474,7 @@ static int build(struct build_request *request)
     if (status == TETLOD_OK)
         status = prepare(request, &in, &error);
     bool goes_on = status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series);
-    bool idles = goes_on && !build_leads(&request->build); // steps over several meshes are not shared
+    bool idles = goes_on && !build_writes(&request->build); // steps over several meshes are not shared
     if (goes_on && !idles) {
         request->build.share = NULL;
         status = build_topologies(request, &in, &spool, &error);
@@ -514,8 +514,8 @@ int build_together(int argc, char **argv, const struct work_share *share)
     request.build.share = share;
     if (work_helps(share))
         return help_others(&request);
-    request.quiet |= !build_leads(&request.build);
-    request.json &= build_leads(&request.build);
+    request.quiet |= !build_writes(&request.build);
+    request.json &= build_writes(&request.build);
     progress_init(&request.progress, request.draws_progress && !request.quiet, request.quiet);
     return build(&request);
 }

@@ -31,10 +31,9 @@ static int merge(const char *folder, const char *output, const char *threads, bo
     bool relative = output[0] != '/' && getcwd(here, sizeof here); // the plan's folder is another one
     snprintf(path, sizeof path, "%s%s%s", relative ? here : "", relative ? "/" : "", output);
     if (plan_open(&plan, folder, &error) != TETLOD_OK ||
-        folder_share_new(&share, plan.folder, 1, &error) != TETLOD_OK) {
+        folder_share_new(&share, plan.folder, 1, true, &error) != TETLOD_OK) {
         result = cli_fail(&error);
     } else {
-        share.leads = true;
         plan_add_option(&plan, "-o", path);
         plan_add_option(&plan, "--threads", threads);
         if (quiet)

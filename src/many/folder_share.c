@@ -1,8 +1,14 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
+ * FOLDER/leader.lease      one of the members reads the mesh: "machine process"; its time is when that was last known
+ *                          to live
+ * FOLDER/helped            there are others
+ * FOLDER/over              all stages are done
+ * FOLDER/stage-3/call      what the leader calls helpers for, and what it passes on to them
  * FOLDER/stage-3/parts     how many parts the third stage has
+ * FOLDER/stage-3/17.in     what a helper needs of part 17, until it is done
  * FOLDER/stage-3/17        part 17: its bytes
- * FOLDER/stage-3/17.lease  someone is at it: "machine process"; its time is when that was last known to live
+ * FOLDER/stage-3/17.lease  someone is at it
  *
  * Times are compared as the folder's file system knows them, so that clocks of machines may differ.
  */
@@ -10,6 +16,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
@@ -34,6 +41,8 @@ enum part_state { PART_OPEN, PART_HERE, PART_DONE };
 
 struct folder_share {
     char folder[4096 - 64], owner[320]; /* owner: "machine process" */
+    bool leads, writes, passes;         /* passes: there may be helpers */
+    bool orphaned;                      /* of a helper: the leader has died */
     pthread_mutex_t lock;               /* of the states and the next place */
     pthread_cond_t stopped;
     pthread_t toucher;
@@ -41,7 +50,17 @@ struct folder_share {
     uint32_t stage, parts, next;        /* next place to look at */
     const uint32_t *order;
     uint8_t *states;                    /* [part] enum part_state */
+    struct file_output *call;           /* that the leader is writing, or NULL */
+    struct file_view heard;             /* what a helper reads */
+    size_t heard_at;
+    bool cut_off;                       /* it is shorter than what there should be */
 };
+
+/* A file of the folder. */
+static void file_of(const struct folder_share *share, char out[4096], const char *name)
+{
+    snprintf(out, 4096, "%s/%s", share->folder, name);
+}
 
 static void path_of(const struct folder_share *share, char out[4096], const char *name)
 {
@@ -55,6 +74,11 @@ static void part_path(const struct folder_share *share, char out[4096], uint32_t
     path_of(share, out, name);
 }
 
+static bool is_there(const char *path)
+{
+    return access(path, F_OK) == 0;
+}
+
 static enum tetlod_status fail_at(struct tetlod_error *error, const char *path, const char *what)
 {
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot %s: %s", path, what, strerror(errno));
@@ -64,16 +88,14 @@ static bool is_done(const struct folder_share *share, uint32_t part)
 {
     char path[4096];
     part_path(share, path, part, "");
-    return access(path, F_OK) == 0;
+    return is_there(path);
 }
 
 /* ---- leases */
 
 /* Leaves a lease. False: there is one. */
-static bool take_lease(const struct folder_share *share, uint32_t part)
+static bool take_lease(const struct folder_share *share, const char *path)
 {
-    char path[4096];
-    part_path(share, path, part, ".lease");
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0)
         return errno != EEXIST; // without a lease it may be done twice, and put() says what is wrong with the folder
@@ -111,22 +133,32 @@ static time_t time_there(const struct folder_share *share)
 {
     char path[4096];
     struct stat about;
-    path_of(share, path, "parts");
-    return utimensat(AT_FDCWD, path, NULL, 0) == 0 && stat(path, &about) == 0 ? about.st_mtime : time(NULL);
+    file_of(share, path, "clock");
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+    bool known = fd >= 0 && futimens(fd, NULL) == 0 && fstat(fd, &about) == 0;
+    if (fd >= 0)
+        close(fd);
+    return known ? about.st_mtime : time(NULL);
 }
 
-/* Takes away a lease whose owner has died. True: the part is open. */
-static bool lease_is_over(const struct folder_share *share, uint32_t part)
+/* Takes away a lease whose owner has died. False: there is one, of a member that lives. */
+static bool end_lease(const struct folder_share *share, const char *path)
 {
-    char path[4096];
     struct stat about;
-    part_path(share, path, part, ".lease");
     if (stat(path, &about) != 0)
-        return !is_done(share, part);
+        return true;
     if (!owner_is_gone(share, path) && time_there(share) - about.st_mtime <= LEASE_LIFE)
         return false;
     unlink(path);
     return true;
+}
+
+/* Is it nobody's? */
+static bool is_open(const struct folder_share *share, uint32_t part)
+{
+    char path[4096];
+    part_path(share, path, part, ".lease");
+    return end_lease(share, path) && !is_done(share, part);
 }
 
 /* Says from time to time that this program lives. */
@@ -138,8 +170,11 @@ static void *touch_leases(void *opaque)
         double until = monotonic_seconds() + LEASE_TOUCH;
         while (!share->stops && monotonic_cond_wait(&share->stopped, &share->lock, until))
             ;
+        char path[4096];
+        file_of(share, path, "leader.lease");
+        if (share->leads && !share->writes && !share->stops)
+            utimensat(AT_FDCWD, path, NULL, 0);
         for (uint32_t part = 0; part < share->parts && !share->stops; part++) {
-            char path[4096];
             part_path(share, path, part, ".lease");
             if (share->states[part] == PART_HERE)
                 utimensat(AT_FDCWD, path, NULL, 0);
@@ -171,12 +206,56 @@ static enum tetlod_status agree(const struct folder_share *share, struct tetlod_
                                path);
 }
 
+/* What helpers need of the parts that are not done. */
+static enum tetlod_status write_inputs(const struct folder_share *share, const struct work_input *input,
+                                       struct tetlod_error *error)
+{
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t part = 0; part < share->parts && status == TETLOD_OK; part++) {
+        char path[4096];
+        struct buffer bytes = {0};
+        part_path(share, path, part, ".in");
+        if (is_done(share, part) || is_there(path))
+            continue;
+        status = input->pack(input->opaque, part, &bytes, error);
+        if (status == TETLOD_OK)
+            status = file_write(path, bytes.bytes, bytes.size, error);
+        buffer_fini(&bytes);
+    }
+    return status;
+}
+
+/* The call is there when all is that it is about. */
+static enum tetlod_status publish(struct folder_share *share, const struct work_input *input,
+                                  struct tetlod_error *error)
+{
+    struct file_output *call = share->call;
+    share->call = NULL;
+    enum tetlod_status status = input && share->passes ? write_inputs(share, input, error) : TETLOD_OK;
+    return call ? file_output_finish(call, status, error) : status;
+}
+
+/* Also when it has not been heard to the end. */
+static enum tetlod_status end_hearing(struct folder_share *share, struct tetlod_error *error)
+{
+    char path[4096];
+    path_of(share, path, "call");
+    file_view_close(&share->heard);
+    share->heard = (struct file_view){0};
+    return share->cut_off ? tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not as it was written", path) : TETLOD_OK;
+}
+
+static enum tetlod_status make_stage(const struct folder_share *share, struct tetlod_error *error)
+{
+    char path[4096];
+    path_of(share, path, "");
+    return mkdir(path, 0777) == 0 || errno == EEXIST ? TETLOD_OK : fail_at(error, path, "make the folder");
+}
+
 static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, const struct work_input *input,
                                 struct tetlod_error *error)
 {
-    (void)input; // all members have the mesh
     struct folder_share *share = opaque;
-    char path[4096];
     uint8_t *states = array_zero(parts, 1);
     if (!states)
         return tetlodi_fail_nomem(error, "the parts", parts);
@@ -187,28 +266,30 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->parts = parts;
     share->next = 0;
     pthread_mutex_unlock(&share->lock);
-    path_of(share, path, "");
-    if (mkdir(path, 0777) != 0 && errno != EEXIST)
-        return fail_at(error, path, "make the folder");
-    return agree(share, error);
+    TETLOD_TRY(make_stage(share, error));
+    TETLOD_TRY(agree(share, error));
+    return share->leads ? publish(share, input, error) : end_hearing(share, error);
 }
 
-static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
+/* ---- parts */
+
+/* A part that nobody has begun, which is then this member's. */
+static bool take_next(struct folder_share *share, uint32_t *out_part)
 {
-    (void)out_input;
-    struct folder_share *share = opaque;
     bool found = false;
     pthread_mutex_lock(&share->lock);
     while (share->next < share->parts && !found) {
+        char path[4096];
         uint32_t part = share->order ? share->order[share->next] : share->next;
         share->next++;
+        part_path(share, path, part, ".lease");
         if (share->states[part] != PART_OPEN)
             continue;
         if (is_done(share, part)) {
             share->states[part] = PART_DONE;
-        } else if (take_lease(share, part)) {
+        } else if (take_lease(share, path)) {
             if (is_done(share, part)) { // meanwhile, and its lease had gone
-                drop_lease(share, part);
+                unlink(path);
                 continue;
             }
             share->states[part] = PART_HERE;
@@ -218,6 +299,30 @@ static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
     }
     pthread_mutex_unlock(&share->lock);
     return found;
+}
+
+static bool take_input(const struct folder_share *share, uint32_t part, struct buffer *out)
+{
+    char path[4096];
+    part_path(share, path, part, ".in");
+    if (file_read(path, &out->bytes, &out->size, NULL) != TETLOD_OK)
+        return false;
+    out->capacity = out->size;
+    return true;
+}
+
+static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
+{
+    struct folder_share *share = opaque;
+    while (take_next(share, out_part)) {
+        if (!out_input || take_input(share, *out_part, out_input))
+            return true;
+        pthread_mutex_lock(&share->lock); // the leader does what cannot be read here
+        share->states[*out_part] = PART_OPEN;
+        pthread_mutex_unlock(&share->lock);
+        drop_lease(share, *out_part);
+    }
+    return false;
 }
 
 static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, size_t size, struct tetlod_error *error)
@@ -230,7 +335,15 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
     share->states[part] = PART_DONE;
     pthread_mutex_unlock(&share->lock);
     drop_lease(share, part);
+    part_path(share, path, part, ".in");
+    unlink(path);
     return TETLOD_OK;
+}
+
+static void wait_a_while(double *io_wait)
+{
+    nanosleep(&(struct timespec){.tv_nsec = (long)(*io_wait * 1e9)}, NULL);
+    *io_wait = fmin(2 * *io_wait, LONGEST_WAIT);
 }
 
 /* Are all parts done? *out_open: one of them is nobody's. */
@@ -243,24 +356,23 @@ static bool look(struct folder_share *share, bool *out_open)
         if (share->states[part] != PART_DONE && is_done(share, part))
             share->states[part] = PART_DONE;
         all &= share->states[part] == PART_DONE;
-        *out_open |= share->states[part] == PART_OPEN && lease_is_over(share, part);
+        *out_open |= share->states[part] == PART_OPEN && is_open(share, part);
     }
     share->next = 0;
     pthread_mutex_unlock(&share->lock);
     return all;
 }
 
+/* A helper has done what it could take: the leader sees to the rest. */
 static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error)
 {
     struct folder_share *share = opaque;
     (void)error; // says what `status` is
     *out_again = false;
-    if (status != TETLOD_OK)
+    if (status != TETLOD_OK || !share->leads)
         return status;
-    for (double wait = FIRST_WAIT; !look(share, out_again) && !*out_again;) {
-        nanosleep(&(struct timespec){.tv_nsec = (long)(wait * 1e9)}, NULL);
-        wait = 2 * wait < LONGEST_WAIT ? 2 * wait : LONGEST_WAIT;
-    }
+    for (double wait = FIRST_WAIT; !look(share, out_again) && !*out_again;)
+        wait_a_while(&wait);
     return TETLOD_OK;
 }
 
@@ -286,7 +398,111 @@ static void end(void *opaque)
     pthread_mutex_unlock(&share->lock);
 }
 
-enum tetlod_status folder_share_new(struct work_share *out, const char *folder, uint32_t members,
+/* ---- calls */
+
+static enum tetlod_status begin_call(struct folder_share *share, struct tetlod_error *error)
+{
+    char path[4096];
+    file_of(share, path, "helped");
+    share->passes |= is_there(path);
+    share->stage++;
+    path_of(share, path, "call");
+    enum tetlod_status status = make_stage(share, error);
+    if (status == TETLOD_OK && share->passes && !is_there(path)) // else another leader has called
+        status = file_output_open(&share->call, path, error);
+    share->stage--;
+    return status;
+}
+
+/* The next stage that helpers are called for; false: there is none yet. */
+static bool find_call(struct folder_share *share, char path[4096])
+{
+    const uint32_t before = share->stage;
+    bool found = false, begun = true;
+    while (begun && !found) {
+        share->stage++;
+        path_of(share, path, "call");
+        found = is_there(path);
+        path_of(share, path, "");
+        begun = is_there(path);
+    }
+    path_of(share, path, "call");
+    share->stage = found ? share->stage - 1 : before;
+    return found;
+}
+
+/* Waits until the leader calls, has ended or has died. False: there is nothing more to hear. */
+static bool wait_for_call(struct folder_share *share, char path[4096])
+{
+    for (double wait = FIRST_WAIT;; wait_a_while(&wait)) {
+        file_of(share, path, "leader.lease");
+        bool led = is_there(path) && !end_lease(share, path);
+        file_of(share, path, "over");
+        if (is_there(path))
+            return false;
+        if (find_call(share, path))
+            return true;
+        if (!led) {
+            share->orphaned = true;
+            return false;
+        }
+    }
+}
+
+static void pass(void *opaque, void *bytes, size_t size)
+{
+    struct folder_share *share = opaque;
+    if (share->call) {
+        const struct tetlodi_sink sink = file_output_sink(share->call);
+        enum tetlod_status written = sink.write(sink.opaque, bytes, size);
+        (void)written; // publish() says what has failed
+    }
+    if (share->leads)
+        return;
+    size_t left = share->heard.size - share->heard_at, there = left < size ? left : size;
+    if (bytes && there)
+        memcpy(bytes, share->heard.bytes + share->heard_at, there);
+    if (bytes && there < size)
+        memset((unsigned char *)bytes + there, 0, size - there);
+    share->cut_off |= there < size;
+    share->heard_at += there;
+    file_view_pass(&share->heard, share->heard.bytes + share->heard_at);
+}
+
+static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tetlod_error *error)
+{
+    struct folder_share *share = opaque;
+    uint32_t word = (uint32_t)*io_call;
+    char path[4096];
+    if (share->leads)
+        TETLOD_TRY(begin_call(share, error));
+    *io_call = CALL_OVER;
+    if (!share->leads && !wait_for_call(share, path))
+        return TETLOD_OK;
+    if (!share->leads)
+        TETLOD_TRY(file_view_path(&share->heard, path, error));
+    share->heard_at = 0;
+    share->cut_off = false;
+    pass(share, &word, sizeof word);
+    *io_call = word == CALL_CELLS ? CALL_CELLS : CALL_SAMPLES;
+    return TETLOD_OK;
+}
+
+/* ---- the share */
+
+/* Who comes first leads; the others say that they are there. */
+static void find_role(struct folder_share *share)
+{
+    char path[4096];
+    file_of(share, path, "leader.lease");
+    share->leads = share->writes || (end_lease(share, path) && take_lease(share, path));
+    file_of(share, path, "helped");
+    int fd = share->leads ? -1 : open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+    if (fd >= 0)
+        close(fd);
+}
+
+enum tetlod_status folder_share_new(struct work_share *out, const char *folder, uint32_t members, bool writes,
                                     struct tetlod_error *error)
 {
     struct folder_share *share = array_zero(1, sizeof *share);
@@ -300,16 +516,43 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     }
     gethostname(machine, sizeof machine - 1);
     snprintf(share->owner, sizeof share->owner, "%s %ld\n", machine, (long)getpid());
+    share->writes = writes;
+    share->passes = members > 1 && !writes;
+    find_role(share);
     pthread_mutex_init(&share->lock, NULL);
     monotonic_cond_init(&share->stopped);
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
-    *out = (struct work_share){members, false, begin, take, put, settle, get, end, NULL, NULL, NULL, share};
+    *out = (struct work_share){.members = members, .leads = share->leads, .writes = writes, .keeps_parts = true,
+                               .begin = begin, .take = take, .put = put, .settle = settle, .get = get, .end = end,
+                               .call = writes ? NULL : call, .pass = pass, .opaque = share};
     return TETLOD_OK;
+}
+
+bool folder_share_is_over(const struct work_share *share)
+{
+    char path[4096];
+    file_of(share->opaque, path, "over");
+    return is_there(path);
+}
+
+bool folder_share_is_orphaned(const struct work_share *share)
+{
+    const struct folder_share *folder = share->opaque;
+    return folder->orphaned;
+}
+
+enum tetlod_status folder_share_finish(const struct work_share *share, struct tetlod_error *error)
+{
+    char path[4096];
+    const struct folder_share *folder = share->opaque;
+    file_of(folder, path, "over");
+    return folder->leads ? file_write(path, "", 0, error) : TETLOD_OK;
 }
 
 void folder_share_free(struct work_share *share)
 {
     struct folder_share *folder = share->opaque;
+    char path[4096];
     if (!folder)
         return;
     pthread_mutex_lock(&folder->lock);
@@ -318,6 +561,11 @@ void folder_share_free(struct work_share *share)
     pthread_mutex_unlock(&folder->lock);
     if (folder->touches)
         pthread_join(folder->toucher, NULL);
+    file_of(folder, path, "leader.lease");
+    if (folder->leads && !folder->writes)
+        unlink(path);
+    file_output_abort(folder->call);
+    file_view_close(&folder->heard);
     pthread_cond_destroy(&folder->stopped);
     pthread_mutex_destroy(&folder->lock);
     free(folder);

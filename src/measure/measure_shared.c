@@ -267,7 +267,7 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
     if (work_has_helpers(share))
         TETLOD_TRY_DONE(call_helpers(levels, error));
     TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, NULL, do_parts, &sweep, error));
-    if (share->leads) {
+    if (share->writes) {
         TETLOD_TRY_DONE(begin_sweep(&sweep));
         TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));
     }

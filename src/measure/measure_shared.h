@@ -18,7 +18,7 @@ struct shared_levels {
 };
 
 /* Measures each mark's level, bit for bit as measure_levels_next does: measured [mark][field], domains [mark]. Of
- * members that do not lead these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the share fails
+ * members that do not write these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the share fails
  * with. */
 TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured,
                                                  double *domains, struct tetlod_error *error);

@@ -429,8 +429,10 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     pthread_mutex_init(&share->lock, NULL);
     pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
-    *out = (struct work_share){(uint32_t)share->ranks, share->rank == 0, begin, take, put, settle, get, end,
-                               spent_alone, call, pass, share};
+    *out = (struct work_share){.members = (uint32_t)share->ranks, .leads = share->rank == 0,
+                               .writes = share->rank == 0, .begin = begin, .take = take, .put = put, .settle = settle,
+                               .get = get, .end = end, .spent_alone = spent_alone, .call = call, .pass = pass,
+                               .opaque = share};
     return TETLOD_OK;
 }
 

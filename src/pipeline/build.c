@@ -410,7 +410,7 @@ static enum tetlod_status measure_together(struct build *build, double diagonal)
         domains[mark] = build->log.marks[mark].moved + build->rounded_by;
     if (status == TETLOD_OK)
         status = measure_shared(&levels, measured, domains, build->error);
-    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_leads(build->options); mark++)
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_writes(build->options); mark++)
         file_level(build, mark, measured + (size_t)mark * fields, domains[mark], diagonal);
     free(measured);
     free(domains);
@@ -430,13 +430,13 @@ static enum tetlod_status measure_marks(struct build *build)
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->exact || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    if (build->precision.tail && build_leads(build->options))
+    if (build->precision.tail && build_writes(build->options))
         TETLOD_TRY_DONE(measure_tail(build, measured, diagonal));
     if (shares)
         TETLOD_TRY_DONE(measure_together(build, diagonal));
-    else if (build_leads(build->options))
+    else if (build_writes(build->options))
         TETLOD_TRY_DONE(measure_alone(build, measured, diagonal));
-    if (build->precision.tail && build_leads(build->options))
+    if (build->precision.tail && build_writes(build->options))
         match_tail(build);
 done:
     free(build->exact);
@@ -755,7 +755,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(add_local_bounds(&build));
     TETLOD_TRY_DONE(find_ranges(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
-    if (build_leads(options))
+    if (build_writes(options))
         TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,

@@ -102,9 +102,9 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
 const char *build_against_pages(const struct build_options *options);
 
 /* Does this program write the stream, of those that make it together? */
-static inline bool build_leads(const struct build_options *options)
+static inline bool build_writes(const struct build_options *options)
 {
-    return !options->share || options->share->leads;
+    return !options->share || options->share->writes;
 }
 
 /* Is the exact maximum of every level taken, over the overlay? */

@@ -4,9 +4,8 @@
  * same order; a stage is so many parts. A part is done by one of them, which gives its result as bytes. Which member
  * does a part is left to chance, so its bytes must not depend on that.
  *
- * Either all members have the mesh, and each has all results of a stage when all parts are done; or the one that leads
- * has the mesh and gets the results. Then the others, its helpers, wait for its calls, each of which begins a stage,
- * and it passes on what the stage works on.
+ * A member that leads has the mesh, and all results of a stage when all parts are done. The others, its helpers, wait
+ * for its calls, each of which begins a stage, and it passes on what the stage works on.
  */
 #ifndef TETLOD_WORK_SHARE_H
 #define TETLOD_WORK_SHARE_H
@@ -30,7 +29,9 @@ enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES };
 
 struct work_share {
     uint32_t members; /* about: it may be more or fewer that work */
-    bool leads;       /* this one goes on alone when nothing is left to share, and writes the stream */
+    bool leads;       /* this one has the mesh, and goes on alone when nothing is left to share */
+    bool writes;      /* the stream: one that leads */
+    bool keeps_parts; /* for members that come later: what one does alone is a part as well */
     /* The next stage begins. Its parts are taken in that order (NULL: ascending); the order and the input (NULL: there
      * is none, or this one helps) are borrowed until the end. ERR_IO, ERR_NOMEM, or with what another member has
      * failed. */
@@ -50,8 +51,8 @@ struct work_share {
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
-    /* NULL: all members have the mesh. What the one that leads says, the others hear, who wait for it. ERR_CANCELLED: a
-     * member has failed. */
+    /* What the one that leads says, the others hear, who wait for it. NULL: nobody does. ERR_CANCELLED: a member has
+     * failed; ERR_IO names a file. */
     enum tetlod_status (*call)(void *opaque, enum work_call *io_call, struct tetlod_error *error);
     /* Behind a call: bytes of the one that leads come to the others; where they are NULL they are dropped. */
     void (*pass)(void *opaque, void *bytes, size_t size);

@@ -78,6 +78,56 @@ def killed():
     return wrong or (None if leases and kept == read('many.tetlod') == read('alone.tetlod') else leases)
 
 
+def leader_dies():
+    """Of three tasks the one that leads is killed: another one leads."""
+    must('build', 'fin.vtu', '-o', 'alone.tetlod', '--paged=2500')
+    plan('fin.vtu', '--paged=2500')
+    tasks = [begin('--task', '%d/3' % number, '--threads', '1') for number in (1, 2, 3)]
+    while not parts():
+        time.sleep(0.01)
+    leader = int(read('work/leader.lease').split()[-1])
+    os.kill(leader, signal.SIGKILL)
+    wrong = end([task for task in tasks if task.pid != leader])
+    done = len(parts())
+    must('merge', 'work', '-o', 'many.tetlod')
+    good = leader in [task.pid for task in tasks] and done == len(parts())
+    return wrong or (None if good and read('many.tetlod') == read('alone.tetlod') else (leader, done, len(parts())))
+
+
+def open_parts():
+    """Stages that a helper has been called for, with what their open parts are made of."""
+    return [os.path.join(folder, file) for folder, _, files in os.walk(path('work')) for file in files
+            if file.endswith('.in') and 'call' in files]
+
+
+def reads_no_mesh():
+    """While the task that leads rests, another one does its cells: without the input, which is something else now."""
+    shutil.copy(path('fin.vtu'), path('gone.vtu'))
+    must('build', 'gone.vtu', '-o', 'wanted.tetlod', '--paged=2500')
+    plan('gone.vtu', '--paged=2500')
+    about = os.stat(path('gone.vtu'))
+    leader = begin('--task', '1/2', '--threads', '1')
+    while len(open_parts()) < 3 and leader.poll() is None:
+        time.sleep(0.002)
+    leader.send_signal(signal.SIGSTOP)
+    mesh, opened, before = read('gone.vtu'), len(open_parts()), len(parts())
+    with open(path('gone.vtu'), 'wb') as file:
+        file.write(bytes(len(mesh)))
+    os.utime(path('gone.vtu'), ns=(about.st_atime_ns, about.st_mtime_ns))
+    helper = begin('--task', '2/2', '--threads', '1')
+    while len(open_parts()) > 1 and helper.poll() is None:
+        time.sleep(0.01)
+    helped = len(parts()) - before
+    with open(path('gone.vtu'), 'wb') as file:
+        file.write(mesh)
+    os.utime(path('gone.vtu'), ns=(about.st_atime_ns, about.st_mtime_ns))
+    leader.send_signal(signal.SIGCONT)
+    wrong = end([leader, helper])
+    must('merge', 'work', '-o', 'many.tetlod')
+    same = read('many.tetlod') == read('wanted.tetlod')
+    return wrong or (None if same and helped >= opened - 1 > 1 else (same, helped, opened))
+
+
 def stops():
     """SIGTERM ends a task at once, and leaves no half part."""
     plan('fin.vtu', '--paged=2500')
@@ -127,7 +177,7 @@ def other_work():
     content['arguments'].append('--paged=3500')
     with open(path('work/plan.json'), 'w') as file:
         json.dump(content, file)
-    done = tetlod('run', 'work')
+    done = tetlod('merge', 'work', '-o', 'many.tetlod')
     return None if done.returncode == 1 and b'is of other work' in done.stderr else done
 
 
@@ -156,6 +206,8 @@ if CONFIG == 'release':
     case('a series over several meshes', same, ['remeshed.pvd'])
     case('a mesh of less than five cells', same, ['fin.vtu'])
     case('tasks are killed', killed)
+    case('the task that leads is killed', leader_dies)
+    case('the other tasks do not read the mesh', reads_no_mesh)
     case('a task is told to stop', stops)
     case('a folder of other work', other_work)
     case('a folder that is full', full)
