@@ -445,10 +445,12 @@ TETLOD_API size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t lev
                                     const uint32_t *fields, uint32_t field_count, struct tetlod_span *out,
                                     size_t capacity);
 
-/* From now on levels have the pages of this set only (NULL: all), up to the set's level. The cursor stays where it is,
- * or goes back to the last level whose pages are the same; what is finer is decoded again when it is asked for. Pages
- * that are no longer in the set are gone. The set is copied. ERR_ARGUMENT if it is another file's; else as the cursor,
- * and the cursor has the pages that it had. */
+/* From now on levels have the pages of this set only (NULL: all), up to the set's level. Pages that the cursor has and
+ * that are not in the set go at once, without decoding; those that stay are kept; those that it has not are decoded,
+ * and no others, when the set's level is asked for: whichever pages it had before, the mesh is then the same.
+ * tetlod_cursor_step and tetlod_cursor_refine bring a page at least. From all pages to a set, or back, nothing is kept
+ * of the levels in pages. The set is copied. ERR_ARGUMENT if it is another file's; else as the cursor, and the cursor
+ * has the pages that it had. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor,
                                                                   const struct tetlod_page_set *set,
                                                                   struct tetlod_error *error);

@@ -32,6 +32,14 @@ const struct tetlodi_group *tetlodi_group_of(const struct tetlodi_page_table *ta
                : NULL;
 }
 
+uint32_t tetlodi_level_of_page(const struct tetlodi_page_table *table, uint32_t page)
+{
+    uint32_t g = 0;
+    while (page != TETLOD_NONE && page >= table->groups[g].first_page + table->groups[g].page_count)
+        g++;
+    return page == TETLOD_NONE ? table->first_level - 1 : table->first_level + g;
+}
+
 struct tetlodi_page_frame *tetlodi_page_frame(const struct tetlodi_page_table *table, uint32_t field_count,
                                               const struct tetlodi_group *group, uint32_t page, uint32_t part)
 {
@@ -108,36 +116,18 @@ void tetlodi_page_lists_fini(struct tetlodi_page_lists *lists, struct tetlodi_me
 static void find_pages(const struct tetlodi_replay *replay, const struct tetlodi_group *group, uint32_t *page_of)
 {
     const double *positions = replay->columns[0].values;
-    for (uint32_t t = 0; t < replay->tets; t++) {
-        const double *points[4];
-        double middle[3];
-        for (int c = 0; c < 4; c++)
-            points[c] = positions + 3 * (size_t)replay->corners[4 * (size_t)t + (size_t)c];
-        tetlodi_middle_of_box(points, middle);
-        page_of[t] = tetlodi_page_at(group->tree, middle);
-    }
-}
-
-void tetlodi_page_leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of)
-{
-    for (uint32_t t = 0; t < tets; t++) {
-        if (choice->left_out[t] >= choice->level) // of what was there before this level was begun again, or not known
-            choice->left_out[t] = choice->chosen[page_of[t]] ? TETLOD_NONE : choice->level;
-        if (choice->left_out[t] != TETLOD_NONE)
-            page_of[t] = TETLOD_NONE;
-    }
+    for (uint32_t t = 0; t < replay->tets; t++)
+        page_of[t] = tetlodi_page_at_corners(group->tree, positions, replay->corners + 4 * (size_t)t);
 }
 
 /* Lists a vertex for the pages of its tetrahedra: counts it, or puts it behind what is listed there. */
 static void list_vertex(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay, uint32_t v, bool counts)
 {
     const struct tetlodi_star *star = &replay->stars[v];
-    uint32_t pages = 0, outside = 0;
+    uint32_t pages = 0;
     for (uint32_t i = 0; i < star->size; i++) {
         uint32_t page = lists->page_of[replay->pool[star->at + i] / 4];
-        if (page == TETLOD_NONE)
-            outside = 1;
-        if (page == TETLOD_NONE || lists->stamps[page] == v + 1)
+        if (lists->stamps[page] == v + 1)
             continue;
         lists->stamps[page] = v + 1;
         pages++;
@@ -146,17 +136,11 @@ static void list_vertex(struct tetlodi_page_lists *lists, const struct tetlodi_r
         else
             lists->vertices[lists->begins[page + 1]++] = v;
     }
-    lists->seams[v] = pages + outside > 1;
+    lists->seams[v] = pages > 1;
 }
 
 int tetlodi_page_lists_make(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
                             const struct tetlodi_group *group)
-{
-    return tetlodi_page_lists_make_some(lists, replay, group, NULL);
-}
-
-int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
-                                 const struct tetlodi_group *group, const struct tetlodi_page_choice *choice)
 {
     struct tetlodi_memory *memory = replay->memory;
     size_t pages = group->page_count;
@@ -168,8 +152,6 @@ int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct 
     memset(lists->begins, 0, (pages + 2) * sizeof *lists->begins);
     memset(lists->stamps, 0, pages * sizeof *lists->stamps);
     find_pages(replay, group, lists->page_of);
-    if (choice)
-        tetlodi_page_leave_out(choice, replay->tets, lists->page_of);
     for (uint32_t v = 0; v < replay->vertices; v++)
         list_vertex(lists, replay, v, true);
     size_t count = 0;

@@ -48,6 +48,9 @@ uint64_t tetlodi_page_table_bytes(const struct tetlodi_page_table *table, uint32
 /* The group that a level is, or NULL. */
 const struct tetlodi_group *tetlodi_group_of(const struct tetlodi_page_table *table, uint32_t level);
 
+/* The level of a page, by its number among all; of TETLOD_NONE the last level before those in pages. */
+uint32_t tetlodi_level_of_page(const struct tetlodi_page_table *table, uint32_t page);
+
 /* The frame of a page of a group. */
 struct tetlodi_page_frame *tetlodi_page_frame(const struct tetlodi_page_table *table, uint32_t field_count,
                                               const struct tetlodi_group *group, uint32_t page, uint32_t part);
@@ -86,19 +89,6 @@ struct tetlodi_page_lists {
 int tetlodi_page_lists_make(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
                             const struct tetlodi_group *group);
 
-/* Some pages of a level. Tetrahedra of those that are left out are in no page of this level and finer ones. */
-struct tetlodi_page_choice {
-    const uint8_t *chosen; /* [page of the group] */
-    uint32_t level;        /* the group's */
-    uint32_t *left_out;    /* [tet] the level whose page was left out; those of coarser levels are known */
-};
-
-/* Leaves out the tetrahedra that are in no chosen page: they have none. */
-void tetlodi_page_leave_out(const struct tetlodi_page_choice *choice, uint32_t tets, uint32_t *page_of);
-
-/* The same of some pages. */
-int tetlodi_page_lists_make_some(struct tetlodi_page_lists *lists, const struct tetlodi_replay *replay,
-                                 const struct tetlodi_group *group, const struct tetlodi_page_choice *choice);
 void tetlodi_page_lists_fini(struct tetlodi_page_lists *lists, struct tetlodi_memory *memory);
 
 #endif

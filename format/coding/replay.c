@@ -161,16 +161,6 @@ int tetlodi_replay_log_labels(struct tetlodi_replay *replay, const uint8_t *labe
     return 1;
 }
 
-/* Puts up to 32 labels, the first in the lowest bit, at number `at` of the log, behind what is there. There is room. */
-static void put_labels(struct tetlodi_replay *replay, size_t at, uint32_t labels)
-{
-    uint8_t *byte = replay->labels + (at >> 3);
-    unsigned have = at & 7;
-    uint64_t bits = (uint64_t)labels << have | (*byte & ((1u << have) - 1));
-    for (int i = 0; i < 5; i++)
-        byte[i] = (uint8_t)(bits >> 8 * i);
-}
-
 /* The log's labels from number `at` on, the first in the lowest bit: 32 of them, those from `count` on 0. */
 static uint32_t labels_at(const struct tetlodi_replay *replay, size_t at, uint32_t count)
 {
@@ -283,43 +273,57 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay)
     return 1;
 }
 
-/* A column's values before the records of a part. */
-static int append_column(struct tetlodi_replay *replay, uint32_t c, const struct tetlodi_replay *part)
+int tetlodi_replay_log_room(struct tetlodi_replay *replay, size_t splits, size_t records, size_t labels)
 {
-    struct tetlodi_column *column = &replay->columns[c];
-    size_t n = column->components, records = replay->records + (size_t)part->records;
-    if (!TETLODI_ROOM(replay->memory, column->before, column->before_capacity, records * n))
-        return 0;
-    memcpy(column->before + replay->records * n, part->columns[c].before, part->records * n * sizeof(int64_t));
-    return 1;
+    int done = TETLODI_ROOM(replay->memory, replay->log, replay->log_capacity, splits) &&
+               TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, labels / 8 + 9);
+    for (uint32_t c = 0; c < replay->column_count && done; c++) {
+        struct tetlodi_column *column = &replay->columns[c];
+        done = TETLODI_ROOM(replay->memory, column->before, column->before_capacity, records * column->components);
+    }
+    return done;
 }
 
-int tetlodi_replay_append(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
-                          uint32_t count, uint32_t first)
+void tetlodi_labels_copy(uint8_t *to, size_t to_at, const struct tetlodi_replay *from, size_t from_at, size_t count)
 {
-    size_t labels = replay->label + part->label, splits = replay->all_splits + (size_t)part->splits;
-    if (!TETLODI_ROOM(replay->memory, replay->log, replay->log_capacity, splits) ||
-        !TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, labels / 8 + 9))
-        return 0;
-    for (uint32_t c = 0; c < replay->column_count; c++)
-        if (!append_column(replay, c, part))
-            return 0;
-    for (size_t at = 0; at < part->label; at += 32)
-        put_labels(replay, replay->label + at,
-                   labels_at(part, at, part->label - at < 32 ? (uint32_t)(part->label - at) : 32));
+    for (size_t done = 0; done < count; done += 32) {
+        uint32_t some = count - done < 32 ? (uint32_t)(count - done) : 32;
+        uint8_t *byte = to + ((to_at + done) >> 3);
+        unsigned have = (to_at + done) & 7;
+        uint64_t bits = (uint64_t)labels_at(from, from_at + done, some) << have, theirs = ((UINT64_C(1) << some) - 1)
+                                                                                          << have;
+        for (int i = 0; i < 5; i++)
+            byte[i] = (uint8_t)((byte[i] & ~(theirs >> 8 * i)) | bits >> 8 * i);
+    }
+}
+
+void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
+                          uint32_t count, uint32_t first, const struct tetlodi_log_place *place)
+{
+    for (uint32_t c = 0; c < replay->column_count; c++) {
+        struct tetlodi_column *column = &replay->columns[c];
+        size_t n = column->components;
+        memcpy(column->before + place->record * n, part->columns[c].before, part->records * n * sizeof(int64_t));
+    }
+    tetlodi_labels_copy(replay->labels, place->label, part, 0, part->label);
     for (uint32_t s = 0; s < part->splits; s++) {
         uint32_t v = part->log[s].vertex;
-        replay->log[replay->splits++] =
+        replay->log[place->split + s] =
             (struct tetlodi_split){v < count ? listed[v] : first + (v - count), part->log[s].tets};
-        replay->tets += part->log[s].tets & ~SPLIT_FIRST;
     }
-    replay->label = labels;
-    replay->vertices += part->splits;
-    replay->records += part->records;
+}
+
+void tetlodi_replay_set(struct tetlodi_replay *replay, uint32_t vertices, uint32_t tets,
+                        const struct tetlodi_log_place *end)
+{
+    replay->vertices = vertices;
+    replay->tets = tets;
+    replay->splits = (uint32_t)end->split;
+    replay->records = (uint32_t)end->record;
+    replay->label = end->label;
     for (uint32_t c = 0; c < replay->column_count; c++)
         replay->columns[c].records = replay->records;
     tetlodi_replay_forget(replay);
-    return 1;
 }
 
 int tetlodi_replay_restar(struct tetlodi_replay *replay)
@@ -352,6 +356,16 @@ void tetlodi_column_exchange(struct tetlodi_column *column, int position, uint32
         *now = *other;
         *other = code;
         column->values[vertex * n + c] = scale_value(&column->scale, position ? c : 0, *now);
+    }
+}
+
+void tetlodi_column_put(struct tetlodi_column *column, int position, uint32_t vertex,
+                        const struct tetlodi_column *from, uint32_t record)
+{
+    size_t n = column->components;
+    for (unsigned c = 0; c < n; c++) {
+        column->codes[vertex * n + c] = from->before[record * n + c];
+        column->values[vertex * n + c] = scale_value(&column->scale, position ? c : 0, from->before[record * n + c]);
     }
 }
 

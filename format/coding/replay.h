@@ -87,11 +87,25 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay);
 int tetlodi_replay_forward(struct tetlodi_replay *replay);
 int tetlodi_replay_back(struct tetlodi_replay *replay);
 
-/* Appends the log of a part of the mesh that was split by itself, and counts what it added: vertex v of the part is
- * listed[v], or, from `count` on, first + (v - count). Positions, values, corners and parents are in place; stars are
- * not: tetlodi_replay_restar makes them. 0 if out of memory, with nothing changed. */
-int tetlodi_replay_append(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
-                          uint32_t count, uint32_t first);
+/* Where something begins in the log, or ends. */
+struct tetlodi_log_place {
+    size_t split, record, label;
+};
+
+/* Room in the log for so much. 0 if there is no memory for it. */
+int tetlodi_replay_log_room(struct tetlodi_replay *replay, size_t splits, size_t records, size_t labels);
+
+/* Copies labels of a log to number `to_at` of others; those around stay. */
+void tetlodi_labels_copy(uint8_t *to, size_t to_at, const struct tetlodi_replay *from, size_t from_at, size_t count);
+
+/* Puts the log of a part of the mesh that was split by itself to a place, where there is room: vertex v of the part is
+ * listed[v], or, from `count` on, first + (v - count). */
+void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
+                          uint32_t count, uint32_t first, const struct tetlodi_log_place *place);
+
+/* The mesh has so much, and the log ends here: all of it is in place but stars, which tetlodi_replay_restar makes. */
+void tetlodi_replay_set(struct tetlodi_replay *replay, uint32_t vertices, uint32_t tets,
+                        const struct tetlodi_log_place *end);
 
 /* Makes all stars anew from corners. 0 if out of memory: then there are none. */
 int tetlodi_replay_restar(struct tetlodi_replay *replay);
@@ -102,7 +116,12 @@ void tetlodi_replay_forget(struct tetlodi_replay *replay);
 /* Exchanges a record's vertex's codes and values with `before`. */
 void tetlodi_replay_exchange(struct tetlodi_replay *replay, uint32_t vertex, uint32_t record);
 
-/* The same in one column, of positions or of a field. Nothing happens if the column does not have the record. */
+/* Puts in what another column's vertex had before a record that is applied. */
+void tetlodi_column_put(struct tetlodi_column *column, int position, uint32_t vertex,
+                        const struct tetlodi_column *from, uint32_t record);
+
+/* As tetlodi_replay_exchange, in one column, of positions or of a field. Nothing happens if the column does not have
+ * the record. */
 void tetlodi_column_exchange(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t record);
 
 #endif

@@ -7,6 +7,7 @@
 #define TETLOD_CUTS_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 enum { CUT_PAGE = 3, MAX_CUTS = 64 /* between the whole and a page */ };
@@ -58,6 +59,18 @@ static inline uint32_t tetlodi_page_at(const struct tetlodi_cut *tree, const dou
     while (tree[node].axis != CUT_PAGE)
         node = middle[tree[node].axis] < (double)tree[node].at ? node + 1 : tree[node].beyond;
     return tree[node].beyond;
+}
+
+/* The page of a tetrahedron, by its corners' numbers. */
+static inline uint32_t tetlodi_page_at_corners(const struct tetlodi_cut *tree, const double *positions,
+                                               const uint32_t corners[4])
+{
+    const double *points[4];
+    double middle[3];
+    for (int c = 0; c < 4; c++)
+        points[c] = positions + 3 * (size_t)corners[c];
+    tetlodi_middle_of_box(points, middle);
+    return tetlodi_page_at(tree, middle);
 }
 
 #endif

@@ -74,8 +74,7 @@ static int load_frame(void *opaque, uint32_t column)
     return error->status == TETLOD_OK;
 }
 
-/* Bytes of a column's frame of a level, or of one of its pages. */
-static uint64_t frame_size(const struct tetlod_cursor *cursor, uint32_t level, uint32_t page, uint32_t column)
+uint64_t tetlodi_cursor_frame(const struct tetlod_cursor *cursor, uint32_t level, uint32_t page, uint32_t column)
 {
     const struct tetlodi_index *index = &cursor->file->index;
     uint32_t fields = index->info.field_count, part = cursor->parts[column];
@@ -96,7 +95,7 @@ static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t lev
     if (!cursor->frames)
         return tetlodi_fail_nomem(error, "a level", count * sizeof *cursor->frames);
     for (uint32_t c = 0; c < count && status == TETLOD_OK; c++) {
-        uint64_t stored = frame_size(cursor, level, page, c);
+        uint64_t stored = tetlodi_cursor_frame(cursor, level, page, c);
         if (tetlodi_count(&cursor->memory, stored))
             cursor->frame_bytes += stored;
         else
@@ -117,18 +116,13 @@ static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct 
     return tetlodi_check_ends(&cursor->recorder, error);
 }
 
-/* Room for a level's mesh and columns. */
-static enum tetlod_status make_room(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+enum tetlod_status tetlodi_cursor_room(struct tetlod_cursor *cursor, uint32_t vertices, uint32_t tets,
+                                       struct tetlod_error *error)
 {
-    int done = tetlodi_replay_room(&cursor->replay, cursor->vertices[level], cursor->tets[level]);
+    int done = tetlodi_replay_room(&cursor->replay, vertices, tets);
     for (uint32_t c = 0; c < cursor->replay.column_count && done; c++)
-        done = tetlodi_column_room(&cursor->columns[c], &cursor->memory, cursor->vertices[level], 0);
+        done = tetlodi_column_room(&cursor->columns[c], &cursor->memory, vertices, 0);
     return done ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
-}
-
-static bool is_chosen(const struct tetlod_cursor *cursor, const struct tetlodi_group *group, uint32_t page)
-{
-    return !cursor->chosen || cursor->chosen[group->first_page + page];
 }
 
 /* What a level will have, and the bytes of the frames that it is decoded from: once for each. ERR_LIMIT. */
@@ -136,17 +130,12 @@ static enum tetlod_status count_level(struct tetlod_cursor *cursor, uint32_t lev
 {
     const struct tetlodi_index *index = &cursor->file->index;
     const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
-    uint64_t vertices = group ? cursor->vertices[level - 1] : index->info.levels[level].vertices;
-    uint64_t tets = group ? cursor->tets[level - 1] : index->info.levels[level].tets;
-    for (uint32_t c = 0; c < cursor->replay.column_count && !group; c++)
-        cursor->columns[c].frame_bytes += frame_size(cursor, level, TETLOD_NONE, c);
-    for (uint32_t p = 0; group && p < group->page_count; p++) {
-        if (!is_chosen(cursor, group, p))
-            continue;
-        vertices += index->pages.pages[group->first_page + p].vertices;
-        tets += index->pages.pages[group->first_page + p].tets;
-        for (uint32_t c = 0; c < cursor->replay.column_count; c++)
-            cursor->columns[c].frame_bytes += frame_size(cursor, level, p, c);
+    uint64_t vertices = index->info.levels[level].vertices, tets = index->info.levels[level].tets;
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
+        if (!group)
+            cursor->columns[c].frame_bytes += tetlodi_cursor_frame(cursor, level, TETLOD_NONE, c);
+        for (uint32_t p = 0; group && p < group->page_count; p++)
+            cursor->columns[c].frame_bytes += tetlodi_cursor_frame(cursor, level, p, c);
     }
     TETLOD_TRY(tetlodi_check_held(level, vertices, tets, error));
     cursor->vertices[level] = (uint32_t)vertices;
@@ -159,7 +148,7 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_recorder *recorder = &cursor->recorder;
     TETLOD_TRY(count_level(cursor, 0, error));
-    TETLOD_TRY(make_room(cursor, 0, error));
+    TETLOD_TRY(tetlodi_cursor_room(cursor, cursor->vertices[0], cursor->tets[0], error));
     TETLOD_TRY(tetlodi_base_connectivity(recorder, cursor->vertices[0], cursor->tets[0], NULL, error));
     TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
     for (uint32_t c = 1; c < replay->column_count; c++) {
@@ -185,28 +174,11 @@ enum tetlod_status tetlodi_cursor_stars(struct tetlod_cursor *cursor, struct tet
     return TETLOD_OK;
 }
 
-/* Room for what is left out of a level, of some pages. */
-static enum tetlod_status begin_choice(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
-{
-    size_t known = cursor->left_out_capacity, tets = cursor->tets[level];
-    if (!TETLODI_ROOM(&cursor->memory, cursor->left_out, cursor->left_out_capacity, tets))
-        return tetlodi_no_room(&cursor->memory, error);
-    for (; known < cursor->left_out_capacity; known++)
-        cursor->left_out[known] = TETLOD_NONE;
-    for (size_t t = cursor->replay.tets; t < tets; t++) // of pages that will be there
-        cursor->left_out[t] = TETLOD_NONE;
-    return TETLOD_OK;
-}
-
 /* Which page each tetrahedron is in, and what vertices pages have. */
-static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+static enum tetlod_status list_pages(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    const struct tetlodi_group *group = cursor->group;
-    struct tetlodi_page_choice choice = {.level = level, .left_out = cursor->left_out};
     TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
-    if (cursor->chosen)
-        choice.chosen = cursor->chosen + group->first_page;
-    if (!tetlodi_page_lists_make_some(&cursor->lists, &cursor->replay, group, cursor->chosen ? &choice : NULL))
+    if (!tetlodi_page_lists_make(&cursor->lists, &cursor->replay, cursor->group))
         return tetlodi_no_room(&cursor->memory, error);
     return TETLOD_OK;
 }
@@ -214,10 +186,10 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, uint32_t leve
 /* Begins with a level's records, which is counted. The log is at its end. */
 static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    TETLOD_TRY(make_room(cursor, level, error));
+    TETLOD_TRY(tetlodi_cursor_room(cursor, cursor->vertices[level], cursor->tets[level], error));
     tetlodi_level_begin(&cursor->recorder, cursor->vertices[level], cursor->tets[level]);
     cursor->next_page = 0;
-    return cursor->group && cursor->chosen ? begin_choice(cursor, level, error) : TETLOD_OK;
+    return TETLOD_OK;
 }
 
 static int decode_field(void *opaque, uint32_t number)
@@ -275,7 +247,7 @@ static enum tetlod_status begin_page(struct tetlod_cursor *cursor, uint32_t leve
     const struct tetlodi_group *group = cursor->group;
     const struct tetlodi_page *pages = cursor->file->index.pages.pages + group->first_page;
     TETLOD_TRY(end_page(cursor, error));
-    while (!pages[cursor->next_page].vertices || !is_chosen(cursor, group, cursor->next_page))
+    while (!pages[cursor->next_page].vertices)
         cursor->next_page++; // all of them together are the level's
     uint32_t page = cursor->next_page++;
     TETLOD_TRY(load_frames(cursor, level, page, error));
@@ -311,12 +283,12 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
                                          struct tetlod_error *error)
 {
     if (decodes_pages_at_once(cursor, *most)) {
-        TETLOD_TRY(tetlodi_decode_pages(cursor, level, error));
+        TETLOD_TRY(tetlodi_decode_pages(cursor, level, NULL, error));
         cursor->starless = 1;
         return TETLOD_OK;
     }
     if (cursor->group && !cursor->recorder.paged) // before its first page, which it may not have
-        TETLOD_TRY(list_pages(cursor, level, error));
+        TETLOD_TRY(list_pages(cursor, error));
     TETLOD_TRY(decode_geometry(cursor, level, most, error));
     TETLOD_TRY(end_fields(cursor, error));
     if (cursor->replay.vertices < cursor->vertices[level])
@@ -389,7 +361,7 @@ void tetlodi_cursor_forget(struct tetlod_cursor *cursor)
     end_level(cursor);
 }
 
-/* Takes back what was brought in of a level that is damaged, and remembers that, or of one that could not be read. */
+/* Takes back what was brought in of a level that is damaged, or could not be read. */
 static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, enum tetlod_status status,
                                   const struct tetlod_error *inner, struct tetlod_error *error)
 {
@@ -398,6 +370,12 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_cursor_forget(cursor);
+    return tetlodi_cursor_fail(cursor, level, status, inner, error);
+}
+
+enum tetlod_status tetlodi_cursor_fail(struct tetlod_cursor *cursor, uint32_t level, enum tetlod_status status,
+                                       const struct tetlod_error *inner, struct tetlod_error *error)
+{
     if (cursor->unread) {
         if (error)
             *error = *inner;
@@ -544,12 +522,25 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     return status;
 }
 
+void tetlodi_choice_free(struct tetlod_cursor *cursor)
+{
+    struct tetlodi_choice *choice = cursor->choice;
+    if (!choice)
+        return;
+    TETLODI_FREE(&cursor->memory, choice->page_of, choice->page_of_capacity);
+    free(choice->has);
+    free(choice->wanted);
+    free(choice->logs);
+    free(choice);
+    cursor->choice = NULL;
+}
+
 void tetlod_cursor_free(struct tetlod_cursor *cursor)
 {
     if (!cursor)
         return;
     end_level(cursor);
-    TETLODI_FREE(&cursor->memory, cursor->left_out, cursor->left_out_capacity);
+    tetlodi_choice_free(cursor);
     tetlodi_recorder_fini(&cursor->recorder);
     tetlodi_replay_fini(&cursor->replay);
     free(cursor->columns);
@@ -558,7 +549,6 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
     free(cursor->records);
     free(cursor->vertices);
     free(cursor->tets);
-    free(cursor->chosen);
     free(cursor->errors);
     free(cursor);
 }
@@ -577,18 +567,34 @@ static void settle(struct tetlod_cursor *cursor)
         cursor->level--;
 }
 
+/* Are pages to come before the mesh can be that of a level? */
+static bool is_short(const struct tetlod_cursor *cursor, uint32_t level)
+{
+    return cursor->choice && cursor->choice->next <= level;
+}
+
 /* Is the mesh exactly that of a level? */
 static int at_level(const struct tetlod_cursor *cursor, uint32_t level)
 {
-    return level <= cursor->decoded && cursor->replay.records == cursor->records[level] &&
+    return level <= cursor->decoded && !is_short(cursor, level) && cursor->replay.records == cursor->records[level] &&
            cursor->exact == is_tail(cursor, level);
 }
 
-/* One record up, on the way to a level: from the log, or decoded. */
-static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+static bool is_root_decoded(const struct tetlod_cursor *cursor)
+{
+    return cursor->decoded + 1 >= cursor->file->index.pages.first_level;
+}
+
+/* One record up, on the way to a level, from the log, or decoded; of some pages a page, and more if they have not more
+ * than *records vertices. */
+static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, uint32_t *records,
+                                 struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t most = 1;
+    if (is_short(cursor, level) && is_root_decoded(cursor) && replay->records == replay->all_records)
+        return cursor->choice->bring(cursor, records, error);
+    --*records;
     TETLOD_TRY(tetlodi_cursor_stars(cursor, error));
     if (replay->records < replay->all_records)
         return tetlodi_replay_forward(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
@@ -614,10 +620,10 @@ static enum tetlod_status one_down(struct tetlod_cursor *cursor, struct tetlod_e
 
 enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    uint32_t finest = finest_level(cursor);
+    uint32_t finest = finest_level(cursor), most = 1;
     if (at_level(cursor, finest))
         return TETLOD_END;
-    enum tetlod_status status = one_up(cursor, finest, error);
+    enum tetlod_status status = one_up(cursor, finest, &most, error);
     settle(cursor);
     return status;
 }
@@ -645,8 +651,10 @@ enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t lev
                                       struct tetlod_error *error)
 {
     enum tetlod_status status = check_level(cursor, level, error);
-    for (; records && status == TETLOD_OK && !at_level(cursor, level); records--) {
-        status = level > cursor->level ? one_up(cursor, level, error) : one_down(cursor, error);
+    while (records && status == TETLOD_OK && !at_level(cursor, level)) {
+        bool up = level > cursor->level || is_short(cursor, level);
+        records -= !up;
+        status = up ? one_up(cursor, level, &records, error) : one_down(cursor, error);
         settle(cursor);
     }
     return status == TETLOD_OK && !at_level(cursor, level) ? TETLOD_MORE : status;
@@ -668,8 +676,22 @@ enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t l
     return TETLOD_OK;
 }
 
+/* Of some pages: those that are to come, up to a level. */
+static enum tetlod_status bring_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    while (!is_root_decoded(cursor))
+        TETLOD_TRY(decode_level(cursor, error));
+    while (is_short(cursor, level)) {
+        uint32_t most = UINT32_MAX;
+        TETLOD_TRY(cursor->choice->bring(cursor, &most, error));
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
+    if (is_short(cursor, level))
+        TETLOD_TRY(bring_pages(cursor, level, error));
     TETLOD_TRY(tetlodi_cursor_go_to(cursor, level < cursor->decoded ? level : cursor->decoded, error));
     while (cursor->decoded < level)
         TETLOD_TRY(decode_level(cursor, error));
@@ -681,7 +703,7 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
 enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     TETLOD_TRY(check_level(cursor, level, error));
-    if (level > cursor->decoded && cursor->file->options.threads > 1 &&
+    if ((level > cursor->decoded || is_short(cursor, level)) && cursor->file->options.threads > 1 &&
         (cursor->replay.column_count > 1 || cursor->file->index.pages.group_count))
         cursor->helpers = tetlodi_helpers_new(cursor->file->options.threads - 1);
     enum tetlod_status status = move_to(cursor, level, error);
@@ -689,54 +711,4 @@ enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t lev
     cursor->helpers = NULL;
     settle(cursor);
     return status;
-}
-
-/* ---- some of the pages */
-
-/* The first level, of those in pages, whose pages are to be others. */
-static uint32_t first_change(const struct tetlod_cursor *cursor, const uint8_t *chosen)
-{
-    const struct tetlodi_page_table *table = &cursor->file->index.pages;
-    uint32_t g = 0;
-    for (uint32_t page = 0; g < table->group_count; g++)
-        for (; page < table->groups[g].first_page + table->groups[g].page_count; page++)
-            if ((!chosen || chosen[page]) != (!cursor->chosen || cursor->chosen[page]))
-                return table->first_level + g;
-    return table->first_level + g;
-}
-
-enum tetlod_status tetlodi_cursor_choose(struct tetlod_cursor *cursor, const uint8_t *chosen, uint32_t level,
-                                         struct tetlod_error *error)
-{
-    const struct tetlodi_page_table *table = &cursor->file->index.pages;
-    uint32_t first = first_change(cursor, chosen), kept = first - 1 < cursor->decoded ? first - 1 : cursor->decoded;
-    uint8_t *copy = NULL;
-    enum tetlod_status status = TETLOD_OK;
-    if (chosen)
-        copy = malloc(table->page_count);
-    if (chosen && !copy)
-        return tetlodi_fail_nomem(error, "a set of pages", table->page_count);
-    if (first <= cursor->decoded + 1) { // else nothing is there of what changes
-        uint32_t level_before = cursor->level < kept ? cursor->level : kept;
-        status = tetlodi_cursor_go_to(cursor, kept, error);
-        if (status == TETLOD_OK) {
-            tetlodi_cursor_forget(cursor);
-            cursor->decoded = kept;
-            cursor->broken = TETLOD_OK;
-            status = tetlodi_cursor_go_to(cursor, level_before, error);
-        }
-    }
-    settle(cursor);
-    if (status != TETLOD_OK) {
-        free(copy);
-        return status;
-    }
-    for (size_t t = 0; t < cursor->left_out_capacity && !cursor->chosen; t++)
-        cursor->left_out[t] = TETLOD_NONE;
-    if (chosen)
-        memcpy(copy, chosen, table->page_count);
-    free(cursor->chosen);
-    cursor->chosen = copy;
-    cursor->chosen_level = level;
-    return TETLOD_OK;
 }

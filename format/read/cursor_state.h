@@ -7,6 +7,26 @@
 #include "format/common/threads.h"
 #include "format/read/reader.h"
 
+/* What a page has in the log. */
+struct tetlodi_page_log {
+    uint32_t records;
+    uint64_t labels;
+};
+
+/* Of a cursor with some of the pages: between two calls its levels and its log are those of the pages that it has.
+ * Programs that never select pages do not hold what does it: it is called from here. */
+struct tetlodi_choice {
+    enum tetlod_status (*choose)(struct tetlod_cursor *cursor, const uint8_t *pages, struct tetlod_error *error);
+    enum tetlod_status (*bring)(struct tetlod_cursor *cursor, uint32_t *vertices, struct tetlod_error *error);
+    uint8_t *has, *wanted;   /* [page] it has no other than those that are wanted */
+    uint32_t finest;         /* level with a page that is wanted */
+    uint32_t next;           /* the first level of which a page is to come; TETLOD_NONE: none */
+    struct tetlodi_page_log *logs; /* [page] */
+    size_t root_labels;      /* in the log before all pages */
+    uint32_t *page_of;       /* [tet] the last page that it was in, of all; TETLOD_NONE: none */
+    size_t page_of_capacity;
+};
+
 struct tetlod_cursor {
     struct tetlod_file *file; /* borrowed */
     struct tetlodi_memory memory;
@@ -31,10 +51,7 @@ struct tetlod_cursor {
     struct tetlodi_page_lists lists;   /* the group's */
     int starless;            /* the replay's stars are not those of its mesh */
     uint32_t next_page;      /* the page after the one that is being decoded */
-    uint8_t *chosen;         /* [page] those that levels have; NULL: all of them */
-    uint32_t chosen_level;   /* the finest with any, if not all are */
-    uint32_t *left_out;      /* [tet] the level in which its page was left out; NULL if none are */
-    size_t left_out_capacity;
+    struct tetlodi_choice *choice; /* some of the pages; NULL: levels have all of them */
     int exact;               /* fields have the tail's values: level is the last */
     enum tetlod_status broken; /* why no level above `decoded` can be had */
     struct tetlod_error damage;

@@ -3,8 +3,8 @@
  * In: a mesh, and the pages of its next level. 1. The page of each tetrahedron, and who has each vertex: one page, or
  * several (a seam). 2. Each page, on any thread: a mesh of its tetrahedra in numbers of its own, its records, and the
  * result put back where it belongs; what it adds has places that the table of pages says before. 3. The logs of all
- * pages, one after the other. Numbers inside a page are in the order of those outside, which is all that a record
- * depends on.
+ * pages, one after the other, between those of pages that were there before. Numbers inside a page are in the order of
+ * those outside, which is all that a record depends on.
  */
 #include "format/read/page_parts.h"
 
@@ -13,6 +13,7 @@
 
 #include "format/coding/record_fields.h"
 #include "format/fail.h"
+#include "format/read/page_runs.h"
 
 /* Who has a vertex, beside the number of a page. */
 #define NOBODY UINT32_MAX
@@ -40,12 +41,14 @@ struct part {
     struct tetlodi_replay replay;
     uint64_t labels;
     int unread; /* its frames could not be read */
+    int done;   /* it has been put back */
     struct tetlod_error error;
 };
 
 struct level {
     struct tetlod_cursor *cursor;
     uint32_t number, vertices, tets;     /* before it */
+    const struct tetlodi_coming *coming; /* some of the pages; NULL: all */
     uint32_t seam_count;                 /* vertices at seams */
     uint32_t *page_of;                   /* [tet] */
     uint32_t *owner;                     /* [vertex] */
@@ -55,31 +58,36 @@ struct level {
     struct part *parts;
     uint32_t part_count;
     uint64_t share;                      /* of memory that a part may take */
-    /* what is put back after a failure */
-    uint32_t *corners;
-    int64_t **codes; /* [column] */
-    uint8_t *leaves;
 };
 
 /* ---- what pages have */
 
 enum { TETS_A_TASK = 1 << 14 };
 
+/* The page of a tetrahedron that is in one of this level: the level before has the last one that it was in. */
+static uint32_t page_of_tet(const struct level *level, uint32_t t)
+{
+    const struct tetlod_cursor *cursor = level->cursor;
+    const struct tetlodi_group *group = cursor->group;
+    const uint32_t *corners = cursor->replay.corners + 4 * (size_t)t;
+    if (level->coming) {
+        uint32_t last = cursor->choice->page_of[t], first_level = cursor->file->index.pages.first_level;
+        if (last == NOT_THERE)
+            return NOT_THERE;
+        if (level->number == first_level ? last != TETLOD_NONE : last - group[-1].first_page >= group[-1].page_count)
+            return TETLOD_NONE;
+    }
+    uint32_t page = tetlodi_page_at_corners(group->tree, cursor->columns[0].values, corners);
+    return !level->coming || level->coming->pages[group->first_page + page] ? page : TETLOD_NONE;
+}
+
 static int find_some(void *opaque, uint32_t task)
 {
     const struct level *level = opaque;
-    const struct tetlodi_replay *replay = &level->cursor->replay;
-    const double *positions = replay->columns[0].values;
     uint32_t end = level->tets - task * (uint32_t)TETS_A_TASK;
     end = task * (uint32_t)TETS_A_TASK + (end < TETS_A_TASK ? end : TETS_A_TASK);
-    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++) {
-        const double *points[4];
-        double middle[3];
-        for (int c = 0; c < 4; c++)
-            points[c] = positions + 3 * (size_t)replay->corners[4 * (size_t)t + (size_t)c];
-        tetlodi_middle_of_box(points, middle);
-        level->page_of[t] = tetlodi_page_at(level->cursor->group->tree, middle);
-    }
+    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++)
+        level->page_of[t] = page_of_tet(level, t);
     return 1;
 }
 
@@ -88,7 +96,10 @@ static void find_owners(struct level *level)
     const uint32_t *corners = level->cursor->replay.corners;
     memset(level->owner, 0xff, level->vertices * sizeof *level->owner);
     for (size_t i = 0; i < 4 * (size_t)level->tets; i++) {
-        uint32_t page = level->page_of[i / 4], *owner = &level->owner[corners[i]];
+        uint32_t page = level->page_of[i / 4], *owner;
+        if (page == NOT_THERE)
+            continue;
+        owner = &level->owner[corners[i]];
         page = page == TETLOD_NONE ? SEAM : page; // a page that is left out
         *owner = *owner == NOBODY || *owner == page ? page : SEAM;
     }
@@ -373,6 +384,17 @@ static enum tetlod_status decode_frames(const struct level *level, struct part *
     return status;
 }
 
+/* A page of which a reader has some and not others keeps its tetrahedra in its part of space (SPEC 7.6). */
+static enum tetlod_status check_cell(const struct level *level, const struct part *part, struct tetlod_error *error)
+{
+    const struct tetlodi_replay *replay = &part->replay;
+    const struct tetlodi_cut *tree = level->cursor->group->tree;
+    for (uint32_t t = 0; level->coming && t < replay->tets; t++)
+        if (tetlodi_page_at_corners(tree, part->columns[0].values, replay->corners + 4 * (size_t)t) != part->page)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u has tetrahedra of another one", part->page);
+    return TETLOD_OK;
+}
+
 static int decode_part(void *opaque, uint32_t number)
 {
     const struct level *level = opaque;
@@ -385,6 +407,9 @@ static int decode_part(void *opaque, uint32_t number)
     if (error->status == TETLOD_OK)
         error->status = decode_frames(level, part, &recorder, error);
     if (error->status == TETLOD_OK)
+        error->status = check_cell(level, part, error);
+    part->done = error->status == TETLOD_OK;
+    if (part->done)
         scatter(level, part);
     tetlodi_recorder_fini(&recorder);
     shrink(part);
@@ -407,8 +432,6 @@ static void level_fini(struct level *level)
 {
     for (uint32_t i = 0; i < level->part_count; i++)
         part_fini(&level->parts[i]);
-    for (uint32_t c = 0; c < level->cursor->replay.column_count && level->codes; c++)
-        free(level->codes[c]);
     free(level->parts);
     free(level->page_of);
     free(level->owner);
@@ -417,48 +440,27 @@ static void level_fini(struct level *level)
     free(level->tet_list);
     free(level->inner_begins);
     free(level->inner_list);
-    free(level->corners);
-    free(level->codes);
-    free(level->leaves);
 }
 
-/* What is there before the level. */
-static int remember(struct level *level)
+/* Takes back what a part has put into the mesh. */
+static void undo_part(const struct level *level, const struct part *part)
 {
-    const struct tetlodi_replay *replay = &level->cursor->replay;
-    size_t corners = 4 * (size_t)level->tets;
-    level->corners = malloc((corners + 1) * sizeof *level->corners);
-    level->codes = calloc(replay->column_count, sizeof *level->codes);
-    level->leaves = malloc(level->vertices + (size_t)1);
-    int done = level->corners && level->codes && level->leaves;
-    for (uint32_t c = 0; c < replay->column_count && done; c++) {
-        size_t count = level->vertices * (size_t)replay->columns[c].components;
-        level->codes[c] = malloc((count + 1) * sizeof *level->codes[c]);
-        done = level->codes[c] != NULL;
-        if (done)
-            memcpy(level->codes[c], replay->columns[c].codes, count * sizeof *level->codes[c]);
+    struct tetlodi_replay *whole = &level->cursor->replay;
+    uint32_t records = part->replay.records, end = part->first_vertex + row_of(level, part)->vertices;
+    for (uint32_t s = part->replay.splits; s-- > 0;) {
+        uint32_t v = part->replay.log[s].vertex, number = number_outside(part, v);
+        whole->stars[number].leaf = 0;
+        if (!(part->replay.log[s].tets & SPLIT_FIRST))
+            continue;
+        records--;
+        for (uint32_t c = 0; c < whole->column_count; c++)
+            tetlodi_column_put(&whole->columns[c], c == 0, number, &part->columns[c], records);
     }
-    if (done && corners)
-        memcpy(level->corners, replay->corners, corners * sizeof *level->corners);
-    for (uint32_t v = 0; v < level->vertices && done; v++)
-        level->leaves[v] = (uint8_t)replay->stars[v].leaf;
-    return done;
-}
-
-/* Puts back what was there before the level. */
-static void put_back(const struct level *level)
-{
-    struct tetlodi_replay *replay = &level->cursor->replay;
-    memcpy(replay->corners, level->corners, 16 * (size_t)level->tets);
-    for (uint32_t c = 0; c < replay->column_count; c++) {
-        struct tetlodi_column *column = &replay->columns[c];
-        for (size_t i = 0; i < level->vertices * (size_t)column->components; i++) {
-            column->codes[i] = level->codes[c][i];
-            column->values[i] = scale_value(&column->scale, c ? 0 : (unsigned)(i % 3), column->codes[i]);
-        }
+    for (size_t i = 0; i < 4 * (size_t)part->tet_count; i++) {
+        uint32_t *corner = &whole->corners[4 * (size_t)part->tets[i / 4] + i % 4];
+        while (*corner >= part->first_vertex && *corner < end)
+            *corner = whole->parents[*corner];
     }
-    for (uint32_t v = 0; v < level->vertices; v++)
-        replay->stars[v].leaf = level->leaves[v];
 }
 
 static int allocate(struct level *level)
@@ -476,7 +478,17 @@ static int allocate(struct level *level)
     level->inner_list = malloc((level->vertices + (size_t)1) * sizeof *level->inner_list);
     level->parts = calloc(pages, sizeof *level->parts);
     return level->page_of && level->owner && level->local && level->tet_begins && level->tet_list &&
-           level->inner_begins && level->inner_list && level->parts && remember(level);
+           level->inner_begins && level->inner_list && level->parts;
+}
+
+/* Where the pages begin that may come: those of the level, behind it; or all of them, behind the levels before. */
+static uint32_t first_page(const struct level *level, uint32_t *vertex, uint32_t *tet)
+{
+    const struct tetlod_cursor *cursor = level->cursor;
+    uint32_t root = cursor->file->index.pages.first_level - 1;
+    *vertex = level->coming ? cursor->vertices[root] : level->vertices;
+    *tet = level->coming ? cursor->tets[root] : level->tets;
+    return level->coming ? 0 : cursor->group->first_page;
 }
 
 /* Which pages there are to decode, and what each has. */
@@ -484,46 +496,128 @@ static void list_parts(struct level *level)
 {
     struct tetlod_cursor *cursor = level->cursor;
     const struct tetlodi_group *group = cursor->group;
-    uint32_t vertex = level->vertices, tet = level->tets;
+    const struct tetlodi_coming *coming = level->coming;
+    uint32_t vertex, tet, p = first_page(level, &vertex, &tet);
     tetlodi_helpers_start(cursor->helpers, find_some, level, (level->tets + TETS_A_TASK - 1) / TETS_A_TASK);
     tetlodi_helpers_wait(cursor->helpers);
-    if (cursor->chosen) {
-        struct tetlodi_page_choice choice = {cursor->chosen + group->first_page, level->number, cursor->left_out};
-        tetlodi_page_leave_out(&choice, level->tets, level->page_of);
-    }
     find_owners(level);
     sort_out(level->page_of, level->tets, group->page_count, level->tet_begins, level->tet_list);
     sort_out(level->owner, level->vertices, group->page_count, level->inner_begins, level->inner_list);
-    for (uint32_t p = 0; p < group->page_count; p++) {
-        const struct tetlodi_page *row = &cursor->file->index.pages.pages[group->first_page + p];
-        if (!row->vertices || (cursor->chosen && !cursor->chosen[group->first_page + p]))
+    for (; p < group->first_page + group->page_count; p++) {
+        const struct tetlodi_page *row = &cursor->file->index.pages.pages[p];
+        uint32_t own = p - group->first_page;
+        if (coming && !coming->next[p])
             continue;
-        level->parts[level->part_count++] = (struct part){.page = p,
-                                                          .tets = level->tet_list + level->tet_begins[p],
-                                                          .tet_count = level->tet_begins[p + 1] - level->tet_begins[p],
-                                                          .first_vertex = vertex,
-                                                          .first_tet = tet};
+        if (row->vertices && (!coming || coming->pages[p]))
+            level->parts[level->part_count++] =
+                (struct part){.page = own,
+                              .tets = level->tet_list + level->tet_begins[own],
+                              .tet_count = level->tet_begins[own + 1] - level->tet_begins[own],
+                              .first_vertex = vertex,
+                              .first_tet = tet};
         vertex += row->vertices;
         tet += row->tets;
     }
 }
 
-/* The logs of all parts, behind the cursor's. */
-static enum tetlod_status append_parts(struct level *level, struct tetlod_error *error)
+/* Each tetrahedron comes from a page that its page needs, so that what is taken out later is nobody's. */
+static enum tetlod_status check_needed(const struct level *level, struct tetlod_error *error)
+{
+    const struct tetlod_cursor *cursor = level->cursor;
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    const struct tetlodi_group *group = cursor->group;
+    uint32_t known_page = TETLOD_NONE, known = TETLOD_NONE;
+    for (uint32_t t = 0; level->coming && level->number > table->first_level && t < level->tets; t++) {
+        uint32_t page = level->page_of[t], last = cursor->choice->page_of[t];
+        if (page >= group->page_count || (page == known_page && last == known))
+            continue;
+        const struct tetlodi_page *row = &table->pages[group->first_page + page];
+        uint32_t i = row->needed_begin, end = i + row->needed_count;
+        while (i < end && table->needed[i] != last - group[-1].first_page)
+            i++;
+        if (i == end)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u needs page %u of the level before, and says not so",
+                                page, last - group[-1].first_page);
+        known_page = page;
+        known = last;
+    }
+    return TETLOD_OK;
+}
+
+/* Of some pages: which tetrahedra were in them last. */
+static void remember_pages(const struct level *level)
+{
+    const struct tetlodi_choice *choice = level->cursor->choice;
+    const uint32_t first = level->cursor->group->first_page;
+    for (uint32_t t = 0; t < level->tets; t++)
+        if (level->page_of[t] < level->cursor->group->page_count)
+            choice->page_of[t] = first + level->page_of[t];
+    for (uint32_t i = 0; i < level->part_count; i++) {
+        const struct part *part = &level->parts[i];
+        for (size_t t = part->tet_count; t < part->replay.tets; t++)
+            choice->page_of[part->first_tet + (t - part->tet_count)] = first + part->page;
+    }
+}
+
+/* Room in the log for that of all parts, between what other pages have there. */
+static enum tetlod_status open_log(struct level *level, struct tetlodi_log_place *at, struct tetlod_error *error)
 {
     struct tetlod_cursor *cursor = level->cursor;
-    struct tetlodi_recorder *recorder = &cursor->recorder;
+    struct tetlodi_replay *replay = &cursor->replay;
+    struct tetlodi_log_place end = {replay->splits, replay->records, replay->label};
+    *at = end;
     for (uint32_t i = 0; i < level->part_count; i++) {
-        struct part *part = &level->parts[i];
-        recorder->labels += part->labels;
-        if (recorder->labels > recorder->max_labels)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
-        if (!tetlodi_replay_append(&cursor->replay, &part->replay, part->listed, part->listed_count,
-                                   part->first_vertex))
-            return tetlodi_no_room(&cursor->memory, error);
-        part_fini(part);
-        *part = (struct part){0};
+        end.split += level->parts[i].replay.splits;
+        end.record += level->parts[i].replay.records;
+        end.label += level->parts[i].replay.label;
+        if (level->coming)
+            cursor->choice->logs[cursor->group->first_page + level->parts[i].page] =
+                (struct tetlodi_page_log){level->parts[i].replay.records, level->parts[i].replay.label};
     }
+    if (!tetlodi_replay_log_room(replay, end.split, end.record, end.label))
+        return tetlodi_no_room(&cursor->memory, error);
+    if (!level->coming)
+        return TETLOD_OK;
+    struct tetlodi_moves moves = {0};
+    int done = tetlodi_moves_of_log(&moves, cursor, level->coming->next);
+    if (done) {
+        tetlodi_move_log(cursor, &moves);
+        remember_pages(level);
+        *at = tetlodi_log_of_root(cursor);
+    }
+    tetlodi_moves_fini(&moves);
+    return done ? TETLOD_OK : tetlodi_fail_nomem(error, "pages in the log", end.label / 8);
+}
+
+/* The logs of all parts, each behind those of the pages before it. */
+static enum tetlod_status put_logs(struct level *level, struct tetlod_error *error)
+{
+    struct tetlod_cursor *cursor = level->cursor;
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    struct tetlodi_recorder *recorder = &cursor->recorder;
+    struct tetlodi_log_place at;
+    uint32_t vertex, tet, i = 0;
+    for (uint32_t k = 0; k < level->part_count; k++)
+        recorder->labels += level->parts[k].labels;
+    if (recorder->labels > recorder->max_labels)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
+    TETLOD_TRY(open_log(level, &at, error));
+    for (uint32_t p = first_page(level, &vertex, &tet); p < table->page_count; p++) {
+        const struct part *part = &level->parts[i];
+        bool is_part = i < level->part_count && p == cursor->group->first_page + part->page;
+        if (!is_part && !(level->coming && level->coming->next[p]))
+            continue;
+        if (is_part)
+            tetlodi_replay_place(&cursor->replay, &part->replay, part->listed, part->listed_count, part->first_vertex,
+                                 &at);
+        i += is_part;
+        vertex += table->pages[p].vertices;
+        tet += table->pages[p].tets;
+        at.split += table->pages[p].vertices;
+        at.record += is_part ? part->replay.records : cursor->choice->logs[p].records;
+        at.label += is_part ? part->replay.label : cursor->choice->logs[p].labels;
+    }
+    tetlodi_replay_set(&cursor->replay, vertex, tet, &at);
     return TETLOD_OK;
 }
 
@@ -532,6 +626,7 @@ static enum tetlod_status decode_all(struct level *level, struct tetlod_error *e
     struct tetlod_cursor *cursor = level->cursor;
     const uint32_t threads = cursor->file->options.threads;
     list_parts(level);
+    TETLOD_TRY(check_needed(level, error));
     level->share = (cursor->memory.most - cursor->memory.used) / (threads ? threads : 1);
     tetlodi_helpers_start(cursor->helpers, decode_part, level, level->part_count);
     tetlodi_helpers_wait(cursor->helpers);
@@ -542,34 +637,22 @@ static enum tetlod_status decode_all(struct level *level, struct tetlod_error *e
         *error = level->parts[i].error;
         return error->status;
     }
-    return append_parts(level, error);
+    return put_logs(level, error);
 }
 
-enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level,
+                                        const struct tetlodi_coming *coming, struct tetlod_error *error)
 {
-    struct level all = {.cursor = cursor, .number = level};
-    struct tetlodi_replay *replay = &cursor->replay;
-    uint32_t splits = replay->splits, records = replay->records;
-    size_t label = replay->label;
-    uint64_t counted = replay->tets * (uint64_t)24 + replay->vertices * (uint64_t)16;
-    for (uint32_t c = 0; c < replay->column_count; c++)
-        counted += replay->vertices * (uint64_t)replay->columns[c].components * 8;
+    struct level all = {.cursor = cursor, .number = level, .coming = coming};
+    const struct tetlodi_replay *replay = &cursor->replay;
+    uint64_t counted = replay->tets * (uint64_t)8 + replay->vertices * (uint64_t)12;
     if (!tetlodi_count(&cursor->memory, counted))
         return tetlodi_no_room(&cursor->memory, error);
-    bool begins = allocate(&all);
-    enum tetlod_status status = begins ? decode_all(&all, error)
-                                       : tetlodi_fail_nomem(error, "a level in pages", replay->tets * (uint64_t)40);
-    if (status != TETLOD_OK && begins) {
-        put_back(&all);
-        replay->splits = splits;
-        replay->records = records;
-        replay->label = label;
-        replay->vertices = all.vertices;
-        replay->tets = all.tets;
-        tetlodi_replay_forget(replay);
-        for (uint32_t c = 0; c < replay->column_count; c++)
-            replay->columns[c].records = records;
-    }
+    enum tetlod_status status = allocate(&all) ? decode_all(&all, error)
+                                               : tetlodi_fail_nomem(error, "a level in pages", counted);
+    for (uint32_t i = 0; i < all.part_count && status != TETLOD_OK; i++)
+        if (all.parts[i].done)
+            undo_part(&all, &all.parts[i]);
     level_fini(&all);
     cursor->memory.used -= counted;
     return status;

@@ -9,10 +9,17 @@
 
 #include "format/read/cursor_state.h"
 
-/* Decodes all pages of the level that has begun, whose counts are known and for which there is room. The cursor has
- * helpers, and its log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On failure the mesh
- * is as it was, but for stars. */
+/* Pages that come to others, which are there: both [page of all groups]. */
+struct tetlodi_coming {
+    const uint8_t *pages; /* of the level */
+    const uint8_t *next;  /* these and the others; the mesh is open for them (format/read/page_runs.h) */
+};
+
+/* Decodes pages of the level that has begun, whose counts are known and for which there is room: all (coming NULL),
+ * or some. The cursor's log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On failure
+ * the mesh is as it was, but for stars. */
 TETLOD_CHECKED enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level,
+                                                       const struct tetlodi_coming *coming,
                                                        struct tetlod_error *error);
 
 #endif

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/read/cursor.h"
+#include "format/read/page_choice.h"
 #include "format/read/span_list.h"
 
 static const struct tetlodi_page_table *table_of(const struct tetlod_page_set *set)
@@ -251,12 +251,9 @@ size_t tetlod_page_set_spans(const struct tetlod_page_set *set, const uint32_t *
 enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor, const struct tetlod_page_set *set,
                                         struct tetlod_error *error)
 {
-    struct tetlod_page_set_info info = {0};
     if (set && set->file != cursor->file)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the pages are those of another file");
-    if (set)
-        tetlod_page_set_info(set, &info);
-    return tetlodi_cursor_choose(cursor, set ? set->has : NULL, info.level, error);
+    return tetlodi_cursor_choose(cursor, set ? set->has : NULL, error);
 }
 
 /* Numbers with all pages of what the cursor has: in the levels before pages the same, then page by page. */
@@ -265,13 +262,13 @@ static void put_numbers(const struct tetlod_cursor *cursor, bool of_tets, uint32
     const struct tetlodi_page_table *table = &cursor->file->index.pages;
     const struct tetlod_level *levels = cursor->file->index.info.levels;
     uint32_t count = of_tets ? cursor->replay.tets : cursor->replay.vertices, done = 0, number = 0;
-    uint32_t root = cursor->chosen ? table->first_level - 1 : 0;
-    uint32_t same = !cursor->chosen ? count : (uint32_t)(of_tets ? levels[root].tets : levels[root].vertices);
+    uint32_t root = cursor->choice ? table->first_level - 1 : 0;
+    uint32_t same = !cursor->choice ? count : (uint32_t)(of_tets ? levels[root].tets : levels[root].vertices);
     for (; done < count && done < same; done++)
         out[done] = number++;
     for (uint32_t p = 0; p < table->page_count && done < count; p++) {
         uint32_t adds = of_tets ? table->pages[p].tets : table->pages[p].vertices;
-        for (uint32_t i = 0; i < adds && cursor->chosen[p] && done < count; i++)
+        for (uint32_t i = 0; i < adds && cursor->choice->has[p] && done < count; i++)
             out[done++] = number + i;
         number += adds;
     }
@@ -287,8 +284,14 @@ void tetlod_cursor_numbers(const struct tetlod_cursor *cursor, uint32_t *vertice
 
 void tetlod_cursor_tet_levels(const struct tetlod_cursor *cursor, uint32_t *out)
 {
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    uint32_t page = TETLOD_NONE, level = table->first_level - 1;
+    bool some = cursor->choice && cursor->level > level;
     for (uint32_t t = 0; t < cursor->replay.tets; t++) {
-        bool left = cursor->chosen && t < cursor->left_out_capacity && cursor->left_out[t] <= cursor->level;
-        out[t] = left ? cursor->left_out[t] - 1 : cursor->level;
+        if (some && cursor->choice->page_of[t] != page) { // mostly that of the one before
+            page = cursor->choice->page_of[t];
+            level = tetlodi_level_of_page(table, page);
+        }
+        out[t] = some && level < cursor->level ? level : cursor->level;
     }
 }

@@ -146,10 +146,15 @@ enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_
         fields[c - 1] = cursor->parts[c] - 1;
     fields[count - 1] = field;
     TETLOD_TRY_DONE(tetlod_cursor_new(&other, cursor->file, fields, count, error));
-    TETLOD_TRY_DONE(tetlodi_cursor_choose(other, cursor->chosen, cursor->chosen_level, error));
+    if (cursor->choice)
+        TETLOD_TRY_DONE(cursor->choice->choose(other, cursor->choice->has, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(other, cursor->level, error));
     while (other->replay.records < cursor->replay.records)
         TETLOD_TRY_DONE(tetlod_cursor_refine(other, error));
+    while (other->replay.records > cursor->replay.records) // pages come whole
+        TETLOD_TRY_DONE(tetlod_cursor_coarsen(other, error));
+    if (cursor->choice)
+        TETLOD_TRY_DONE(cursor->choice->choose(other, cursor->choice->wanted, error));
     exchange(cursor, other);
 done:
     tetlod_cursor_free(other);

@@ -431,16 +431,21 @@ mutant('errors of one cell', 'src/cells/cell_phases.c',
 mutant('a set that is not closed', 'format/read/page_set.c',
        'set->has[group[-1].first_page + table->needed[table->pages[p].needed_begin + i]] = 1;', ';',
        'lemma 3: with a page all that it needs is there', 'unit/test_page_set')
-mutant('seams with what is left out', 'format/coding/page_table.c', 'lists->seams[v] = pages + outside > 1;',
-       'lists->seams[v] = pages > 1;', 'a vertex of a page that is left out does not split', 'unit/test_page_set')
-mutant('left out and in again', 'format/coding/page_table.c', 'if (choice->left_out[t] >= choice->level) //',
-       'if (choice->level) //', 'tetrahedra of a page that is left out are in no finer page', 'unit/test_page_set')
-mutant('seams with what is left out, on threads', 'format/read/page_parts.c',
+mutant('left out and in a finer one', 'format/read/page_parts.c',
+       'if (level->number == first_level ? last !=', 'if (level->number == 0 ? last !=',
+       'tetrahedra of a page that is left out are in no finer page', 'unit/test_page_set')
+mutant('the page before', 'format/read/page_choice.c', 'tetlodi_page_at_corners(group[-1].tree,',
+       'tetlodi_page_at_corners(group->tree,', 'a tetrahedron of a page that goes is of the one before',
+       'unit/test_page_set')
+mutant('who split may split again', 'format/read/page_choice.c',
+       'replay->stars[split->vertex].leaf = 0; // it splits', ';',
+       'what is known of vertices by a page goes with it', 'unit/test_page_set')
+mutant('seams with what is left out', 'format/read/page_parts.c',
        'page = page == TETLOD_NONE ? SEAM : page;', 'if (page == TETLOD_NONE) continue;',
        'a vertex of a page that is left out does not split', 'unit/test_page_set')
 mutant('the level of what is left out', 'format/read/page_set.c',
-       'out[t] = left ? cursor->left_out[t] - 1 : cursor->level;',
-       'out[t] = left ? cursor->left_out[t] : cursor->level;',
+       'out[t] = some && level < cursor->level ? level : cursor->level;',
+       'out[t] = some && level < cursor->level ? level + 1 : cursor->level;',
        'where a page is left out the level before it is certified', 'unit/test_page_set')
 mutant('pages beside a box', 'format/read/page_set.c', 'to < low[axis] ? low[axis] - to : 0;',
        'to < high[axis] ? low[axis] - to : 0;', 'all pages that meet a box are there', 'unit/test_page_set')

@@ -153,6 +153,97 @@ static void test_moves(void)
     tetlod_cursor_free(cursor);
 }
 
+struct counted {
+    unsigned reads;
+};
+
+static enum tetlod_status read_counted(void *opaque, uint64_t offset, void *buffer, size_t length)
+{
+    struct counted *counted = opaque;
+    counted->reads++;
+    memcpy(buffer, bytes + offset, length);
+    return TETLOD_OK;
+}
+
+/* Also in what its log, its numbers and its levels say. */
+static bool same_all_the_way(struct tetlod_cursor *a, struct tetlod_cursor *b, uint32_t *state)
+{
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(a, &mesh);
+    uint32_t *of[4], level = mesh.level, down = chance(state, 400);
+    for (int i = 0; i < 4; i++) {
+        of[i] = calloc(mesh.tets, 2 * sizeof *of[i]);
+        must(of[i] != NULL);
+    }
+    tetlod_cursor_numbers(a, of[0], of[0] + mesh.tets);
+    tetlod_cursor_numbers(b, of[1], of[1] + mesh.tets);
+    tetlod_cursor_tet_levels(a, of[2]);
+    tetlod_cursor_tet_levels(b, of[3]);
+    bool good = same(a, b) && memcmp(of[0], of[1], 2 * mesh.tets * sizeof *of[0]) == 0 &&
+                memcmp(of[2], of[3], mesh.tets * sizeof *of[2]) == 0;
+    for (int i = 0; i < 4; i++)
+        free(of[i]);
+    if (good && chance(state, 4) == 0) {
+        good = tetlod_cursor_step(a, 0, down, NULL) == tetlod_cursor_step(b, 0, down, NULL) && same(a, b);
+        good = good && tetlod_cursor_seek(a, level, NULL) == TETLOD_OK;
+    }
+    return good;
+}
+
+/* Pages that come and go one by one leave what a new cursor has. Nothing is read of those that go, and of those that
+ * come nothing but their own frames. */
+static void test_walk(void)
+{
+    uint32_t state = 23, gone = 0, steps = SANITIZED ? 120 : 300;
+    struct counted counted = {0};
+    struct tetlod_source source = {read_counted, &counted, size};
+    struct tetlod_file *own;
+    struct tetlod_page_set *set, *mirror;
+    struct tetlod_cursor *cursor;
+    REQUIRE(tetlod_open(&own, &source, NULL, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_page_set_new(&set, own, 0, NULL, 0, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_page_set_new(&mirror, file, 0, NULL, 0, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&cursor, own, NULL, 0, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_cursor_select(cursor, set, NULL), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_seek(cursor, info->first_paged_level - 1, NULL), TETLOD_OK);
+    for (uint32_t step = 0; step < steps; step++) {
+        struct tetlod_page_set_info before, after;
+        bool goes = step % 40 > 20; // it grows and shrinks
+        tetlod_page_set_info(set, &before);
+        for (int tries = 0; tries < 400; tries++) {
+            uint32_t level = info->first_paged_level + chance(&state, finest() - info->first_paged_level + 1);
+            uint32_t page = chance(&state, tetlod_page_count(file, level));
+            if (goes && tetlod_page_set_remove(set, level, page, NULL) == TETLOD_OK) {
+                CHECK_INT(tetlod_page_set_remove(mirror, level, page, NULL), TETLOD_OK);
+                gone++;
+                break;
+            }
+            if (!goes && !tetlod_page_set_has(set, level, page)) {
+                CHECK_INT(tetlod_page_set_add(set, level, page, NULL), TETLOD_OK);
+                CHECK_INT(tetlod_page_set_add(mirror, level, page, NULL), TETLOD_OK);
+                break;
+            }
+        }
+        tetlod_page_set_info(set, &after);
+        counted.reads = 0;
+        CHECK_INT(tetlod_cursor_select(cursor, set, NULL), TETLOD_OK);
+        enum tetlod_status status = TETLOD_MORE;
+        while (step % 3 == 0 && (status = tetlod_cursor_step(cursor, after.level, 1, NULL)) == TETLOD_MORE)
+            continue;
+        CHECK_INT(step % 3 ? tetlod_cursor_seek(cursor, after.level, NULL) : status, TETLOD_OK);
+        uint32_t more = after.pages > before.pages ? after.pages - before.pages : 0;
+        CHECK(counted.reads <= more * (1 + info->field_count));
+        struct tetlod_cursor *fresh = cursor_with(file, mirror);
+        CHECK(same_all_the_way(cursor, fresh, &state));
+        tetlod_cursor_free(fresh);
+    }
+    CHECK(gone > steps / 4);
+    tetlod_cursor_free(cursor);
+    tetlod_page_set_free(set);
+    tetlod_page_set_free(mirror);
+    tetlod_close(own);
+}
+
 /* Numbers are those of the whole level, and levels those up to which the whole has the same tetrahedra. */
 static void test_numbers(void)
 {
@@ -428,6 +519,7 @@ int main(void)
     open_stream();
     RUN(test_closed);
     RUN(test_moves);
+    RUN(test_walk);
     RUN(test_numbers);
     RUN(test_spans);
     RUN(test_spans_of_pages);
