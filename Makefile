@@ -23,18 +23,24 @@ B := build/$(config)
 PARALLEL = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 2))
 
 # ---- what a build asks for. `make needs` looks for it on any system; `make deps` installs it, on Debian alone
-NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
+NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter \
+    0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
 NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium lintian dh
 NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setuptools wheel pip venv
 # Debian packages of all that
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev \
+    liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
     libjansson-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 # For `make mpi`
 DEPS_MPI := mpi-default-dev mpi-default-bin
 # For client-examples/python/insitu_dolfinx.py: 340 MB, so no check asks for them
 DEPS_INSITU := python3-dolfinx python3-mpi4py
-DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel slurmd slurmctld slurm-client python3-distributed
+DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user \
+    gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 \
+    python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert \
+    nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel slurmd slurmctld \
+    slurm-client python3-distributed
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
@@ -54,8 +60,10 @@ CURL ?= $(shell $(PKG_CONFIG) --exists libcurl 2>/dev/null && echo 1)
 CURL := $(CURL)
 CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
 PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf) $(if $(filter 1,$(CURL)),libcurl)
-OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS) $(if $(filter 1,$(CURL)),-DTETLOD_CURL)
-OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c src/io/readers/xdmf_item.c \
+OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter \
+    1,$(CGNS)),-DTETLOD_CGNS) $(if $(filter 1,$(CURL)),-DTETLOD_CURL)
+OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c \
+    src/io/readers/xdmf_item.c \
     src/io/writers/vtkhdf_write.c src/io/writers/vtkhdf_stream.c) \
     $(if $(filter 1,$(NETCDF)),,src/io/readers/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/readers/cgns.c)
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
@@ -66,7 +74,8 @@ endif
 # -ffp-contract=off: a fused multiply-add would make levels and streams differ between machines
 # Traces of the sanitizers need lines alone: a quarter less to compile and to link
 DEBUG_INFO := $(if $(filter asan tsan,$(config)),-g1,-g)
-TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibility=hidden -ffp-contract=off $(DEBUG_INFO) $(WARNINGS)
+TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibility=hidden -ffp-contract=off \
+    $(DEBUG_INFO) $(WARNINGS)
 TETLOD_LDFLAGS := -pthread
 FUZZER :=
 ifeq ($(config),release)
@@ -102,9 +111,11 @@ FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
 WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary box_sums)
 LIBRARY_SRC := $(sort $(filter-out src/cli/% src/mpi/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
-BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% src/stream/forest.c src/stream/region.c src/mesh/% src/util/% src/ask/features.c src/ask/clip.c,$(LIBRARY_SRC))
+BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% \
+    src/stream/forest.c src/stream/region.c src/mesh/% src/util/% src/ask/features.c src/ask/clip.c,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
-SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c server/store/*.c))
+SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/http/*.c server/jobs/*.c server/routes/*.c \
+    server/store/*.c))
 ALONE := $(if $(filter 0,$(SERVER)),-alone)
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
 UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
@@ -125,18 +136,24 @@ WEB_OUT := $(if $(PREBUILT),$(PREBUILT)/page,build/web)
 WEB_STAMP := $(if $(PREBUILT),$(PREBUILT),build/web.stamp)
 # WEB=0 builds the server without the page, and no package for the web: neither npm nor a network is asked for
 WEB ?= 1
-# The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
+# The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in
+# build/client
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 # as fast as -O3 within a twentieth, measured, and a fifth smaller
-WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -mllvm -inline-threshold=40 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
-    -DTETLODI_DECODES_ONLY -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
+WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint \
+    -ftls-model=local-exec -std=c11 -O2 -mllvm -inline-threshold=40 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
+    -DTETLODI_DECODES_ONLY -I. -Dsnprintf=view_snprintf -Dvsnprintf=view_vsnprintf -D_POSIX_C_SOURCE=200809L \
+    $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
 # of these bytes count more than time
-WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt view_filter view_function view_solid view_steps) \
-    src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c src/mesh/tetmesh.c \
-    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table topologies) \
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt \
+    view_filter view_function view_solid view_steps) \
+    src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c \
+    src/mesh/tetmesh.c \
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table \
+    topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
 WASM := build/wasm/tetlod.wasm
 # what makes a level that is finer in boxes, and answers with a proof: loaded when it is first wanted
@@ -166,14 +183,18 @@ FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
 .SECONDARY:
 Q := $(if $(V),,@)
 
-## all: the program, the libraries and the package of the web client (WEB=0: without the page and the package, needs no npm; SERVER=0: without the server; config=release|debug|asan|tsan|coverage|fuzz)
+## all: the program, the libraries and the package of the web client (WEB=0: without the page and the package, needs no
+##   npm; SERVER=0: without the server; config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json $(WIDGET) $(VALIDATE))
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter \
+    0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json $(WIDGET) $(VALIDATE))
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
 $(B)/flags: FORCE
-	@mkdir -p $(@D); echo '$(FLAGS_LINE)' | cmp -s - $@ || { $(look_for_needs) [ -z "$$missing" ] || { $(say_needs); exit 1; }; echo '$(FLAGS_LINE)' > $@; }
+	@mkdir -p $(@D); \
+	    echo '$(FLAGS_LINE)' | cmp -s - $@ || { $(look_for_needs) [ -z "$$missing" ] || { $(say_needs); exit 1; }; \
+	    echo '$(FLAGS_LINE)' > $@; }
 .PHONY: FORCE
 FORCE:
 
@@ -181,11 +202,13 @@ FORCE:
 $(B)/src/cli/main-alone.o: private CPPFLAGS += -DTETLOD_NO_SERVER
 $(B)/src/cli/main-alone.o: src/cli/main.c $(B)/flags
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
-CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/serve_request.c %/cmd_explode.c %/explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
+CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/serve_request.c %/cmd_explode.c \
+    %/explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
 OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
-$(B)/src/simplify/mesh/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),-mavx2)
+$(B)/src/simplify/mesh/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine \
+    2>/dev/null)),-mavx2)
 
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
@@ -195,26 +218,38 @@ $(B)/%.o: %.c $(B)/flags
 $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
 	@command -v npm >/dev/null || { echo "make: node and npm are missing (run: make deps)" >&2; exit 1; }
 	@echo "  NPM $(WEB_DIR)"
-	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --loglevel=error >/dev/null && touch node_modules/.package-lock.json
+	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --loglevel=error >/dev/null && \
+	    touch node_modules/.package-lock.json
 
 $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h format/*/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D)
 	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps)" >&2; exit 1; }
 	@echo "  WASM $@"
-	$(Q)for f in $(WASM_SMALL); do $(WASM_CC) $(filter-out -mexec-model=%,$(WASM_CFLAGS)) -Oz -c -o $(@D)/$$(basename $$f .c).o $$f || exit 1; done
-	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(filter-out $(WASM_SMALL),$(WASM_SRC)) $(patsubst %.c,$(@D)/%.o,$(notdir $(WASM_SMALL)))
+	$(Q)for f in $(WASM_SMALL); do $(WASM_CC) $(filter-out -mexec-model=%,$(WASM_CFLAGS)) -Oz -c -o \
+	    $(@D)/$$(basename $$f .c).o $$f || exit 1; done
+	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(filter-out $(WASM_SMALL),$(WASM_SRC)) \
+	    $(patsubst %.c,$(@D)/%.o,$(notdir $(WASM_SMALL)))
 
 $(REFINE): $(REFINE_SRC) $(wildcard $(WEB_DIR)/*/*.h format/*.h format/*/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D); echo "  WASM $@"
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(REFINE_SRC)
 
+# Modules that are parts of worker.js and refine.js in the package.
+BUNDLED := worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js answers.js \
+    paging.js pages.js
+
 # The worker is one file: three loads one after the other would keep it waiting
 $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
-	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/refine.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/refine.js
-	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
-	$(Q)cp $(WASM) $(REFINE) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js answers.js paging.js pages.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 \
+	    --log-level=warning --outfile=$(@D)/worker.js
+	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/refine.js --bundle --format=esm --target=es2022 \
+	    --log-level=warning --outfile=$(@D)/refine.js
+	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm \
+	    --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] \
+	    --log-level=warning --outdir=$(abspath $(@D))
+	$(Q)cp $(WASM) $(REFINE) \
+	    $(filter-out $(addprefix %/,$(BUNDLED)),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
@@ -244,17 +279,20 @@ $(LIBTETLOD): $(call objects,$(FORMAT_SRC))
 	$(Q)$(AR) rcs $@ $^
 
 $(SHARED): $(call objects,$(FORMAT_SRC))
-	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
+	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) \
+	    -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 comma := ,
 
 # One object, whose inner names are its own: a program that links it may have a `simplify` too
 $(LIBBUILD): $(call objects,$(BUILD_SRC))
 	@rm -f $@
-	$(Q)$(LD) -r -o $(B)/tetlod-build.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-build.o && $(AR) rcs $@ $(B)/tetlod-build.o
+	$(Q)$(LD) -r -o $(B)/tetlod-build.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-build.o && \
+	    $(AR) rcs $@ $(B)/tetlod-build.o
 
 # It brings the codec along, which exports nothing here
 $(SHARED_BUILD): $(call objects,$(BUILD_SRC) $(FORMAT_SRC)) src/library/exports.map
-	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod-build.so.$(SOVERSION) -Wl,--version-script=src/library/exports.map \
+	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) \
+	    -Wl,-soname,libtetlod-build.so.$(SOVERSION) -Wl,--version-script=src/library/exports.map \
 	    $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
 # The program's large arrays may be in files (src/cli/scratch_memory.h)
@@ -322,7 +360,8 @@ $(B)/tests/bench/%: $(B)/tests/bench/%.o $(call objects,$(SUPPORT_SRC)) $(INTERN
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
 # A fuzz target runs under libFuzzer in config=fuzz, elsewhere it replays its corpus.
-$(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/rerun.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL_ARCHIVE) $(LIBTETLOD)
+$(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/rerun.o) $(call \
+    objects,$(SUPPORT_SRC)) $(INTERNAL_ARCHIVE) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(FUZZER) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
 $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so: $(B)/%.so: %.c
@@ -334,28 +373,37 @@ $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so: $(B)/%.so: %.c
 define look_for_needs
 missing=; for c in $(NEEDS_COMMANDS); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
 for p in $(REQUIRED); do $(PKG_CONFIG) --exists $$p 2>/dev/null || missing="$$missing $$p(pkg-config)"; done; \
-$(if $(filter 0,$(WEB))$(PREBUILT),,! command -v $(WASM_CC) >/dev/null || echo 'int main(void) { return 0; }' | $(WASM_CC) --target=wasm32-wasi -x c - -o /dev/null 2>/dev/null || missing="$$missing wasi-libc";)
+$(if $(filter 0,$(WEB))$(PREBUILT),,! command -v $(WASM_CC) >/dev/null || echo 'int main(void) { return 0; }' | \
+    $(WASM_CC) --target=wasm32-wasi -x c - -o /dev/null 2>/dev/null || missing="$$missing wasi-libc";)
 endef
 define look_for_tests
-for c in $(filter-out $(NEEDS_COMMANDS),$(NEEDS_CHECK)); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
+for c in $(filter-out $(NEEDS_COMMANDS),$(NEEDS_CHECK)); do command -v $$c >/dev/null || missing="$$missing $$c"; \
+    done; \
 for m in $(NEEDS_PYTHON); do /usr/bin/python3 -c "import $$m" 2>/dev/null || missing="$$missing python3-$$m"; done;
 endef
-say_needs = echo "make: this is missing:$$missing (make deps installs it on Debian; WEB=0 and SERVER=0 ask for less)" >&2
+say_needs = echo "make: this is missing:$$missing (make deps installs it on Debian; WEB=0 and SERVER=0 ask for less)" \
+    >&2
 # What is missing is installed where that is Debian's and root's to do
-install_needs = [ -z "$$missing" ] || { if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then $(MAKE) --no-print-directory $(1); else $(say_needs); exit 1; fi; }
+install_needs = [ -z "$$missing" ] || { if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
+    then $(MAKE) --no-print-directory $(1); else $(say_needs); exit 1; fi; }
 needs:
 	@$(look_for_needs) $(call install_needs,deps-build)
 needs-check:
 	@$(look_for_needs) $(look_for_tests) $(call install_needs,deps-build deps-check)
 
-## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for, deps-mpi what mpi does, deps-insitu an example on FEniCSx
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check
+##   the tests', deps-bench the benchmarks', deps-vtk what vtk and paraview ask for, deps-mpi what mpi does, deps-insitu
+##   an example on FEniCSx
 .PHONY: deps deps-build deps-check deps-bench deps-vtk deps-mpi deps-insitu
 deps: deps-build deps-check deps-bench
 define install_missing
-	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
+	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || \
+	    missing="$$missing $$p"; done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
-	if [ "$$(id -u)" != 0 ]; then echo "make: these packages are missing:$$missing (run: sudo apt-get install$$missing)" >&2; exit 1; fi; \
-	echo "make: installs as root, with apt-get, what is missing:$$missing"; apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $$missing >/dev/null
+	if [ "$$(id -u)" != 0 ]; \
+	    then echo "make: these packages are missing:$$missing (run: sudo apt-get install$$missing)" >&2; exit 1; fi; \
+	echo "make: installs as root, with apt-get, what is missing:$$missing"; apt-get update -qq && \
+	    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $$missing >/dev/null
 endef
 deps-build:
 	$(call install_missing,$(DEPS_BUILD))
@@ -392,24 +440,32 @@ check: needs-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY) $(LIBMPI) $(MPI_TEST)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY) $(LIBMPI) \
+    $(MPI_TEST)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack \
+    $(B)/tests/attack/proof)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
 TIME ?= 60
 fuzz: needs-check
 	$(Q)$(MAKE) --no-print-directory config=fuzz tests
-	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
-	ASAN_OPTIONS=allocator_may_return_null=1 build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; \
+	    mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
+	ASAN_OPTIONS=allocator_may_return_null=1 build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 \
+	    -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || \
+	    exit 1; done
 
 
-## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers, in twice the memory of the file or 64 MB (TARGET=name for one; config=release: without)
+## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers, in twice the memory of the file
+##   or 64 MB (TARGET=name for one; config=release: without)
 .PHONY: mutate
 MUTATIONS ?= 10000
 mutate: needs-check
 	$(Q)$(MAKE) --no-print-directory config=$(if $(filter command line,$(origin config)),$(config),asan) tests
 	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
-	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 \
+	    $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t \
+	    $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 ## bench-defaults: what it costs that all fields are controlled, on results of six kinds
 .PHONY: bench-defaults
@@ -431,7 +487,9 @@ bench-answers: needs-check
 	    /usr/bin/python3 $(CURDIR)/tests/attack/features.py 1 1000 && \
 	    /usr/bin/python3 $(CURDIR)/tests/bench/answer_times.py $(CURDIR)/$(BINARY) $$PWD
 
-## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
+## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files
+##   under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred
+##   streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
 HOSTILE ?= 500000
 .PHONY: bench-server bench-http bench-day bench-opening bench-pressure bench-soak bench-hostile
 BENCHES += bench-server bench-http bench-day bench-opening bench-pressure bench-soak bench-hostile
@@ -444,7 +502,8 @@ bench-http: needs-check
 bench-day: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@rm -rf build/scratch/bench-day; mkdir -p build/scratch/bench-day
-	@cd build/scratch/bench-day && CHANGES=2000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release /usr/bin/python3 $(CURDIR)/tests/http/test_changing_files.py
+	@cd build/scratch/bench-day && CHANGES=2000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD \
+	    CONFIG=release /usr/bin/python3 $(CURDIR)/tests/http/test_changing_files.py
 bench-opening: needs
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
 	@python3 tests/bench/opening.py $(BINARY) $(B)/tests/bench/tile_stream
@@ -457,14 +516,17 @@ bench-soak: needs-check
 bench-hostile: needs-check
 	$(Q)$(MAKE) --no-print-directory config=asan all
 	@rm -rf build/scratch/bench-hostile; mkdir -p build/scratch/bench-hostile
-	@cd build/scratch/bench-hostile && HOSTILE=$(HOSTILE) TETLOD=$(CURDIR)/build/asan/tetlod ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=asan /usr/bin/python3 $(CURDIR)/tests/http/test_hostile.py
+	@cd build/scratch/bench-hostile && HOSTILE=$(HOSTILE) TETLOD=$(CURDIR)/build/asan/tetlod ROOT=$(CURDIR) \
+	    SCRATCH=$$PWD CONFIG=asan /usr/bin/python3 $(CURDIR)/tests/http/test_hostile.py
 
-## bench-format: sizes of streams, by column, and speeds against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
+## bench-format: sizes of streams, by column, and speeds against tests/bench/format_sizes.csv (BLUNT=folder of the blunt
+##   fin; UPDATE=1 takes over)
 .PHONY: bench-format
 BENCHES += bench-format
 bench-format: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format $(B)/tests/bench/bench_columns
-	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv build/bench-format
+	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv \
+	    build/bench-format
 
 ## bench-series: what a series in time costs: the blunt fin with a displaced pressure, 32 steps (BLUNT=folder)
 .PHONY: bench-series
@@ -473,35 +535,40 @@ bench-series: needs-check
 	$(Q)$(MAKE) --no-print-directory all build/client/package.json
 	@/usr/bin/python3 tests/bench/series.py $(BINARY) $(BLUNT) build/bench-series
 
-## bench-python: what a level takes in Python, of a file and of a server, with libtetlod and without (BLUNT=folder of the blunt fin)
+## bench-python: what a level takes in Python, of a file and of a server, with libtetlod and without (BLUNT=folder of
+##   the blunt fin)
 .PHONY: bench-python
 BENCHES += bench-python
 bench-python: needs
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/python_client.py $(BINARY) $(CURDIR)/$(SHARED)
 
-## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
+## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and
+##   mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder
 BENCHES += bench-thesis bench-builder
 bench-thesis bench-builder: bench-%: needs
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
 
-## bench-build: what building costs beside VTK's decimation, one and two threads, and the true error of both (BLUNT=folder; MESHES='blunt cube:60'; REPEAT=3)
+## bench-build: what building costs beside VTK's decimation, one and two threads, and the true error of both
+##   (BLUNT=folder; MESHES='blunt cube:60'; REPEAT=3)
 .PHONY: bench-build
 BENCHES += bench-build
 bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
 
-## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million; REPEAT=5)
+## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million;
+##   REPEAT=5)
 .PHONY: bench-io
 BENCHES += bench-io
 bench-io: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_io
 	@/usr/bin/python3 tests/bench/mesh_files.py $(B)/tests/bench/bench_io $(BINARY) $(SIZE)
 
-## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by phase (MESHES='a.tetlod fin:30')
+## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by
+##   phase (MESHES='a.tetlod fin:30')
 .PHONY: report
 report: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_columns
@@ -512,7 +579,8 @@ report: needs-check
 SEEDS ?= 2000
 FIRST ?= 1
 ATTACK := $(B)/tests/attack/attack
-ORACLE_OBJECTS := $(call objects,$(filter-out tests/attack/attack.c tests/attack/falsify.c tests/attack/proof.c,$(wildcard tests/attack/*.c)))
+ORACLE_OBJECTS := $(call objects,$(filter-out tests/attack/attack.c tests/attack/falsify.c \
+    tests/attack/proof.c,$(wildcard tests/attack/*.c)))
 ATTACK_OBJECTS := $(ORACLE_OBJECTS) $(call objects,tests/attack/attack.c tests/attack/falsify.c tests/recode.c)
 PROOF := $(B)/tests/attack/proof
 OBJECTS += $(ATTACK_OBJECTS) $(B)/tests/attack/proof.o
@@ -533,7 +601,8 @@ mutants: needs
 	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
 	@python3 tests/mutants/run_mutants.py $(if $(NAME),'$(NAME)')
 
-## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
+## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against
+##   what is promised of them
 .PHONY: bench-certificate
 BENCHES += bench-certificate
 bench-certificate: $(B)/tests/unit/test_certificate
@@ -543,7 +612,8 @@ bench-certificate: $(B)/tests/unit/test_certificate
 .PHONY: bench-cut
 BENCHES += bench-cut
 build/wasm/bench_cut.wasm: tests/bench/bench_cut.c $(WASM) Makefile
-	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) format/status.c $(WEB_DIR)/wasm/print.c
+	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) \
+	    format/status.c $(WEB_DIR)/wasm/print.c
 bench-cut: needs $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
@@ -560,7 +630,8 @@ bench-web: needs-check
 .PHONY: bench
 bench: needs-check $(BENCHES)
 
-## check-tsan: all tests of the server under the thread sanitizer, of which `check` runs some; threaded: builds what they need
+## check-tsan: all tests of the server under the thread sanitizer, of which `check` runs some; threaded: builds what
+##   they need
 .PHONY: check-tsan threaded
 threaded: $(BINARY) $(patsubst %,$(B)/tests/unit/test_%,cache forest site)
 check-tsan: needs-check
@@ -574,28 +645,38 @@ figures: needs-check all
 	@mkdir -p build/figures samples/figures
 	$(BINARY) sample fin -o build/figures/fin.vtu
 	$(BINARY) build build/figures/fin.vtu -o build/figures/fin.tetlod --quiet
-	/usr/bin/python3 tests/figures/level_sequence.py $(BINARY) build/figures/fin.tetlod samples/figures/fin_levels.png --field Pressure --width 230
+	/usr/bin/python3 tests/figures/level_sequence.py $(BINARY) build/figures/fin.tetlod \
+	    samples/figures/fin_levels.png --field Pressure --width 230
 ifdef BLUNT
-	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure -o build/figures/blunt.tetlod --quiet
-	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure --local-bound -o build/figures/bounded.tetlod --quiet
-	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod build/figures/bounded.tetlod samples/figures
+	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure -o \
+	    build/figures/blunt.tetlod --quiet
+	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure \
+	    --local-bound -o build/figures/bounded.tetlod --quiet
+	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod build/figures/bounded.tetlod \
+	    samples/figures
 endif
 
 define newline
 
 
 endef
-## install: program, libraries, headers, manual, completion and systemd units into $(DESTDIR)$(PREFIX); uninstall removes them again
+## install: program, libraries, headers, manual, completion and systemd units into $(DESTDIR)$(PREFIX); uninstall
+##   removes them again
 .PHONY: install uninstall
-pc = printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: %s\nDescription: levels of detail for tetrahedral volumes%s\nVersion: %s\nLibs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' \
-    '$(PREFIX)' '$(libdir)' '$(includedir)' $(1) '$(2)' '$(VERSION)' $(1) '$(3)' > $(DESTDIR)$(libdir)/pkgconfig/$(1).pc
-install_library = $(INSTALL) -m 644 $(1).a $(DESTDIR)$(libdir)/; $(INSTALL) -m 644 $(1).so.$(VERSION) $(DESTDIR)$(libdir)/; \
-    ln -sf $(notdir $(1)).so.$(VERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so.$(SOVERSION); ln -sf $(notdir $(1)).so.$(SOVERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so
+pc = { printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\n' '$(PREFIX)' '$(libdir)' '$(includedir)'; \
+    printf 'Name: %s\nDescription: levels of detail for tetrahedral volumes%s\n' $(1) '$(2)'; \
+    printf 'Version: %s\n' '$(VERSION)'; printf 'Libs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' $(1) '$(3)'; } \
+    > $(DESTDIR)$(libdir)/pkgconfig/$(1).pc
+install_library = $(INSTALL) -m 644 $(1).a $(DESTDIR)$(libdir)/; $(INSTALL) -m 644 $(1).so.$(VERSION) \
+    $(DESTDIR)$(libdir)/; \
+    ln -sf $(notdir $(1)).so.$(VERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so.$(SOVERSION); \
+    ln -sf $(notdir $(1)).so.$(SOVERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so
 cmakedir = $(libdir)/cmake/tetlod
 cmake_file = sed 's|@version@|$(VERSION)|; s|@includedir@|'"$$(realpath -ms --relative-to=$(cmakedir) $(includedir))|" \
     src/library/cmake/$(1).cmake > $(DESTDIR)$(cmakedir)/$(1).cmake
 install: all $(MANUAL)
-	$(INSTALL) -d $(addprefix $(DESTDIR),$(bindir) $(libdir)/pkgconfig $(cmakedir) $(includedir) $(mandir)/man1 $(completionsdir)) \
+	$(INSTALL) -d \
+	    $(addprefix $(DESTDIR),$(bindir) $(libdir)/pkgconfig $(cmakedir) $(includedir) $(mandir)/man1 $(completionsdir)) \
 	    $(if $(ALONE),,$(DESTDIR)$(unitdir))
 	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
 	$(call install_library,$(LIBTETLOD:.a=))
@@ -612,12 +693,15 @@ install: all $(MANUAL)
 	$(call cmake_file,tetlod-config)
 	$(call cmake_file,tetlod-config-version)
 uninstall:
-	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(libdir)/libtetlod-build.* $(DESTDIR)$(includedir)/tetlod.h $(DESTDIR)$(includedir)/tetlod_build.h \
+	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(libdir)/libtetlod-build.* \
+	    $(DESTDIR)$(includedir)/tetlod.h $(DESTDIR)$(includedir)/tetlod_build.h \
 	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc \
-	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket \
+	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service \
+	    $(DESTDIR)$(unitdir)/tetlod.socket \
 	    $(DESTDIR)$(docdir)/notices.txt $(addprefix $(DESTDIR)$(cmakedir)/,tetlod-config.cmake tetlod-config-version.cmake)
 
-## vtk: vtkTetlodReader as a module of VTK with its wrapping for Python, in build/vtk; paraview: the plugin of ParaView, in build/paraview (make deps-vtk)
+## vtk: vtkTetlodReader as a module of VTK with its wrapping for Python, in build/vtk; paraview: the plugin of ParaView,
+##   in build/paraview (make deps-vtk)
 .PHONY: vtk paraview
 VTK_STAGE := $(CURDIR)/build/vtk-stage
 vtk paraview: all
@@ -644,7 +728,8 @@ install-python:
 	$(INSTALL) -d $(DESTDIR)$(pythondir)/tetlod $(DESTDIR)$(distinfo)
 	$(INSTALL) -m 644 $(addprefix client-examples/python/tetlod/,*.py py.typed) $(DESTDIR)$(pythondir)/tetlod/
 	$(if $(wildcard $(WIDGET)),$(INSTALL) -m 644 $(WIDGET) $(WEB_OUT)/notices.txt $(DESTDIR)$(pythondir)/tetlod/)
-	printf 'Metadata-Version: 2.1\nName: tetlod\nVersion: %s\nRequires-Dist: numpy\n' '$(VERSION)' > $(DESTDIR)$(distinfo)/METADATA
+	printf 'Metadata-Version: 2.1\nName: tetlod\nVersion: %s\nRequires-Dist: numpy\n' \
+	    '$(VERSION)' > $(DESTDIR)$(distinfo)/METADATA
 	printf '[%s]\n%s\n' pyvista.readers '.tetlod = tetlod.adapters:read_pyvista' \
 	    pyvista.writers '.tetlod = tetlod.adapters:write_pyvista' \
 	    xarray.backends 'tetlod = tetlod._xarray:TetlodBackend' > $(DESTDIR)$(distinfo)/entry_points.txt
@@ -652,7 +737,8 @@ install-python:
 ## install-doc: documents and examples into $(DESTDIR)$(docdir)
 DOCUMENTS = README.md CHANGELOG.md format/SPEC.md server/HTTP.md src/README.md src/io/FORMATS.md \
     $(wildcard samples/figures/*.png samples/*.md client-examples/*.md client-examples/*/*.md)
-EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb client-examples/python/insitu_*.py client-examples/web/example*)
+EXAMPLES = $(wildcard client-examples/c/*.c client-examples/python/*.ipynb client-examples/python/insitu_*.py \
+    client-examples/web/example*)
 install-doc:
 	$(foreach f,$(DOCUMENTS),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/$(f)$(newline)	)
 	$(foreach f,$(EXAMPLES),$(INSTALL) -D -m 644 $(f) $(DESTDIR)$(docdir)/examples/$(f:client-examples/%=%)$(newline)	)
@@ -673,10 +759,12 @@ dist: all
 	$(Q)cp -R $(WEB_OUT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/page
 	$(Q)cp -R $(CLIENT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/client
 	$(Q)cp $(WIDGET) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/
-	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c $(DIST) | gzip -9n > build/$(DIST).tar.gz
+	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c \
+	    $(DIST) | gzip -9n > build/$(DIST).tar.gz
 	@echo "build/$(DIST).tar.gz"
 
-## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc; with paraview-dev tetlod-paraview
+## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev, python3-tetlod, tetlod-doc;
+##   with paraview-dev tetlod-paraview
 DEB_PROFILES = $(if $(wildcard /usr/lib/*/cmake/paraview-*),pkg.tetlod.paraview )$(if $(HAS_MPI),pkg.tetlod.mpi)
 .PHONY: deb
 deb: all $(MANUAL)

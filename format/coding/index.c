@@ -271,7 +271,7 @@ static const char *contradiction(const struct tetlodi_index *index)
     const struct tetlod_level *finest = &info->levels[info->level_count - 1];
     for (int i = 0; i < 3; i++)
         if (!(isfinite(info->bounds[0][i]) && isfinite(info->bounds[1][i]) && info->bounds[0][i] <= info->bounds[1][i]))
-            return "bounds that are none";
+            return "invalid bounds";
     const char *wrong = wrong_fields(index);
     wrong = wrong ? wrong : wrong_levels(index);
     wrong = wrong ? wrong : wrong_tail(index);

@@ -53,7 +53,7 @@ void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t 
                                  const double *child,
                                  const double *points[4]);
 
-/* Two tetrahedra of a star at a time: each lane does what SPEC says of one. */
+/* Two tetrahedra of a star at a time: each lane does what SPEC specifies for one. */
 typedef double pair2 __attribute__((vector_size(16)));
 typedef int64_t mask2 __attribute__((vector_size(16)));
 

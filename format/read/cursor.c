@@ -555,7 +555,7 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 
 /* ---- moving */
 
-/* The level at hand, from the number of records applied. */
+/* The current level, from the number of records applied. */
 static void settle(struct tetlod_cursor *cursor)
 {
     uint32_t records = cursor->replay.records, finest = cursor->decoded - (is_tail(cursor, cursor->decoded) &&

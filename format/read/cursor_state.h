@@ -40,7 +40,7 @@ struct tetlod_cursor {
     uint32_t *vertices, *tets;
     uint32_t loading, loading_page; /* the level whose frames are being read, and its page; TETLOD_NONE: all of it */
     int unread; /* the frames that were asked for last could not be read */
-    uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
+    uint32_t level, decoded; /* the current level, or the one below; the finest in the log */
     uint32_t decoding_level; /* that was begun and is not whole; 0: none */
     struct tetlodi_helpers *helpers; /* while tetlod_cursor_seek decodes; NULL: none */
     struct tetlodi_field_log *decoding; /* what fields are being decoded from; NULL: nothing, and both logs are empty */

@@ -9,7 +9,7 @@
 #include "format/read/parts.h"
 #include "format/read/series_cells.h"
 
-/* A field's part of the band at hand. */
+/* A field's part of the current band. */
 struct track {
     struct tetlodi_steps steps;
     uint8_t *bytes; /* of the group */
@@ -24,7 +24,7 @@ struct tetlod_series {
     uint32_t *fields;
     double (*ranges)[2];
     const struct tetlodi_section **sections; /* [field][band] */
-    struct tetlodi_memory memory;            /* of the band at hand */
+    struct tetlodi_memory memory;            /* of the current band */
     uint32_t band, group, next;              /* TETLOD_NONE: none; next: the step that its tracks would decode */
     struct tetlodi_lower lower;
     struct track *tracks; /* [field] */

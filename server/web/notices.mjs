@@ -9,7 +9,7 @@ const colours = 'node_modules/d3-scale-chromatic'; // whose colours page/colors.
 
 const packageOf = (path) => /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(path);
 
-// A package has it in a file of its own, or at the end of what it says of itself.
+// A package has it in a file of its own, or at the end of its description.
 function licenceOf(path) {
   const names = readdirSync(path);
   const file = names.find((name) => /^licen[cs]e(\.(md|txt))?$/i.test(name));

@@ -298,7 +298,7 @@ static struct ask_interval volume_below(const struct asking *asking, const doubl
     return out;
 }
 
-/* What the distribution says of volumes and quantiles of the whole domain; false: it has none. */
+/* Answers about volumes and quantiles of the whole domain, from the distribution; false: there is none. */
 static bool find_in_distribution(const struct asking *asking, struct ask_interval *out)
 {
     static const double ROUNDING = 4e-12; // of the volume

@@ -58,7 +58,7 @@ struct against {
     struct measured *rounding;      /* [field_count] what an exact tail's values are off by at the level before it */
     double diagonal;
     struct tetmesh finest, renumbered;
-    struct tetmesh level;      /* at hand */
+    struct tetmesh level;      /* the current one */
     uint32_t *parents;         /* [slot] */
     uint32_t *bodies;          /* [slot] */
     uint8_t *touched;          /* [slot] by the last step */
@@ -309,7 +309,7 @@ done:
     return status;
 }
 
-/* The level becomes the one at hand, and is measured. The domain error comes out as a length. */
+/* The level becomes the current one, and is measured. The domain error comes out as a length. */
 static enum tetlod_status measure_this(struct against *a, uint32_t k, double *out_domain)
 {
     const struct tetlod_info *info = tetlod_info(a->file);

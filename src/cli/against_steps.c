@@ -210,7 +210,7 @@ enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_g
 
 enum { BATCH_BYTES = 1 << 28, BATCH_STEPS = 32 }; /* of exact values held at once, at most */
 
-/* The steps at hand: fields `field` to field + field_count of the series. */
+/* The current steps: fields `field` to field + field_count of the series. */
 struct steps_batch {
     uint32_t first, count, field, field_count;
     unsigned threads;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What tetlod build says of what it has built. */
+/* The notes that tetlod build prints about the stream that it has built. */
 #ifndef TETLOD_BUILD_NOTES_H
 #define TETLOD_BUILD_NOTES_H
 

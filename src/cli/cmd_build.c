@@ -292,7 +292,7 @@ static enum tetlod_status load_series(struct build_request *request, struct inpu
     return TETLOD_OK;
 }
 
-/* The mesh, or what there is of the series from the step on that is at hand, with what is controlled. */
+/* The mesh, or what there is of the series from the current step on, with what is controlled. */
 static enum tetlod_status prepare(struct build_request *request, struct input *in, struct tetlod_error *error)
 {
     struct tetlod_error inner = {0};

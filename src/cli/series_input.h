@@ -13,7 +13,7 @@ struct series_input {
     const char *const *paths; /* as the command line has them */
     uint32_t path_count;
     uint64_t begin, end, stride; /* of --times: steps from begin to end, every stride-th */
-    /* how many that are; the one that is the first of those at hand, which all have its tetrahedra */
+    /* their count; the first of the current ones, which all have the same tetrahedra */
     uint32_t wanted, from;
     bool numbered;         /* numbers stand for times */
     double bands[MAX_SERIES_BANDS];
@@ -36,7 +36,7 @@ bool series_input_parse_times(struct series_input *input, const struct command *
 bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text);
 bool series_input_parse_range(struct series_input *input, const struct command *command, const char *text);
 
-/* The number, among all, of step `step` of those at hand. */
+/* The number, among all, of step `step` of the current ones. */
 uint64_t series_input_number(const struct series_input *input, uint64_t step);
 
 /* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */

@@ -17,7 +17,7 @@ struct scan {
     struct series_input *input;
     const char *const *names;
     uint32_t name_count;
-    struct tetmesh first; /* of the group at hand */
+    struct tetmesh first; /* of the current group */
     uint32_t *components; /* [name] */
     struct tetlod_error *error;
 };

@@ -37,7 +37,7 @@ struct coarsening {
     uint8_t *states;       /* [tet] enum coarsening_state */
     uint8_t *slots;        /* [slot] SLOT_... */
     uint32_t *into;        /* [slot] that a slot which merged in this step merged into */
-    uint32_t *touched;     /* [touched_count] slots that the last step merged or moved, or that at hand */
+    uint32_t *touched;     /* [touched_count] slots that the last or the current step merged or moved */
     uint32_t touched_count;
     bool in_step;
     _Atomic uint32_t *tet_of; /* [slot] one of its tetrahedra */
@@ -61,10 +61,10 @@ void coarsening_fini(struct coarsening *coarsening);
 /* Bytes that one takes, about. */
 uint64_t coarsening_bytes(const struct tetmesh *mesh);
 
-/* In the step at hand `slot` merges into another, which may merge as well. */
+/* In the current step `slot` merges into another, which may merge as well. */
 void coarsening_merge(struct coarsening *coarsening, uint32_t slot, uint32_t into);
 
-/* In the step at hand the vertex in `slot` gets the position and the values: row `row` of `positions` and of each
+/* In the current step the vertex in `slot` gets the position and the values: row `row` of `positions` and of each
  * field's values (values[field]). */
 void coarsening_move(struct coarsening *coarsening, uint32_t slot, const double *positions, const double *const *values,
                      size_t row);

@@ -24,7 +24,7 @@ struct measure {
     struct locator locator; /* of the original */
 };
 
-/* One comparison at hand. */
+/* The current comparison. */
 struct comparison {
     const struct measure *measure;
     const struct tetmesh *level;
@@ -35,7 +35,7 @@ struct comparison {
     struct tally *tallies;        /* [field][chunk] */
     double *errors;               /* [thread][field * (TALLY_CHUNK + 1)] of a chunk's samples, and of one */
     double enough;                /* of the domain error: smaller distances do not matter */
-    const uint32_t *points;       /* of the domain error's half at hand */
+    const uint32_t *points;       /* of the current half of the domain error */
     const struct tetmesh *from;
     const struct mesh_surface *to;
     double *distances;

@@ -91,7 +91,7 @@ struct measure_levels {
     double *scales;         /* [field] of the tallies */
     uint8_t *dirty;         /* [chunk] a stray in it has another error */
     struct worker *workers; /* [threads] */
-    struct stray *strays;   /* outside at the level at hand, or to be looked for */
+    struct stray *strays;   /* outside at the current level, or to be looked for */
     size_t stray_count, stray_capacity;
     struct mesh_surface boundary; /* of the original */
     struct mesh_surface surface;  /* of the level; empty until it is asked for */

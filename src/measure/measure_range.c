@@ -46,7 +46,7 @@ struct worker {
     struct walker walker;
     uint32_t *near;
     size_t room;
-    double *errors; /* [2 * field] of the sample at hand: the least and the greatest */
+    double *errors; /* [2 * field] of the current sample: the least and the greatest */
     double *measured; /* [field] of the sample; in the room of `errors` */
     bool failed;
 };
@@ -70,7 +70,7 @@ struct ranges {
     struct worker *workers;
 };
 
-/* The sample at hand. */
+/* The current sample. */
 struct sample {
     struct place place;
     double p[3];

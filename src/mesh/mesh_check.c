@@ -41,7 +41,7 @@ struct check {
     size_t *offsets;          /* stars */
     uint32_t *star_tets;
     uint32_t *part, *surface; /* union-find over vertices: of the mesh, of the boundary (NONE: not on it) */
-    struct link_edge *edges;  /* of the link at hand */
+    struct link_edge *edges;  /* of the current link */
     struct link_edge *spare;  /* as many, for sorting */
     uint32_t *triangle_part;  /* union-find over its triangles */
     uint32_t (*triangles)[3]; /* ascending */

@@ -59,7 +59,7 @@ struct build {
     double *errors;                     /* [mark][field][measure], fine to coarse */
     struct overlay_levels *overlay;     /* if it is asked for */
     struct field_cost cost;
-    double *exact;                      /* [field] what it says of the mark at hand */
+    double *exact;                      /* [field] its answer at the current mark */
     struct tetlod_error *error;
 };
 
@@ -257,7 +257,7 @@ static double unproved_reach(const struct build *build, uint32_t mark, double di
     return moved > BOUNDARY_KEPT * diagonal ? (moved + build->rounded_by) * (1 + 1e-9) : 0;
 }
 
-/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones
+/* The exact maximum of the current level, of the fields that are asked about, as far as it is above what finer ones
  * have come to and what the level is certified for in any case (less a hair, which taking fractions of the range may
  * add). */
 static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark,

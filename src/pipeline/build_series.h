@@ -24,7 +24,7 @@ TETLOD_CHECKED enum tetlod_status series_new(struct series_build **out, const st
 void series_free(struct series_build *series);
 
 /* simplify() with the steps' fields as well. `weights` [control] are limits of the controls' own (fields_init). The log
- * is that of `mesh`: it says of its marks what the first step's errors are. ERR_LIMIT if fewer steps fit than have to
+ * is that of `mesh`: its marks have the errors of the first step. ERR_LIMIT if fewer steps fit than have to
  * drive. */
 TETLOD_CHECKED enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log,
                                                   const struct tetmesh *mesh, const double *weights,

@@ -132,9 +132,9 @@ struct row {
     const struct retrace_mark *mark;
     uint32_t control, band;
     uint32_t first;       /* component of the control, among those of all */
-    double tolerance;     /* of a value of the step at hand; 0: exact */
+    double tolerance;     /* of a value of the current step; 0: exact */
     struct tetlodi_steps steps;
-    double *values;       /* the original's, of the step at hand */
+    double *values;       /* the original's, of the current step */
     double (*ranges)[2];  /* [component] of these */
     double (*bounds)[2];  /* [component * vertices + vertex of the level] L and U there */
     int64_t *allowed;

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """usage: features.py FIRST COUNT
 
-Random fields on random meshes: what `tetlod features` says of a few levels of a stream, held against the original's
+Random fields on random meshes: the answers of `tetlod features` for a few levels of a stream, held against the original's
 own merge tree (tests/cli/feature_judge.py). Also says how often a stream is caught whose index claims half of the
 errors."""
 import json

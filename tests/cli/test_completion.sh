@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # bash completes commands, options and values.
 number=0
-check() { number=$((number + 1)); if eval "$2"; then echo "ok $number - $1"; else echo "not ok $number - $1"; printf '# %s\n' "${COMPREPLY[@]}"; fi; }
+check() { number=$((number + 1)); if eval "$2"; then echo "ok $number - $1"; else echo "not ok $number - $1";
+    printf '# %s\n' "${COMPREPLY[@]}"; fi; }
 source "$ROOT/src/cli/tetlod.bash"
 try() { COMP_WORDS=("$TETLOD" "$@"); COMP_CWORD=$#; _tetlod; }
 has() { printf '%s\n' "${COMPREPLY[@]}" | grep -qx -- "$1"; }

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Units that a file says of its fields are in the stream's metadata: VTK's by VTK, CGNS's by libcgns, OpenFOAM's and
+"""Units that a file gives for its fields are in the stream's metadata: VTK's by VTK, CGNS's by libcgns, OpenFOAM's and
 XDMF's by hand."""
 import ctypes
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What verify says of good streams and of the wrong input, and that every field has a maximum where it is asked for.
+"""Answers of verify for good streams and for the wrong input, and that every field has a maximum where it is asked for.
 That verify refuses figures that are wrong is tested by the attack (tests/attack), which seals such streams."""
 import json
 import struct

@@ -135,7 +135,7 @@ def test_the_kernel_holds_little():
 
 
 def sparse_stream(path):
-    """The stream with fields' frames that are nowhere, in the last levels, so many that the stream has five gigabytes.
+    """The stream whose last levels have large frames of fields that are holes of the file: five gigabytes in all.
     They are checked one by one when they are read. A mark lies on each side of 4 GiB."""
     hole, mark = 1 << 27, b'0123456789'
     zeros = hashlib.sha256(bytes(hole)).digest()[:16]

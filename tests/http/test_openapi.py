@@ -127,7 +127,7 @@ def test_formats():
 
 
 def test_pages():
-    """What is not there is a page for who accepts HTML, and a problem for others."""
+    """What is not there is a page for clients that accept HTML, and a problem for others."""
     for path in document['paths']:
         if path.startswith('/v1/meshes/'):
             assert check(path, concrete(path, '0' * 32, id='nothing'), Accept='text/html') == 404

@@ -12,7 +12,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 0, 'long lines': 334, 'phrases': 55}
+ALLOWED = {'in circles': 0, 'long lines': 68, 'phrases': 0}
 
 
 def circles(sources):
@@ -38,8 +38,10 @@ def circles(sources):
 
 
 def long_lines(sources):
+    """Rows of tables in documents cannot be wrapped."""
     return ['%s:%d has %d columns' % (path, number, len(line)) for path, text in sorted(sources.items())
-            for number, line in enumerate(text.split('\n'), 1) if len(line) > COLUMNS]
+            for number, line in enumerate(text.split('\n'), 1)
+            if len(line) > COLUMNS and not (path.endswith('.md') and line.startswith('|'))]
 
 
 def phrases(sources):
@@ -65,7 +67,7 @@ def tracked():
 
 def held(what, found):
     """Where there are more than before, all are shown, the last ones last: new files and lines are among them."""
-    report('%d %s, of %d' % (len(found), what, ALLOWED[what]), found[-60:] if len(found) > ALLOWED[what] else [])
+    report('%d %s, of %d' % (len(found), what, ALLOWED[what]), found[-90:] if len(found) > ALLOWED[what] else [])
 
 
 def check_the_lint():
@@ -74,7 +76,7 @@ def check_the_lint():
                'c.c': '#include "c.h"\n#include "a.h"\n', 'c.h': '', 'd.c': '#include "a.h"\n'}
     report('a planted circle is found',
            [] if [one.split()[0] for one in circles(planted)] == ['a', 'b', 'c'] else circles(planted))
-    found = long_lines({'x.py': 'y' * 120 + '\n' + 'y' * 121})
+    found = long_lines({'x.py': 'y' * 120 + '\n' + 'y' * 121, 'x.md': '|' + 'y' * 121})
     report('a planted long line is found', [] if found == ['x.py:2 has 121 columns'] else found)
     found = phrases({'x.c': '/* the mark at hand */\n// a list that are none\n// beforehand and at handles'})
     report('a planted phrase is found', [] if len(found) == 2 and found[0].startswith('x.c:1') else found)

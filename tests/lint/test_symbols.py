@@ -17,7 +17,7 @@ HDF5 = subprocess.run(['pkg-config', '--cflags', 'hdf5'], stdout=subprocess.PIPE
 
 
 def complaint(compiler, language, standard, header):
-    """What a compiler says of a file that includes nothing but the header, twice."""
+    """Complaints of a compiler about a file that includes nothing but the header, twice."""
     name = os.path.relpath(header, ROOT)
     done = subprocess.run([compiler, '-x', language, '-std=' + standard, '-fsyntax-only', '-Wall', '-Wextra',
                            '-I' + ROOT,

@@ -95,7 +95,7 @@ static int has_values(const struct tetlodi_write_field *field, const double *val
                   field->components * sizeof *values) == 0;
 }
 
-/* The level at hand against the forest: vertices, numbers, tetrahedra with their orientation. */
+/* The current level against the forest: vertices, numbers, tetrahedra with their orientation. */
 static void check_level(const struct stream *s, uint32_t level, const uint32_t *parent)
 {
     const struct tetlodi_write_input *in = &s->recode.input;

@@ -166,7 +166,7 @@ static struct finding examine(struct exact_world *exact, double limit)
     return finding;
 }
 
-/* What the envelope says of the picked contraction: U and L stay in the worker's numbers. */
+/* The bounds of the envelope for the picked contraction: U and L stay in the worker's numbers. */
 static double envelope_of(struct exact_world *exact)
 {
     const struct run *run = &exact->world.run;

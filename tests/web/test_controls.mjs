@@ -351,12 +351,11 @@ async function the_volume_fits_the_window() {
 async function a_second_view_turns_along() {
   await open('');
   await page.locator('#second').check();
-  await page.locator('iframe').waitFor();
-  const inFrame = (act, argument) => page.frame('tetlod-second').waitForFunction(act, argument);
-  await inFrame(() => window.tetlod?.settled && window.tetlod.state.error === 0.05);
+  const beside = await (await page.locator('iframe').elementHandle()).contentFrame(); // it has its name a moment later
+  await beside.waitForFunction(() => window.tetlod?.settled && window.tetlod.state.error === 0.05);
   const together = () => until(() => {
-    const beside = document.querySelector('iframe').contentWindow.tetlod;
-    return beside && beside.scene.camera().join() === window.tetlod.scene.camera().join();
+    const other = document.querySelector('iframe').contentWindow.tetlod;
+    return other && other.scene.camera().join() === window.tetlod.scene.camera().join();
   });
   await together();
   const before = await page.evaluate(() => window.tetlod.scene.camera().join());
@@ -364,13 +363,13 @@ async function a_second_view_turns_along() {
   await page.keyboard.press('ArrowLeft');
   await until((was) => window.tetlod.scene.camera().join() !== was, before);
   await together();
-  await page.frame('tetlod-second').evaluate(() => window.tetlod.scene.look('+x'));
+  await beside.evaluate(() => window.tetlod.scene.look('+x'));
   await until(() => Math.abs(window.tetlod.scene.axes().towards[0]) > 0.999);
   await together();
-  await page.frame('tetlod-second').evaluate(() => window.tetlod.set({ field: 'Density' }));
+  await beside.evaluate(() => window.tetlod.set({ field: 'Density' }));
   await until(() => /second=[^&]*field%3DDensity/.test(location.hash));
   assert.equal((await state()).field, 'Pressure');
-  assert.equal(await page.frame('tetlod-second').locator('#second-row').isHidden(), true);
+  assert.equal(await beside.locator('#second-row').isHidden(), true);
   await page.locator('#second').uncheck();
   assert.equal(await page.locator('iframe').count(), 0);
   assert.ok((await state()).second === null);

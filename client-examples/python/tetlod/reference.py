@@ -247,7 +247,7 @@ class Stream:
         self.bounds = [list(bounds[:3]), list(bounds[3:])]
         require(
             all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)),
-            'the index has bounds that are none')
+            'the index has invalid bounds')
         self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
         self.scales = [Scale(data, 3)]
         self.fields = []

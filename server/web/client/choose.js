@@ -52,7 +52,7 @@ function levelWithin(info, key, most) {
 
 /**
  * How far a value of a level may be from the original's: of a component, or of the length of all, from the errors of
- * each. `certified`: proved; else it is the largest that was measured. `local`: what the local bound says of it at a
+ * each. `certified`: proved; else it is the largest that was measured. `local`: the local bound at a
  * place, if it is known.
  */
 export function boundOf(info, level, name, component, local) {

@@ -388,7 +388,7 @@ export class TetlodStream extends EventTarget {
     return this.#topologies.length ? { ...series, times: this.#topologies.flatMap(({ times }) => times) } : series;
   }
 
-  // What a worker says of its group's steps, in numbers that count through all groups; `steps`: from and to of those
+  // A worker's message about its group's steps, in numbers that count through all groups; `steps`: from and to of those
   // that are there.
   #ofAll(detail, { topology = 0, series: { group, times } }) {
     const before = this.#stepsBefore(topology);

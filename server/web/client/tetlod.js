@@ -4,7 +4,7 @@
 export const NONE = 0xffffffff;
 const MORE = 1; // TETLOD_MORE
 
-/** What the library says of bytes, of an argument, or of memory. `status` is an enum tetlod_status. */
+/** An error of the library: invalid bytes, an invalid argument, or too little memory. `status` is an enum tetlod_status. */
 export class TetlodError extends Error {
   constructor(status, message) {
     super(message || `the stream cannot be decoded (status ${status})`);

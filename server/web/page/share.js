@@ -44,7 +44,7 @@ function drawOver(context, shot, { redraw, layers }) {
   redraw();
 }
 
-/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws the bar
+/** `size`: [width, height], if not as on the screen; `texts`: the texts that the file contains; `redraw()` draws the bar
  * and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
 export async function savePicture(scene, name, { size, texts, redraw, layers }) {
   const canvas = await pictureOf(scene, { size, redraw, layers });

@@ -72,7 +72,7 @@ double view_step_error(const struct view *view, uint32_t field, uint32_t band, u
     return tetlod_step_error(view->series, field, band, step);
 }
 
-/* Where the points are at the step, if they move. The cursor's mesh is at hand. */
+/* Where the points are at the step, if they move. The cursor has its mesh. */
 static enum tetlod_status take_points(struct view *view)
 {
     size_t count = 3 * (size_t)view->mesh.vertices;

@@ -40,7 +40,7 @@ struct examiner {
     double *bases;
     double *level, *original;   /* [component][link], [component][vertex] values */
     double *points;             /* [point][1 + component] weights and constants of all corners of the overlay */
-    double *constants;          /* [component] of the one at hand */
+    double *constants;          /* [component] of the current one */
     double *chosen, *errors;    /* [component] as the field has the values; and */
     struct sentinel *places;    /* [point] */
     uint32_t *cones;            /* [point] that it is in; TETLOD_NONE: at v' */

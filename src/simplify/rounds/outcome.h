@@ -29,10 +29,10 @@ bool outcome_weigh(const struct run *run, struct worker *worker, const struct jo
 /* U and L of the result in the worker's numbers, and the mean of what the star says. */
 void outcome_bounds(const struct run *run, struct worker *worker, const struct join *join);
 
-/* What the star says of all values that the slots have (of controlled components only). */
+/* The star's bounds for all values that the slots have (of controlled components only). */
 void outcome_say(const struct run *run, const struct worker *worker, const struct join *join, bool controlled_only);
 
-/* What it says of the value with this number, at [number % WIDE]. */
+/* Its bounds for the value with this number, at [number % WIDE]. */
 static inline const struct star_values *outcome_star_values(const struct worker *worker, uint32_t number)
 {
     return &worker->star_values[number / WIDE];
