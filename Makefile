@@ -30,7 +30,7 @@ NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setupto
 # Debian packages of all that
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev \
     liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev libcurl4-openssl-dev \
-    libjansson-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
+    libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 # For `make mpi`
 DEPS_MPI := mpi-default-dev mpi-default-bin
@@ -46,9 +46,9 @@ DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
-# SERVER=0 builds the program without `serve` and `explode`: the page is not asked for
+# SERVER=0 builds the program without `serve` and `explode`: neither libmicrohttpd nor the page is asked for
 SERVER ?= 1
-PACKAGES := libzstd expat zlib liblz4 liblzma jansson
+PACKAGES := libzstd expat zlib liblz4 liblzma jansson $(if $(filter 0,$(SERVER)),,libmicrohttpd)
 REQUIRED := $(PACKAGES)
 # Libraries of single formats, and libcurl for URLs: used where they are installed; HDF5=0 and so on leave one out
 # (What is missing is said once, by look_for_needs: here nothing complains)

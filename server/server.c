@@ -115,7 +115,7 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
         setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     }
     metrics_count(server->site.metrics, METRIC_CONNECTIONS);
-    http_serve(http, fd);
+    http_serve(http, fd, &address.any, size);
     return true;
 }
 
@@ -382,7 +382,9 @@ static enum tetlod_status start_http(struct server *server, struct tetlod_error 
         .gate = server->gate,
         .proxies = server->proxies,
         .threads = server->options.threads,
+        .connections = server->options.connections,
         .header_bytes = server->options.header_bytes,
+        .idle_seconds = (unsigned)(server->options.idle_seconds + 0.999),
     };
     TETLOD_TRY(http_start(&server->http, &http, error));
     if (!server->options.metrics)

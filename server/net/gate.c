@@ -26,7 +26,7 @@ struct peer {
     enum reach reach;
     char address[INET6_ADDRSTRLEN];
     char network[INET6_ADDRSTRLEN]; // what is counted
-    atomic_llong deadline, stalled; // milliseconds; stalled: of the next byte of an answer to be taken
+    atomic_llong deadline; // milliseconds
     atomic_bool asking;    // between answers
     struct waiting *waiting;    // under the lock
     struct peer *older, *newer; // all connections
@@ -118,7 +118,6 @@ bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, enum 
     peer->reach = reach;
     atomic_init(&peer->asking, true);
     atomic_init(&peer->deadline, after(now, gate->options.request_seconds));
-    atomic_init(&peer->stalled, NEVER);
     peer->gate = gate;
     pthread_mutex_lock(&gate->lock);
     bool admitted = admits(gate, peer);
@@ -165,7 +164,6 @@ void gate_leave(struct gate *gate, struct peer *peer)
 void peer_busy(struct peer *peer)
 {
     atomic_store_explicit(&peer->deadline, NEVER, memory_order_relaxed);
-    atomic_store_explicit(&peer->stalled, NEVER, memory_order_relaxed);
     atomic_store_explicit(&peer->asking, false, memory_order_relaxed);
 }
 
@@ -173,29 +171,12 @@ void peer_sending(struct peer *peer, uint64_t bytes, double now)
 {
     double seconds = peer->gate->options.answer_seconds + (double)bytes / SLOWEST;
     atomic_store_explicit(&peer->deadline, after(now, seconds), memory_order_relaxed);
-    peer_moved(peer, now);
-}
-
-void peer_moved(struct peer *peer, double now)
-{
-    atomic_store_explicit(&peer->stalled, after(now, peer->gate->options.answer_seconds), memory_order_relaxed);
-}
-
-static void give_time(struct peer *peer, double now, double seconds)
-{
-    atomic_store_explicit(&peer->deadline, after(now, seconds), memory_order_relaxed);
-    atomic_store_explicit(&peer->stalled, NEVER, memory_order_relaxed);
-    atomic_store_explicit(&peer->asking, true, memory_order_relaxed);
 }
 
 void peer_idle(struct peer *peer, double now)
 {
-    give_time(peer, now, peer->gate->options.request_seconds);
-}
-
-void peer_parting(struct peer *peer, double now)
-{
-    give_time(peer, now, 1);
+    atomic_store_explicit(&peer->deadline, after(now, peer->gate->options.request_seconds), memory_order_relaxed);
+    atomic_store_explicit(&peer->asking, true, memory_order_relaxed);
 }
 
 void peer_wait(struct peer *peer, struct waiting *waiting)
@@ -256,8 +237,6 @@ size_t gate_reap(struct gate *gate, double now, bool idle)
     pthread_mutex_lock(&gate->lock); // so that no descriptor is closed and used again meanwhile
     for (struct peer *peer = gate->newest; peer; peer = peer->older) {
         bool late = now * 1e3 > (double)atomic_load_explicit(&peer->deadline, memory_order_relaxed);
-        if (!peer->waiting) // else it is we whom the answer waits for
-            late |= now * 1e3 > (double)atomic_load_explicit(&peer->stalled, memory_order_relaxed);
         if (peer->shut || !(late || (idle && atomic_load_explicit(&peer->asking, memory_order_relaxed))))
             continue;
         shutdown(peer->fd, SHUT_RDWR);

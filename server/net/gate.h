@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Who may connect and how long they may take to ask. Connections are counted here, and one that has not completed a
- * request or taken an answer in time is shut down.
+ * Who may connect and how long they may take to ask. libmicrohttpd divides its limit among its threads and knows only
+ * idle time, which a client resets with a byte now and then; so connections are counted here, and one that has not
+ * completed a request or taken an answer in time is shut down.
  */
 #ifndef TETLOD_SERVER_GATE_H
 #define TETLOD_SERVER_GATE_H
@@ -43,9 +44,7 @@ void gate_leave(struct gate *gate, struct peer *peer);
  * a deadline, for what they hold (room in the cache, a decoded stream) others wait for. */
 void peer_busy(struct peer *peer);
 void peer_sending(struct peer *peer, uint64_t bytes, double now);
-void peer_moved(struct peer *peer, double now); /* some of the answer was taken: the next must follow in time */
 void peer_idle(struct peer *peer, double now);
-void peer_parting(struct peer *peer, double now); /* nothing more is said to it; it may hear the rest for a second */
 
 /* What waits on a connection: `leave` is called when its client has gone, and returns the waiter to be woken for it, or
  * NULL if it is being woken anyway. */

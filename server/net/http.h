@@ -1,24 +1,35 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/*
- * HTTP/1.1 on sockets that do not block: bytes on one side, requests and responses on the other. Each thread has some
- * of the connections and waits for all of them at once; it never blocks on one. A request that waits for something
- * leaves its thread, and is taken up again when its waiter is woken.
- *
- * What a client hears is never nothing: a request that is refused gets a problem, whatever is wrong with it, and its
- * connection ends when the client has had time to read that.
- */
+/* libmicrohttpd on one side, requests and responses on the other. Connections are given to it, spread over its
+ * threads. */
 #ifndef TETLOD_SERVER_HTTP_H
 #define TETLOD_SERVER_HTTP_H
 
-#include "server/net/connection.h"
+#include <sys/socket.h>
+
+#include "server/http/message.h"
+#include "server/net/gate.h"
 
 struct http;
+
+struct http_options {
+    /* Answers a request; the response is released here. WAITING: it is asked again when the request's waiter was
+     * woken. */
+    enum outcome (*answer)(void *opaque, struct request *request, struct response *response);
+    void (*finished)(void *opaque, const struct finished *finished); /* once for each answer */
+    void *opaque;
+    struct gate *gate; /* borrowed */
+    const struct proxies *proxies; /* borrowed */
+    unsigned threads;
+    size_t connections;
+    size_t header_bytes;    /* of a request: its first line and headers */
+    unsigned idle_seconds;  /* without a byte in either direction */
+};
 
 TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct http_options *options,
                                              struct tetlod_error *error);
 
-/* Takes over an accepted connection that the gate has let in, and that does not block. */
-void http_serve(struct http *http, int fd);
+/* Takes over an accepted connection. */
+void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size);
 
 /* Ends all connections; the workers that answer must have come to their end before, so that no request is waiting for
  * it. */

@@ -46,7 +46,7 @@ def test_deb():
     for path in packages.values():
         assert call('dpkg-deb', '-x', path, root).returncode == 0
     control = call('dpkg-deb', '-f', packages['tetlod'], 'Depends').stdout
-    assert 'libjansson' in control and 'libzstd' in control, control
+    assert 'libmicrohttpd' in control and 'libzstd' in control, control
     there = {os.path.relpath(os.path.join(folder, name), root) for folder, _, names in os.walk(root) for name in names}
     wanted = [
         r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?', r'lib/systemd/system/tetlod\.(service|socket)',
@@ -109,6 +109,7 @@ def test_without_server():
     done = make('SERVER=0', 'WEB=0', 'all')
     binary = os.path.join(ROOT, 'build', 'release', 'tetlod-alone')
     assert done.returncode == 0, done.stdout
+    assert 'microhttpd' not in call('ldd', binary).stdout
     said = call(binary, 'help').stdout
     assert '  build ' in said and '  serve ' not in said and '  explode ' not in said, said
     assert call(binary, 'serve').returncode == 2
@@ -130,7 +131,10 @@ def test_needs():
     done = make('needs', 'WEB=0', PATH=only(*tools, 'pkg-config'))
     assert done.returncode == 0, done.stdout
     done = make('needs', 'WEB=0', PATH=only(*tools))
-    assert done.returncode != 0 and 'pkg-config' in done.stdout and 'npm' not in done.stdout, done.stdout
+    assert (done.returncode != 0 and 'pkg-config' in done.stdout and 'libmicrohttpd' in done.stdout
+            and 'npm' not in done.stdout), done.stdout
+    done = make('needs', 'WEB=0', 'SERVER=0', PATH=only(*tools))
+    assert done.returncode != 0 and 'libmicrohttpd' not in done.stdout, done.stdout
     done = make('needs', PATH=only(*tools, 'pkg-config'))
     assert done.returncode != 0 and ' npm' in done.stdout, done.stdout
 

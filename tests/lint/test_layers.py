@@ -77,8 +77,7 @@ LAYERS = {
 LIBC = set(
     '''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/time sys/vfs sys/types'''.split())
-SOCKETS = set('''arpa/inet netdb netinet/in netinet/tcp poll
-    sys/epoll sys/eventfd sys/random sys/socket sys/uio sys/un'''.split())
+SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
     'hdf5.h': ['src/io/'],
@@ -92,6 +91,7 @@ PACKAGES = {
     'lz4.h': ['src/io/'],
     'zstd.h': ['server/http/'],
     'jansson.h': ['src/stream/', 'src/report/', 'src/cli/', 'server/'],
+    'microhttpd.h': ['server/net/'],
     'curl/curl.h': ['src/cli/web_source.c'],
     'mpi.h': ['src/mpi/'],
 }

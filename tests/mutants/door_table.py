@@ -162,26 +162,8 @@ ACCESS('SIGHUP changes nothing', 'test_reload', 'server/server.c',
     'return rules_set(server->site.access, options, error);\n}\n\n/* ---- stop',
     '(void)options, (void)error, (void)server; return TETLOD_OK;\n}\n\n/* ---- stop',
     'token, CORS, hosts are taken again')
-ACCESS('any proxy is believed', 'test_forwarded_addresses', 'server/net/connection.c',
-    'if (!peer_is_proxy(connection->peer))', 'if (!connection->peer)',
-    'forwarded addresses behind a trusted proxy alone')
-
-PROTOCOL('http: two lengths', 'test_refusals', 'server/net/request_head.c', 'framing.lengths > 1',
-    'framing.lengths > 9', 'what a proxy may read otherwise is refused')
-PROTOCOL('http: a transfer coding', 'test_smuggling', 'server/net/request_head.c', 'framing.codings ||', '',
-    'no request has a body')
-PROTOCOL('http: a line that ends with LF alone', 'test_refusals', 'server/net/request_head.c',
-    "newline == line || newline[-1] != '\\r'", 'newline == line', 'a line ends with CR and LF')
-PROTOCOL('http: a NUL ends a value', 'test_nul_in_headers', 'server/net/request_head.c',
-    'strlen(line) == *out_size && ', '', 'a value has no NUL')
-PROTOCOL('http: refusals are lost', 'test_long_requests', 'server/net/connection.c',
-    'return connection->refused ? STEP_BLOCKED : STEP_ENDED;', 'return STEP_ENDED;',
-    'what follows a refused request is read until its client has heard of it')
-PROTOCOL('http: a head is looked for in new bytes alone', 'test_byte_by_byte', 'server/net/request_head.c',
-    'seen > 3 ? seen - 3 : 0', 'seen', 'it does not matter how a request is divided')
-mutant('http: a reader that takes nothing', 'server/net/gate.c',
-    'late |= now * 1e3 > (double)atomic_load_explicit(&peer->stalled, memory_order_relaxed);', '(void)late;',
-    'shut out long before all bytes have had their time', 'http/test_large.py test_five')
+ACCESS('any proxy is believed', 'test_forwarded_addresses', 'server/net/http.c', 'if (!peer_is_proxy(call->peer))',
+    'if (!call->peer)', 'forwarded addresses behind a trusted proxy alone')
 
 # ---- numbers that are not true
 
