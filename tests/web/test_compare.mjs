@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Two streams in one page: their difference against the originals', a curtain, and side by side with one camera.
+// Two streams in one page: their difference against the originals', also of functions and at steps of a series, a
+// curtain, and side by side with one camera; what is saved of them.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { join } from 'node:path';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
-import { blockStream, program } from './hosts.mjs';
+import { SCRATCH, TETLOD, blockStream, program } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const heat = ([x, y, z]) => Math.sin(3 * x) + y * z;
@@ -10,7 +13,10 @@ const extra = ([x, y]) => 0.2 * x * x - 0.1 * y;
 const push = ([x, y, z]) => [x, -y, 2 * z];
 const here = blockStream('here', 8, { heat, push });
 const there = blockStream('there', 8, { heat: (p) => heat(p) - extra(p), push: (p) => push(p).map((c) => 0.5 * c) });
-const server = await program([here, there]);
+const make = (...words) => execFileSync(TETLOD, words, { cwd: SCRATCH, stdio: 'ignore' });
+make('sample', 'wake', '--size', '8', '--steps', '4', '-o', 'wake.pvd');
+make('build', 'wake.pvd', '--quiet', '-o', 'wake.tetlod');
+const server = await program([here, there, join(SCRATCH, 'wake.tetlod')]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
 
@@ -65,7 +71,27 @@ async function a_difference_is_within_the_sum_of_both_bounds() {
   await page.waitForFunction(() => /^heat − there’s/.test(document.getElementById('probe').textContent));
 }
 
+// The originals' functions are compared, not fields that these are made of; and points that stay where they are.
+async function functions_and_what_is_moved() {
+  const text = 'heat * 2 + push.x';
+  await open(`&compare=difference&error=0.01&formula=${encodeURIComponent(text)}&warp=push&warpScale=0.3`);
+  await subtracted();
+  await page.waitForFunction(() => window.tetlod.viewer.shade?.formula);
+  await page.waitForFunction(
+    (title) => document.getElementById('compare-words').textContent.startsWith(title),
+    `${text} here less there`,
+  );
+  assert.match(await page.locator('#compare-words').innerText(), /± .*without being moved\.$/);
+  const { bound, values } = await drawn();
+  for (const [p, value] of values) {
+    const wanted = 2 * extra(p) + 0.5 * p[0];
+    assert.ok(Math.abs(value - wanted) <= bound.bound + 5e-3, `${p}: ${value}, not ${wanted} ± ${bound.bound}`);
+  }
+}
+
 async function lengths_and_what_is_missing() {
+  await page.evaluate(() => window.tetlod.set({ formula: '', warp: '', error: 0.002 }));
+
   await page.evaluate(() => window.tetlod.set({ field: 'push' }));
   await page.waitForFunction(
     () => window.tetlod.viewer.shade?.field === 'push' && window.tetlod.viewer.dataRange()[1] > 1,
@@ -127,15 +153,62 @@ async function side_by_side_they_turn_and_change_together() {
   await page.evaluate(() => window.tetlod.set({ isosurfaces: [0.5] }));
   await inFrame(() => window.tetlod.state.isosurfaces[0] === 0.5);
   assert.match(await page.evaluate(() => location.hash), /other=there/);
+  const [width, alone] = await page.evaluate(async () => {
+    const { picture, viewer } = window.tetlod;
+    const both = await picture([600, 300]);
+    viewer.beside = null;
+    return [both.width, (await picture([600, 300])).width];
+  });
+  assert.deepEqual([width, alone], [600, 600]);
   await page.locator('#other').fill('');
   await page.locator('#other').press('Enter');
   await page.waitForFunction(() => !document.querySelector('iframe'));
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
+// Right of the curtain is the other's picture, at the same places and the same step, also while it plays, and when it
+// is saved.
+async function a_series_behind_a_curtain() {
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/wake#smooth=0&error=0.05&step=1&other=wake&compare=curtain&curtain=0.5`);
+  await inFrame(() => window.tetlod?.settled && window.tetlod.at?.step === 1);
+  await page.waitForFunction(() => window.frames['tetlod-second'].tetlod.scene.bottom === window.tetlod.scene.bottom);
+  await page.frameLocator('iframe').locator('#player').waitFor({ state: 'hidden' });
+  await page.locator('#player-play').click();
+  await inFrame(() => window.tetlod.at?.step === 3);
+  await page.locator('#player-play').click();
+  await settled(page);
+  const { step } = await page.evaluate(() => window.tetlod.at);
+  await inFrame((wanted) => window.tetlod.settled && window.tetlod.at.step === wanted, step);
+  const halves = await page.evaluate(async () => {
+    const [here, there] = [window.tetlod, window.frames['tetlod-second'].tetlod];
+    there.set({ background: 'black', axes: false });
+    await new Promise(requestAnimationFrame);
+    const { width, height } = await here.picture([500, 400]);
+    const context = (await here.picture([500, 400])).getContext('2d');
+    const at = (x) => [...context.getImageData(x, 30, 1, 1).data].slice(0, 3);
+    return { size: [width, height], left: at(240), right: at(260) };
+  });
+  assert.deepEqual(halves.size, [500, 400]);
+  assert.ok(Math.max(...halves.right) < 40 && Math.max(...halves.left) > 40, JSON.stringify(halves));
+}
+
+async function a_difference_at_a_step() {
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/wake#smooth=0&error=0.05&step=2&other=wake&compare=difference`);
+  await subtracted();
+  await page.waitForFunction(() => window.tetlod.settled && window.tetlod.viewer.dataRange()[1] < 1e-5);
+  await page.evaluate(() => window.tetlod.set({ other: 'here' }));
+  await page.waitForFunction(() => window.notices.some(({ text }) => /no steps in time|no field/.test(text)));
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
 await run([
   a_difference_is_within_the_sum_of_both_bounds,
+  functions_and_what_is_moved,
   lengths_and_what_is_missing,
   a_curtain_is_between_them,
   side_by_side_they_turn_and_change_together,
+  a_series_behind_a_curtain,
+  a_difference_at_a_step,
 ]);

@@ -106,6 +106,30 @@ async function back_undoes() {
   await becomes('surface', 'solid');
   await page.goForward();
   await becomes('surface', 'glass');
+  await page.evaluate(() => new Promise((resolve) => setTimeout(resolve, 300))); // when a new step would be written
+  await page.goForward();
+  await becomes('edges', true);
+}
+
+// What is no number leaves what was there, and the text says what that is.
+async function numbers_that_are_none_change_nothing() {
+  await open('&slices=x@0.25&isosurfaces=0.5');
+  const before = await state();
+  const percentage = page.locator('#slices input.number >> nth=0');
+  const coordinate = page.locator('#slices input.place');
+  const value = page.locator('#isosurfaces input.number');
+  for (const field of [percentage, coordinate, value]) {
+    const was = await field.inputValue();
+    for (const text of ['', 'NaN', 'Infinity', 'x']) {
+      await field.fill(text);
+      await field.press('Enter');
+      assert.equal(await field.inputValue(), was, text);
+    }
+  }
+  assert.deepEqual(await state(), before);
+  await percentage.fill('1e300');
+  await percentage.press('Enter');
+  assert.equal(await percentage.inputValue(), '100 %');
 }
 
 // Frames that take half a second are two a second.
@@ -712,6 +736,7 @@ await run([
   received_is_told,
   units_are_typed,
   back_undoes,
+  numbers_that_are_none_change_nothing,
   slow_frames_have_a_number,
   slow_motion_is_coarser,
   measures_are_chosen,

@@ -38,7 +38,9 @@ function texts_are_functions() {
   near('mises(S)', Math.sqrt(((10 - 20) ** 2 + (20 - 30) ** 2 + (30 - 10) ** 2) / 2 + 3 * (16 + 25 + 36)));
   near('principal1(S) + principal2(S) + principal3(S)', 60);
   near('mises("T 1")', new Formula('mises("T 1".xx, "T 1".yy, "T 1".zz, 3, 7, 5)', fields).valueAt(values));
+  near('T 1.xy + norm(T 1) - norm("T 1")', 2); // names of several words, as they are
   for (const [text, words] of [
+    ['1e400 * p', 'too large'],
     ['p +', 'missing'],
     ['u', 'has components'],
     ['q', "no field 'q'"],
@@ -51,6 +53,14 @@ function texts_are_functions() {
     ['(p', "')' is missing"],
   ])
     assert.throws(() => new Formula(text, fields), new RegExp(words.replace(/[()]/g, '\\$&')), text);
+}
+
+// Numbers that 32 bits do not hold would be no GLSL.
+function shaders_have_numbers() {
+  const literals = (text) => new Formula(text, fields).shader(['a']).match(/[\d.]+(e[+-]?\d+)?/g).map(Number);
+  for (const x of [...literals('p * 1e300'), ...literals('p + 0.1')])
+    assert.ok(Math.fround(x) < Infinity && x > 0, `${x}`);
+  assert.doesNotMatch(new Formula('p * 1e300', fields).shader(['a']), /Infinity/);
 }
 
 // Whatever the original's components are, as far from the level's as the certificate lets them be.
@@ -215,7 +225,7 @@ const page = await openPage(browser, server.url, { viewport: { width: 800, heigh
 
 async function open(text) {
   await page.goto('about:blank');
-  await page.goto(`${server.url}view/beam#smooth=0&shading=off&range=data&map=viridis${text}`);
+  await page.goto(`${server.url}view/beam#smooth=0&axes=0&shading=off&range=data&map=viridis${text}`);
   await settled(page);
 }
 const coloured = (title) =>
@@ -315,9 +325,48 @@ async function a_body_is_warped() {
   await page.goto(link);
   await page.waitForFunction(() => window.tetlod?.settled && window.tetlod.scene.edges.outline?.actor.getVisibility());
   assert.ok((await lowest()) > -0.01);
+  // what is moved is in the picture, however far it is
+  const reach = () =>
+    page.evaluate(() => {
+      const { scene } = window.tetlod;
+      const { points } = scene.surface.part;
+      const { clientWidth: width, clientHeight: height } = scene.container;
+      const places = Array.from({ length: points.length / 3 }, (_, i) =>
+        scene.toScreen([0, 1, 2].map((k) => points[3 * i + k] + scene.offset[k])),
+      );
+      return Math.max(...places.flatMap(({ x, y }) => [Math.abs(x / width - 0.5), Math.abs(y / height - 0.5)]));
+    });
+  await page.evaluate(() => window.tetlod.scene.look('+y'));
+  assert.ok((await reach()) < 0.5, `${await reach()}`);
+  for (const [typed, kept] of [['20', '20'], ['1e300', '5774'], ['NaN', '5774']]) {
+    await page.locator('#warp-scale').fill(typed);
+    await page.locator('#warp-scale').press('Enter');
+    await page.waitForFunction((scale) => Math.round(window.tetlod.state.warpScale) === scale, Number(kept));
+    await page.waitForFunction(() => window.tetlod.settled);
+    await page.waitForFunction(() => window.tetlod.scene.overflow(window.tetlod.scene.extent()) < 1.05);
+    assert.ok((await reach()) < 0.5, `${typed}: ${await reach()}`);
+  }
   await page.locator('#warp').selectOption('');
   await page.waitForFunction(() => window.tetlod.settled && !window.tetlod.scene.edges.outline.actor.getVisibility());
+  await page.waitForFunction(() => Math.abs(window.tetlod.scene.overflow(window.tetlod.scene.bounds) - 1) < 0.05);
   assert.deepEqual(page.complaints, []);
+}
+
+// A length is farther off than each of its components, which the level's error is of; so is a function.
+async function the_panel_tells_the_bound_of_what_colours() {
+  await open('&field=Displacement&error=0.05');
+  const told = async (pattern) => {
+    const words = (source) => new RegExp(source).exec(document.getElementById('shown-error').textContent)?.[1];
+    return Number(await page.waitForFunction(words, pattern.source).then((found) => found.jsonValue()));
+  };
+  const length = await told(/\|Displacement\| ± ([\d.]+) /);
+  await page.locator('#component').selectOption('0');
+  const component = await told(/^[\d.]+\u202f% ± ([\d.]+) in its units$/);
+  assert.ok(Math.abs(length / component - Math.sqrt(3)) < 0.2, `${length}, ${component}`);
+  await page.locator('#formula').fill('Displacement.x * 3');
+  await page.locator('#formula').press('Enter');
+  const thrice = await told(/Displacement\.x \* 3 ± ([\d.]+) /);
+  assert.ok(Math.abs(thrice / component - 3) < 0.3, `${thrice}, ${component}`);
 }
 
 async function a_formula_is_typed_and_linked() {
@@ -347,11 +396,13 @@ async function a_formula_is_typed_and_linked() {
 
 await run([
   texts_are_functions,
+  shaders_have_numbers,
   bounds_hold,
   pictures_and_lines_have_the_value_of_interpolated_components,
   isosurfaces_are_where_the_value_is,
   points_are_moved_by_a_field,
   a_body_is_warped,
   a_tensor_has_von_mises_on_the_page,
+  the_panel_tells_the_bound_of_what_colours,
   a_formula_is_typed_and_linked,
 ]);

@@ -3,10 +3,11 @@
 // silently loads the whole mesh, ranges and slices that are wrong, a page that stops at "Loading…".
 import assert from 'node:assert/strict';
 import { launch, openPage, firstPicture, noticed, pictureFigures, settled } from './browser.mjs';
-import { program, sampleStream } from './hosts.mjs';
+import { blockStream, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
-const server = await program([sampleStream().path]);
+const large = blockStream('large', 3, { p: ([x]) => 1e300 * (x - 0.4) });
+const server = await program([sampleStream().path, large]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
 
@@ -142,6 +143,17 @@ async function bad_states_are_left_out() {
   assert.deepEqual({ map, field, slices, maxTets }, { map: 'viridis', field: 'Pressure', slices: [], maxTets: 0 });
 }
 
+// Pictures have 32 bits: no number that is not there is told of what they cannot hold.
+async function values_beyond_32_bits_are_told() {
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/large#smooth=0&slices=&surface=solid`);
+  await firstPicture(page);
+  await noticed(page, 'large', 'p has values beyond 3.4e38');
+  await page.mouse.move(290, 300);
+  await page.waitForFunction(
+    () => /^p beyond 3\.4e38.*p −?[\d.]+e(29\d|300)$/s.test(document.getElementById('probe').innerText));
+}
+
 async function a_missing_part_is_said() {
   const other = await openPage(browser, server.url);
   for (const missing of ['**/chunk-*.js', '**/worker-*.js', '**/tetlod-*.wasm']) {
@@ -156,5 +168,6 @@ async function a_missing_part_is_said() {
 await run([
   lost_graphics_come_back_with_the_same_picture, every_surface_has_the_scalar_bars_colours,
   a_field_that_is_not_controlled_asks_before_it_loads, a_component_has_its_own_range, slices_keep_apart,
-  more_than_the_memory_is_for_is_asked, bad_states_are_left_out, a_missing_part_is_said
+  more_than_the_memory_is_for_is_asked, bad_states_are_left_out, values_beyond_32_bits_are_told,
+  a_missing_part_is_said
 ]);

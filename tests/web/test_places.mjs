@@ -188,6 +188,17 @@ async function regions_have_colours_of_their_own() {
   await page.waitForFunction(() => /^[0-9a-f]{6}-/.test(window.tetlod.viewer.colorMap));
   const colors = await page.evaluate(() => [10, 20, 30].map((n) => window.tetlod.scene.colorOf(n).join()));
   assert.equal(new Set(colors).size, 3, `${colors}`);
+  const written = await page.evaluate(() => {
+    const { prototype } = CanvasRenderingContext2D;
+    const plain = prototype.fillText;
+    const texts = [];
+    prototype.fillText = (text) => texts.push(text);
+    window.tetlod.viewer.drawBarNow();
+    prototype.fillText = plain;
+    window.tetlod.viewer.drawBarNow();
+    return texts;
+  });
+  assert.deepEqual(written.sort(), ['10', '20', '30', 'material']); // no value lies between two regions
 }
 
 async function streamlines_begin_on_the_slice() {

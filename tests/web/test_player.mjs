@@ -251,6 +251,11 @@ async function aStepThatDoesNotComeIsAskedForAgain() {
 
 // The body bends: the surface that is drawn has other places at another step, and covers other pixels.
 async function pointsMove() {
+  await open('&field=point_displacement', 'series_moving');
+  const ranges = () => page.evaluate(() => [window.tetlod.viewer.dataRange(), window.tetlod.stream.series.fields]);
+  const [shown, fields] = await ranges(); // nothing has moved yet: the colours are those of all steps
+  const { range } = fields.find(({ name }) => name === 'point_displacement');
+  assert.deepEqual(shown, [0, Math.max(...range.map(Math.abs))]);
   await open('&step=0', 'series_moving');
   const shape = () =>
     page.evaluate(async () => {

@@ -47,12 +47,14 @@ export function bindCalculator(viewer) {
     }
   });
   byId('field').addEventListener('change', () => store.set({ formula: '' }));
+  const placesWithout = () =>
+    viewer.dataRange().every(Number.isFinite) ? '' : ' It has places without a finite value.';
   const tell = () => {
     const { told, level, coloredState: state } = viewer;
     input.removeAttribute('aria-invalid');
     words.textContent =
       colouredOf(told, state).formula && level >= 0
-        ? `${titleOf(told, state)} ${boundShown(told, level, state).words}.`
+        ? `${titleOf(told, state)} ${boundShown(told, level, state).words}.${placesWithout()}`
         : '';
   };
   store.watch(['formula'], ({ formula }) => {
@@ -60,4 +62,5 @@ export function bindCalculator(viewer) {
   });
   viewer.addEventListener('colors', tell);
   viewer.addEventListener('level', tell);
+  tell();
 }

@@ -102,7 +102,7 @@ export class Certain {
   }
 
   #source({ bound, level }) {
-    return level === undefined ? `${bound}, by the stream’s sums` : `${bound}, by level ${level}`;
+    return level === undefined ? `${bound}, by the stream’s index` : `${bound}, by level ${level}`;
   }
 
   // What the list asks: [what, question, unit].

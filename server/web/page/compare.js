@@ -72,10 +72,13 @@ function wordsOf({ difference, info, store: { state } }) {
   const {
     bound: { bound, certified },
   } = difference;
-  const unit = unitOf(info, state.field);
+  const moved = state.warp ? ' Points are where they are without being moved.' : '';
+  const title = `${titleOf(info, difference.plain(state))} here less there`;
+  if (bound === null) return `${title}, without a bound.${moved}`;
+  const unit = state.formula ? '' : unitOf(info, state.field);
   const amount = `${significant(roundedUp(bound, 2), 2)}${unit && ` ${unit}`}`;
-  return `${titleOf(info, state)} here less there: the originals' difference is within ± ${amount} of it (${
-    certified ? 'certified' : 'measured'}), where both have a place.`;
+  const how = certified ? 'certified' : 'measured';
+  return `${title}: the originals' difference is within ± ${amount} of it (${how}), where both have a place.${moved}`;
 }
 
 /** Follows the state's keys `other` and `compare`; second_view.js has the frame. */
@@ -88,7 +91,7 @@ export function bindCompare(viewer) {
   const tell = () => {
     words.textContent = wordsOf(viewer);
   };
-  store.watch(['other', 'compare', 'field', 'component', 'error'], (state) => {
+  store.watch(['other', 'compare', 'field', 'component', 'formula', 'warp', 'error'], (state) => {
     other.value = state.other;
     way.value = state.compare;
     if (state.other) details.open = true;

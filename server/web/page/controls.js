@@ -21,7 +21,7 @@ import {
 import { errorForLevel, errorSpan, wordsOfBound } from './promises.js';
 import { reachOf } from './geometry.js';
 import { notice } from './notices.js';
-import { clamp, parseNumber, percent, plain } from './numbers.js';
+import { clamp, percent, plain } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
 import { axisOf } from './state.js';
@@ -313,24 +313,23 @@ export class Controls {
         'button', { type: 'button', className: 'remove', ariaLabel: `Remove ${name.toLowerCase()} ${i + 1}` }, '×');
       const place = element('input', { className: 'number place', inputMode: 'decimal', autocomplete: 'off' });
       place.ariaLabel = `${name} ${i + 1}: coordinate`;
-      place.addEventListener('change', () => {
-        const [from, to] = reachOf(this.info.bounds, box.planes[i]);
-        const value = parseNumber(place.value);
-        if (Number.isFinite(value)) put(i, { at: clamp((value - from) / (to - from || 1), 0, 1) });
-      });
+      const reach = () => reachOf(this.info.bounds, box.planes[i]);
+      const across = () => reach()[1] - reach()[0];
+      const moveTo = (at) => put(i, { at: clamp(at, 0, 1) });
+      const numbers = [bindNumber(place, () => plain(reach()[0] + box.planes[i].at * across()),
+                                  (x) => moveTo((x - reach()[0]) / (across() || 1)))];
       axis.addEventListener('change', () => put(i, { normal: this.normal(axis.value) }));
       slider.addEventListener('input', () => put(i, { at: slider.value / 1000 }));
       if (flips)
         third.addEventListener(
           'click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
-      else third.addEventListener('change', () => put(i, { at: clamp((parseNumber(third.value) || 0) / 100, 0, 1) }));
+      else numbers.push(bindNumber(third, () => `${plain(100 * box.planes[i].at, 3)} %`, (x) => moveTo(x / 100)));
       remove.addEventListener('click', () => change(box.planes.filter((_, k) => k !== i)));
-      return element('div', { className: 'item' }, axis, slider, third, place, remove);
+      return Object.assign(element('div', { className: 'item' }, axis, slider, third, place, remove), { numbers });
     });
     rows.forEach((row, i) => {
-      const [axis, slider, third, place] = row.children;
-      const [from, to] = reachOf(this.info.bounds, planes[i]);
-      if (document.activeElement !== place) place.value = plain(from + planes[i].at * (to - from));
+      const [axis, slider, , place] = row.children;
+      for (const update of row.numbers) update();
       const at = axisOf(planes[i].normal);
       const negative = axisOf(planes[i].normal.map((c) => -c || 0));
       options(axis, [
@@ -342,13 +341,11 @@ export class Controls {
       axis.value = at ?? 'now';
       slider.value = 1000 * planes[i].at;
       slider.ariaValueText = `${percent(planes[i].at, 3)}, ${place.value}`;
-      if (!flips && document.activeElement !== third) third.value = `${plain(100 * planes[i].at, 3)} %`;
     });
   }
 
   listIsosurfaces(values) {
     const { store, info } = this;
-    const [low, high] = this.viewer.isosurfaceRange();
     const span = () => {
       const [least, most] = this.isosurfaceSpan();
       return { least, length: most - least || 1 };
@@ -362,21 +359,20 @@ export class Controls {
       const remove =
         element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
       slider.addEventListener('input', () => change(i, span().least + (slider.value / 1000) * span().length));
-      number.addEventListener('change', () => {
-        const [from, to] = this.viewer.isosurfaceRange();
-        const value = parseNumber(number.value);
-        if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
-      });
+      const reach = () => this.viewer.isosurfaceRange();
+      const across = () => reach()[1] - reach()[0];
+      const update = bindNumber(number, () => plain(reach()[0] + store.state.isosurfaces[i] * across()),
+                                (x) => change(i, (x - reach()[0]) / (across() || 1)));
       remove.addEventListener(
         'click', () => this.setInner({ isosurfaces: store.state.isosurfaces.filter((_, k) => k !== i) }));
-      return element('div', { className: 'item iso' }, slider, number, remove);
+      return Object.assign(element('div', { className: 'item iso' }, slider, number, remove), { update });
     });
     byId('isosurface-body').hidden = !values.length;
     byId('isosurface-field-row').hidden = info.fields.length < 2;
     rows.forEach((row, i) => {
       const [slider, number] = row.children;
       slider.value = (1000 * (values[i] - span().least)) / span().length;
-      if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
+      row.update();
       slider.ariaValueText = number.value;
     });
   }

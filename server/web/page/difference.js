@@ -4,7 +4,7 @@
 
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { TetlodStream } from '../client/stream.js';
-import { componentOf, fieldOf } from './levels.js';
+import { colouredOf, fieldOf } from './levels.js';
 import { boundShown } from './promises.js';
 import { Sampler } from './sampler.js';
 import { targetOf } from './spec.js';
@@ -20,9 +20,11 @@ export class Difference {
   #stream = null;
   #here = null;
   #triangles = null;
+  #newest = 0; // pictures that were asked for
+  #turn = Promise.resolve(); // the last of them
   #closing = new AbortController();
 
-  /** `source`: the other stream's. Its field of the same name and components is taken. */
+  /** `source`: the other stream's. Its fields of the same names and components are taken. */
   constructor(viewer, source) {
     this.#viewer = viewer;
     this.#source = source;
@@ -33,14 +35,24 @@ export class Difference {
     this.#stream?.close();
   }
 
-  /** The state with what differences are of: a field, or its length. */
+  /** The state with what differences are of: fields, and functions of them, where the points are as they were. */
   plain(state) {
-    const component = componentOf(this.#viewer.info, state);
-    return { ...state, component, volume: false, smooth: false, cells: '', formula: '', refine: null };
+    return { ...state, volume: false, smooth: false, cells: '', refine: null, warp: '' };
   }
 
-  // The other stream with its field, as fine as this one is asked to be, at the same step; sorted once.
-  async #arrive(name) {
+  // Of the other stream's index when it is here; a series is one a little later.
+  async #steps(stream, signal) {
+    if (!stream.info.time) throw new RangeError('the other stream has no steps in time');
+    if (stream.series) return;
+    await new Promise((resolve, reject) => {
+      stream.addEventListener('series', resolve, { once: true, signal });
+      stream.addEventListener('error', ({ detail }) => reject(new Error(detail.message)), { once: true, signal });
+      signal.addEventListener('abort', () => reject(signal.reason), { once: true });
+    });
+  }
+
+  // The other stream with its fields, as fine as this one is asked to be, at the same step; sorted once.
+  async #arrive(names) {
     const { signal } = this.#closing;
     const {
       store: { state },
@@ -48,47 +60,63 @@ export class Difference {
       at,
     } = this.#viewer;
     if (!this.#stream) {
-      const stream = await TetlodStream.open(this.#source, { signal, fields: [name] });
+      const stream = await TetlodStream.open(this.#source, { signal, fields: names });
       if (signal.aborted) stream.close();
       signal.throwIfAborted();
       this.#stream = stream;
     }
     const stream = this.#stream;
-    const { components } = fieldOf(info, name);
-    if (fieldOf(stream.info, name)?.components !== components)
-      throw new RangeError(`the other stream has no field ${name} as this one has`);
-    await stream.addFields([name]);
+    const lost = names.find((name) => fieldOf(stream.info, name)?.components !== fieldOf(info, name).components);
+    if (lost) throw new RangeError(`the other stream has no field ${lost} as this one has`);
+    await stream.addFields(names);
+    if (at) await this.#steps(stream, signal);
     if (at) await stream.seekStep(at.step, { error: at.error }, { signal });
     else await stream.refineTo(targetOf(state, stream.info), { signal });
-    const key = JSON.stringify([stream.level, at?.step, name]);
-    if (this.#here?.key === key) return;
+    const key = JSON.stringify([stream.level, at?.step]);
+    if (this.#here?.key === key && names.every((name) => this.#here.fields[name])) return;
     const mesh = await stream.mesh();
-    this.#here = { key, field: { values: mesh.fields[name], components }, sampler: await Sampler.of(mesh) };
+    this.#here = { key, fields: mesh.fields, sampler: await Sampler.of(mesh) };
+  }
+
+  // What colours, of the other stream: its columns [values, components, component], and what makes a value of a row.
+  #quantity({ field, component, formula }) {
+    const column = (name, c) => [this.#here.fields[name], fieldOf(this.#viewer.info, name).components, c];
+    if (formula)
+      return { columns: formula.inputs.map((input) => column(...input)), valueOf: (row) => formula.value(row) };
+    const columns = Array.from({ length: field.components }, (_, c) => column(field.name, c));
+    const length = component === 'magnitude' && field.components > 1;
+    return { columns, valueOf: length ? (row) => Math.hypot(...row) : (row) => row[component] };
   }
 
   // Triangles with a corner where the other stream is not are left out.
-  async #change(part, origin, triangles, valueOf) {
-    const { sampler, field } = this.#here;
-    const there = await sampler.at(part.points, origin, field, valueOf);
+  async #change(part, origin, triangles, quantity) {
+    const there = await this.#here.sampler.at(part.points, origin, quantity);
     const missing = there.map(Number.isNaN);
     const values = Float32Array.from(part.values, (value, i) => (missing[i] ? 0 : value - there[i]));
     const isThere = (_, i) => [0, 1, 2].every((k) => !missing[triangles[i - (i % 3) + k]]);
     return { ...part, vectors: null, values, triangles: triangles.filter(isThere) };
   }
 
-  /** The pictures with differences for values. */
+  /** The pictures with differences for values; null: others have come meanwhile. One after the other. */
   async of(pictures) {
+    if (pictures.surface?.triangles) this.#triangles = pictures.surface.triangles; // else they are the same as before
+    const [mine, triangles, before] = [++this.#newest, this.#triangles, this.#turn];
+    const making = before.then(() => (mine === this.#newest ? this.#make(pictures, triangles) : null));
+    this.#turn = making.catch(() => {});
+    return making;
+  }
+
+  async #make(pictures, ofSurface) {
     const { info, store } = this.#viewer;
     const state = this.plain(store.state);
-    await this.#arrive(state.field);
-    const length = state.component === 'magnitude' && fieldOf(info, state.field).components > 1;
-    const valueOf = length ? (row) => Math.hypot(...row) : (row) => row[state.component];
-    if (pictures.surface?.triangles) this.#triangles = pictures.surface.triangles; // else they are the same as before
+    const coloured = colouredOf(info, state);
+    await this.#arrive(coloured.formula?.fields ?? [coloured.field.name]);
+    const quantity = this.#quantity(coloured);
     const change = (part, triangles = part?.triangles) =>
-      part && this.#change(part, pictures.origin, triangles, valueOf);
+      part && this.#change(part, pictures.origin, triangles, quantity);
     const made = {
       ...pictures,
-      surface: await change(pictures.surface, this.#triangles),
+      surface: await change(pictures.surface, ofSurface),
       slices: await Promise.all(pictures.slices.map((part) => change(part))),
       isosurfaces: await Promise.all(pictures.isosurfaces.map((part) => change(part))),
       vectors: await change(pictures.vectors),
@@ -117,7 +145,8 @@ export class Difference {
       this.#stream.level,
       state,
     );
-    this.bound = { bound: here.bound + there.bound, certified: here.certified && there.certified };
+    const known = here.bound !== null && there.bound !== null; // functions may have none
+    this.bound = { bound: known ? here.bound + there.bound : null, certified: here.certified && there.certified };
     made.shade = { ...made.shade, range: this.range, sample: undefined };
   }
 }

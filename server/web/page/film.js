@@ -104,7 +104,10 @@ export function bindFilm(viewer, { picture, save }) {
       ? viewer.series.times.length
       : Math.max(2, Math.round(rate * clamp(parseNumber(seconds.value) || 6, 0.1, longest)));
     const show = steps
-      ? (i) => viewer.showStep(i, { band: viewer.wantedBand })
+      ? async (i) => {
+          await viewer.showStep(i, { band: viewer.wantedBand });
+          await Promise.all([viewer.subtracting, viewer.beside?.showStep(i)]);
+        }
       : (i) => scene.setCamera(orbited(place, (2 * Math.PI * i) / count));
     let stopped = false;
     const told = (i) => {
@@ -129,6 +132,7 @@ export function bindFilm(viewer, { picture, save }) {
       if (steps) viewer.refine();
       else scene.setCamera(place);
       store.set({ step });
+      if (steps && step !== null) viewer.beside?.showStep(step);
     }
   }
   make.addEventListener('click', async () => {

@@ -6,6 +6,7 @@
 
 import { boundOf } from '../client/choose.js';
 import { componentNames } from './levels.js';
+import { mostFloat } from './numbers.js';
 
 // As view_function.c numbers them.
 const operations = [
@@ -28,16 +29,20 @@ const signs = { '−': '-', '×': '*', '·': '*', '÷': '/' };
 
 // ---- from text
 
-function wordsOf(text) {
+// `names`: of fields; those of several words are taken as they are, too, the longest first.
+function wordsOf(text, names) {
   const words = [];
-  const pattern =
-    /\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|"([^"]*)"|([\p{L}_][\p{L}\p{N}_:]*)|([-+*/^(),.−×·÷]))/uy;
+  const several = names.filter((name) => /^[\p{L}_][\p{L}\p{N}_:]*( [\p{L}\p{N}_:]+)+$/u.test(name));
+  const word = [...several.sort((a, b) => b.length - a.length), '[\\p{L}_][\\p{L}\\p{N}_:]*'].join('|');
+  const number = '\\d+\\.?\\d*(?:[eE][+-]?\\d+)?|\\.\\d+';
+  const signsOf = '[-+*/^(),.−×·÷]';
+  const pattern = new RegExp(`\\s*(?:(${number})|"([^"]*)"|((?:${word})(?![\\p{L}\\p{N}_:]))|(${signsOf}))`, 'uy');
   for (pattern.lastIndex = 0; pattern.lastIndex < text.trimEnd().length;) {
     const at = pattern.lastIndex;
     const found = pattern.exec(text);
     if (!found) throw new Error(`'${text.slice(at).trim()}' is not understood`);
-    const [, number, quoted, name, sign] = found;
-    words.push(number ? { number: Number(number) } : sign ? { sign: signs[sign] ?? sign } : { name: quoted ?? name });
+    const [, digits, quoted, name, sign] = found;
+    words.push(digits ? { number: Number(digits) } : sign ? { sign: signs[sign] ?? sign } : { name: quoted ?? name });
   }
   return words;
 }
@@ -48,7 +53,7 @@ class Parser {
   #at = 0;
 
   constructor(text, fields) {
-    this.#words = wordsOf(text);
+    this.#words = wordsOf(text, fields.map(({ name }) => name));
     this.#fields = fields;
   }
 
@@ -98,6 +103,7 @@ class Parser {
 
   #one() {
     const word = this.#words[this.#at++];
+    if (word?.number === Infinity) throw new Error('that number is too large');
     if (word?.number !== undefined) return { op: 'number', value: word.number };
     if (word?.sign === '(') {
       const node = this.#sum();
@@ -297,7 +303,7 @@ function spanOf(node, inputOf) {
 // ---- for the graphics processor
 
 const literal = (x) => {
-  const text = String(Math.fround(x));
+  const text = String(Math.fround(Math.min(x, mostFloat)));
   return /[.e]/.test(text) ? text : `${text}.0`;
 };
 

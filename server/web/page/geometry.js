@@ -8,6 +8,7 @@ export const scale = (a, s) => [s * a[0], s * a[1], s * a[2]];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const length = (a) => Math.hypot(...a);
 export const unit = (a) => scale(a, 1 / (length(a) || 1));
+export const diagonalOf = ({ bounds: [low, high] }) => length(add(high, low, -1));
 export const middle = ([low, high]) => scale(add(low, high), 0.5);
 
 export const corners = ([low, high]) =>

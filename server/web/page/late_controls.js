@@ -3,7 +3,8 @@
 
 import { bindNumber, byId, element, options } from './dom.js';
 import { vectorFields, vectorsOf } from './levels.js';
-import { bytes, clamp, percent, plain, significant } from './numbers.js';
+import { clear, notice } from './notices.js';
+import { bytes, clamp, mostFloat, percent, plain, significant } from './numbers.js';
 import { thresholdRange } from './spec.js';
 import { mostVectors } from './state.js';
 import { row } from './rows.js';
@@ -140,10 +141,27 @@ function describe({ info, viewer }) {
   );
 }
 
+// Values that graphics processors do not hold have the colours of the ends.
+function bindLarge({ viewer }) {
+  const tell = () => {
+    const range = viewer.dataRange();
+    if (range.every(Number.isFinite) && Math.max(...range.map(Math.abs)) > mostFloat)
+      notice(
+        'large',
+        `${viewer.title} has values beyond 3.4e38, which pictures do not hold: probes tell them, colours are those of ` +
+          'the ends. Build the stream in a larger unit.',
+      );
+    else clear('large');
+  };
+  viewer.addEventListener('colors', tell);
+  tell();
+}
+
 /** What the panel's `controls` leave to others. */
 export function bindLate(controls) {
   bindVectors(controls);
   bindThreshold(controls);
   bindBox(controls);
+  bindLarge(controls);
   describe(controls);
 }

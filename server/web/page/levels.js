@@ -2,6 +2,7 @@
 // Levels and their errors, as the stream's index has them.
 
 import { firstField } from '../client/choose.js';
+import { diagonalOf } from './geometry.js';
 
 export const measureNames = {
   max: 'certified maximum',
@@ -110,6 +111,12 @@ export function vectorsOf(info, { vectors, vectorField, field }) {
 
 // The field that moves the points, or null.
 export const warpField = (info, { warp }) => (vectorFields(info).includes(warp) ? warp : null);
+
+// How many times it does: what leads farther away than a thousand diagonals is no picture.
+export function warpScale(info, { warp, warpScale: scale }) {
+  const most = (1000 * diagonalOf(info)) / (Math.max(...fieldOf(info, warp).range.map(Math.abs)) || 1);
+  return Math.min(Math.max(scale, -most), most);
+}
 
 // Names of the fields that the picture needs; probes and a plotted line tell the local bound, where there is one.
 export const shownFields = (info, state) => [...new Set([

@@ -3,6 +3,8 @@
 
 export const clamp = (x, least, most) => Math.min(Math.max(x, least), most);
 
+export const mostFloat = 3.4028234e38; // that 32 bits hold
+
 // 187 395: groups of three, by narrow spaces that do not break
 export const count = (n) => n.toLocaleString('en-US').replaceAll(',', '\u202f');
 

@@ -7,6 +7,7 @@ import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
 import { bindKeys } from './keys.js';
 import {
+  colouredOf,
   defaultTets,
   errorOf,
   fieldOf,
@@ -20,7 +21,7 @@ import {
   unitOf,
   wantedLevel
 } from './levels.js';
-import { promiseOf } from './promises.js';
+import { boundShown, promiseOf } from './promises.js';
 import { button, clear, notice } from './notices.js';
 import { bytes, count, percent, roundedUp, significant } from './numbers.js';
 import { id, name, source, viewer } from './opened.js';
@@ -65,6 +66,17 @@ function askForField() {
 
 let told = -1; // the level that the words are of
 
+// How far off what colours is: a field's components, or what has a bound of its own.
+function amountOf(error, field, measure) {
+  const { told: info, level, finer, coloredState: state } = viewer;
+  const { cells, component, formula } = colouredOf(info, state);
+  if (measure === 'max' && (cells || formula || component === 'magnitude'))
+    return `${titleOf(info, state)} ${boundShown(info, finer?.worst ?? level, state, undefined, 'outside').words}`;
+  if (!error) return 'exact';
+  const amount = significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2);
+  return `± ${amount} ${unitOf(info, field) || 'in its units'}`;
+}
+
 function tellShown() {
   const { stream, info, level } = viewer;
   const { state } = store;
@@ -86,10 +98,7 @@ function tellShown() {
   const field = shownField(info, state);
   const { finer } = viewer;
   const error = errorOf(viewer.told.levels[finer?.worst ?? level], field, measure);
-  put('shown-error', percent(roundedUp(error, 3)),
-    error ? `± ${significant(roundedUp(error * spanOf(fieldOf(info, field)), 2), 2)} ${
-      unitOf(info, field) || 'in its units'}`
-          : 'exact');
+  put('shown-error', percent(roundedUp(error, 3)), amountOf(error, field, measure));
   const tets = finer?.tets ?? now.tets;
   put('shown-tets', count(tets), percent(tets / info.tets));
   byId('promise').textContent = promiseOf(viewer.told, level);
@@ -135,18 +144,28 @@ function listen() {
   const tellSoon = coalesced(tellShown);
   for (const event of ['progress', 'fetched']) viewer.addEventListener(event, tellSoon);
   for (const event of ['step', 'cells', 'info']) viewer.addEventListener(event, tellShown);
-  viewer.addEventListener('colors', ({ detail }) => controls.setColors(detail));
+  viewer.addEventListener('colors', ({ detail }) => {
+    controls.setColors(detail);
+    tellSoon();
+  });
 }
 
 // ---- from the controls
 
-// What somebody chose is a step back of the browser's; how it is turned, and the time, are part of the last one.
+// What somebody chose is a step back of the browser's; how it is turned, and the time, are part of the last one. What
+// the browser goes back or forward to is no new step, which would end the way forward.
+let returning = false;
+function followHash() {
+  returning = true;
+  viewer.fragment = location.hash;
+  returning = false;
+}
 const remember = (() => {
   const passing = ['camera', 'step', 'second'];
   let timer = 0;
   let chosen = false;
   return ({ changed }) => {
-    chosen ||= [...changed].some((key) => !passing.includes(key));
+    chosen ||= !returning && [...changed].some((key) => !passing.includes(key));
     clearTimeout(timer);
     timer = setTimeout(() => {
       const { fragment } = viewer;
@@ -167,7 +186,7 @@ function watch() {
   store.watch(['slices', 'clip'], () => handles?.update());
   store.watch(['axes'], (state) => axes.show(state.axes));
   store.addEventListener('change', remember);
-  addEventListener('hashchange', () => { viewer.fragment = location.hash; });
+  addEventListener('hashchange', followHash);
   themes.addEventListener('change', () => viewer.repaint());
 }
 
@@ -239,11 +258,15 @@ const drawOver = () => {
 };
 const sharing = () => import('./share.js');
 const copyLink = async () => (await sharing()).copyLink();
-const asShown = () =>
-  ({ size: tools?.pictureSize() ?? null, redraw: drawOver, layers: [axes, ...(tools?.layers ?? [])] });
+const asShown = () => ({
+  size: tools?.pictureSize() ?? null,
+  redraw: drawOver,
+  layers: [axes, ...(tools?.layers ?? [])],
+  beside: viewer.beside,
+});
 const save = async () =>
   (await sharing()).savePicture(viewer.scene, `${name}-${viewer.level}`, { texts: textsOfPicture(), ...asShown() });
-const picture = async () => (await sharing()).pictureOf(viewer.scene, asShown());
+const picture = async (size) => (await sharing()).pictureOf(viewer.scene, { ...asShown(), ...(size && { size }) });
 const saveAs = async (ending, blob) => (await sharing()).saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
@@ -363,6 +386,7 @@ export async function openPanel() {
     get at() { return viewer.at; },
     get settled() { return viewer.settled; },
     scene: viewer.scene,
+    picture,
     probe,
   };
 }

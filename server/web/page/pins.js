@@ -11,6 +11,17 @@ import { significant } from './numbers.js';
 
 // A line of text on its background, where the screen has it: `left` and the half of its height from the point that it
 // marks.
+// Words in as many lines as they need to be no wider than that.
+function linesOf(context, text, width) {
+  const lines = [];
+  for (const word of text.split(' ')) {
+    const longer = lines.length ? `${lines.at(-1)} ${word}` : word;
+    if (lines.length && context.measureText(longer).width <= width) lines[lines.length - 1] = longer;
+    else lines.push(word);
+  }
+  return lines;
+}
+
 function drawLabel(context, part, left, origin) {
   const box = part.getBoundingClientRect();
   const { backgroundColor, borderRadius, color, font } = getComputedStyle(part);
@@ -26,7 +37,8 @@ function drawLabel(context, part, left, origin) {
   );
   context.fill();
   context.fillStyle = color;
-  context.fillText(part.textContent, x + box.width / 2, y + box.height / 2);
+  const lines = linesOf(context, part.textContent, box.width - 8);
+  lines.forEach((line, i) => context.fillText(line, x + box.width / 2, y + (box.height * (i + 0.5)) / lines.length));
 }
 
 export class Pins {

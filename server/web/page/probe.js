@@ -42,7 +42,8 @@ export class Probe {
     this.hit = hit;
     if (!hit) return;
     const position = this.world(hit).map((c) => significant(c, 4)).join(', ');
-    this.box.replaceChildren(element('b', {}, `${this.title()} ${significant(hit.value, 5)}`), element('br'),
+    const value = Number.isFinite(hit.value) ? significant(hit.value, 5) : 'beyond 3.4e38';
+    this.box.replaceChildren(element('b', {}, `${this.title()} ${value}`), element('br'),
       element('span', {}, `at ${position}`), element('span', { className: 'others' }, this.others ?? ''));
     const { width, height } = this.box.getBoundingClientRect();
     const room = this.picture.getBoundingClientRect();
@@ -60,7 +61,8 @@ export class Probe {
     let others = '';
     try {
       const answer = await this.stream.probe(this.world(hit));
-      const fields = Object.entries({ ...answer?.values, ...answer?.cells }).filter(([name]) => name !== this.title());
+      const isTold = (name) => name === this.title() && Number.isFinite(hit.value);
+      const fields = Object.entries({ ...answer?.values, ...answer?.cells }).filter(([name]) => !isTold(name));
       others =
         fields
           .map(([name, v]) =>

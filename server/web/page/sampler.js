@@ -118,11 +118,13 @@ export class Sampler {
     return best;
   }
 
-  /** `points` are relative to `origin`; NaN where nothing is. `values(row)` makes a value of the components of `field`.
-   * */
-  async at(points, origin, { values, components }, valueOf) {
+  /**
+   * `points` are relative to `origin`; NaN where nothing is. `columns`: [values, stride, offset] each; `valueOf(row)`
+   * makes a value of them.
+   */
+  async at(points, origin, { columns, valueOf }) {
     const found = new Float64Array(points.length / 3);
-    const row = new Array(components);
+    const row = new Array(columns.length);
     await inPieces(found.length, (i) => {
       const at = this.#locate([0, 1, 2].map((k) => points[3 * i + k] + origin[k]));
       if (!at) {
@@ -133,8 +135,9 @@ export class Sampler {
       const sum = inside[0] + inside[1] + inside[2] + inside[3];
       row.fill(0);
       for (let k = 0; k < 4; k++)
-        for (let c = 0; c < components; c++)
-          row[c] += (inside[k] / sum) * values[components * this.#tets[4 * at.t + k] + c];
+        columns.forEach(([values, stride, offset], c) => {
+          row[c] += (inside[k] / sum) * values[stride * this.#tets[4 * at.t + k] + offset];
+        });
       found[i] = valueOf(row);
     });
     return found;

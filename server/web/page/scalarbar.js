@@ -10,8 +10,8 @@ const top = 24;
 const thick = 10;
 
 // `title`: the field; [low, high]: values (not logarithms); `below`, `above`: there are others; `marks`: values that
-// are drawn as isosurfaces
-export function drawScalarBar(canvas, { title, low, high, log, map, reversed, below, above, marks }) {
+// are drawn as isosurfaces; `numbers`: the only values that there are, null: there are others
+export function drawScalarBar(canvas, { title, low, high, log, map, reversed, below, above, marks, numbers }) {
   const { context, width, color, fontFamily } = sized(canvas);
   if (!width) return;
   const long = width - 2 * margin;
@@ -39,7 +39,8 @@ export function drawScalarBar(canvas, { title, low, high, log, map, reversed, be
   }
   context.fillStyle = context.strokeStyle = color;
   context.font = `12px ${fontFamily}`;
-  for (const { value, text, x } of labels({ low, high, log }, place, (t) => context.measureText(t).width, width)) {
+  const widthOf = (text) => context.measureText(text).width;
+  for (const { value, text, x } of labels({ low, high, log, numbers }, place, widthOf, width)) {
     context.globalAlpha = 0.7;
     context.fillRect(Math.round(clamp(place(value), margin, margin + long - 1)), top + thick, 1, 4);
     context.globalAlpha = 1;
@@ -65,8 +66,8 @@ function decades(low, high) {
 }
 
 // The ends, and the round values between them that have room: { value, text, x }.
-function labels({ low, high, log }, place, widthOf, width) {
-  const round = log ? decades(low, high) : ticks(low, high, Math.max(2, Math.floor(width / 80)));
+function labels({ low, high, log, numbers }, place, widthOf, width) {
+  const round = numbers ?? (log ? decades(low, high) : ticks(low, high, Math.max(2, Math.floor(width / 80))));
   const taken = [];
   for (const value of [low, high, ...round]) {
     const text = significant(value, 4);

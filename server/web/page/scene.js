@@ -160,6 +160,12 @@ export class Scene extends EventTarget {
     this.look('oblique');
   }
 
+  /** As another picture has it, so that the same place is at the same height. */
+  setBottom(bottom) {
+    this.bottom = bottom;
+    this.resize();
+  }
+
   startInteraction() {
     this.interactor = vtkInteractor.newInstance();
     this.interactor.setView(this.view);
@@ -293,7 +299,7 @@ export class Scene extends EventTarget {
     this.surface.visible = Boolean(style);
     this.surface.showLines = state.edges;
     const cut = state.clip || state.box || state.threshold || state.hidden.length;
-    this.box.setVisibility(state.surface !== 'solid' || Boolean(cut));
+    this.box.setVisibility(state.axes || state.surface !== 'solid' || Boolean(cut)); // numbers are along its edges
     this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
@@ -404,21 +410,22 @@ export class Scene extends EventTarget {
     const { width, height } = this.container.getBoundingClientRect();
     if (!width || !height) return;
     const [direction, up] = views[view];
-    const centre = middle(this.bounds);
+    const extent = this.extent();
+    const centre = middle(extent);
     const camera = this.renderer.getActiveCamera();
     camera.set({ focalPoint: centre, position: add(centre, unit(direction)), viewUp: up });
-    this.renderer.resetCamera(boundsOf(this.bounds));
-    for (let i = 0; i < 6; i++) this.enlarge(1 / this.overflow());
+    this.renderer.resetCamera(boundsOf(extent));
+    for (let i = 0; i < 6; i++) this.enlarge(1 / this.overflow(extent));
     this.afterCamera();
   }
 
   // How far the bounds reach, as a fraction of the room that the title and the scalar bar leave.
-  overflow() {
+  overflow(extent) {
     const { width, height } = this.container.getBoundingClientRect();
     const { bottom } = this;
     const { side, top } = borders;
     const [roomX, roomY] = [width / 2 - side, (height - top - bottom) / 2];
-    const far = corners(this.bounds).map((corner) => {
+    const far = corners(extent).map((corner) => {
       const { x, y } = this.toScreen(corner);
       return Math.max(Math.abs(x - width / 2) / roomX, Math.abs(y - top - roomY) / roomY);
     });
@@ -469,8 +476,23 @@ export class Scene extends EventTarget {
 
   // `room`: how far points may be outside of the bounds.
   setRoom(room) {
+    if (room === this.room) return;
     this.room = room;
     this.afterCamera();
+    if (this.looked) this.fit(this.looked);
+  }
+
+  // What is to be in the picture: the bounds, and what is moved out of them.
+  extent() {
+    if (!this.room) return this.bounds;
+    const drawn = this.renderer.computeVisiblePropBounds();
+    const [low, high] = this.bounds;
+    return [low.map((x, i) => Math.min(x, drawn[2 * i])), high.map((x, i) => Math.max(x, drawn[2 * i + 1]))];
+  }
+
+  // What has moved out of the picture since it was made to fit is in it again.
+  refit() {
+    if (this.looked && this.room && this.overflow(this.extent()) > 1.01) this.fit(this.looked);
   }
 
   // Edges beside the layers, by a name: pairs of points, relative to the worker's origin; null: none.

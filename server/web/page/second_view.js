@@ -116,7 +116,8 @@ export function bindSecondView(viewer, hasAddress) {
     const there = await opened(made);
     if (!there || made !== frame) return;
     other = there;
-    made.contentDocument.body.classList.add('closed'); // its panel has a button
+    made.contentDocument.body.classList.add('closed', 'second'); // its panel has a button; time is the first one's
+    other.viewer.scene.setBottom(viewer.scene.bottom);
     other.viewer.scene.setCamera(moved(viewer.scene.camera(), add(viewer.scene.centre, other.viewer.scene.centre, -1)));
     part = turnTogether([viewer.scene, other.viewer.scene]);
     const { viewer: beside } = other;
@@ -124,6 +125,11 @@ export function bindSecondView(viewer, hasAddress) {
       'change',
       () => beside === other?.viewer && shown === '.' && store.set({ second: own(beside.fragment) }),
     );
+    viewer.beside = {
+      picture: (size) => there.picture(size),
+      showStep: (step) => beside.series && beside.showStep(step, { band: beside.wantedBand }),
+    };
+    place(store.state);
     follow(store.state);
   }
 
@@ -138,13 +144,14 @@ export function bindSecondView(viewer, hasAddress) {
     part();
     part = () => {};
     frame.remove();
-    frame = other = null;
+    frame = other = viewer.beside = null;
     place(store.state);
   }
 
   // Beside the first, or over it.
   function place({ compare, curtain }) {
     const over = Boolean(frame) && shown !== '.' && compare === 'curtain';
+    if (viewer.beside) viewer.beside.curtain = over ? curtain : null;
     document.body.classList.toggle('two', Boolean(frame) && !over);
     stage.classList.toggle('curtained', over);
     stage.style.setProperty('--curtain', `${100 * curtain}%`);
@@ -163,6 +170,7 @@ export function bindSecondView(viewer, hasAddress) {
     ({ changed }) => [...changed].some((key) => key !== 'camera') && follow(store.state),
   );
   viewer.addEventListener('colors', () => follow(store.state));
+  viewer.addEventListener('step', ({ detail: { step } }) => viewer.playing && other?.viewer.store.set({ step }));
   box.addEventListener('change', () => store.set({ second: box.checked ? own(viewer.fragment) : null }));
   store.watch(['second', 'other', 'compare'], (state) => {
     box.checked = state.second !== null;

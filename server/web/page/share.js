@@ -46,14 +46,35 @@ function drawOver(context, shot, { redraw, layers }) {
 
 /** `size`: [width, height], if not as on the screen; `texts`: the texts that the file contains; `redraw()` draws the bar
  * and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
-export async function savePicture(scene, name, { size, texts, redraw, layers }) {
-  const canvas = await pictureOf(scene, { size, redraw, layers });
+export async function savePicture(scene, name, { texts, ...shown }) {
+  const canvas = await pictureOf(scene, shown);
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
   saveFile(`${name}.png`, withTexts(blob, texts));
 }
 
-/** The same as a canvas. */
-export async function pictureOf(scene, { size, redraw, layers }) {
+// Two pictures of one size as the screen has them: the second right of the curtain, or beside the first.
+function joined(first, second, curtain) {
+  const { width, height } = first;
+  const canvas = element('canvas', { width: curtain === null ? 2 * width : width, height });
+  const context = canvas.getContext('2d');
+  context.drawImage(first, 0, 0);
+  const from = curtain === null ? 0 : Math.round(curtain * width);
+  const part = [width - from, height];
+  if (from < width) context.drawImage(second, from, 0, ...part, canvas.width - width + from, 0, ...part);
+  return canvas;
+}
+
+/**
+ * The same as a canvas. `beside`: { picture(size), curtain } of the second view, if there is one; `curtain`: where that
+ * is across the picture, null: none.
+ */
+export async function pictureOf(scene, { size, beside, ...over }) {
+  const half = size && beside?.curtain === null;
+  const canvas = await onePicture(scene, { size: half ? [Math.round(size[0] / 2), size[1]] : size, ...over });
+  return beside ? joined(canvas, await beside.picture([canvas.width, canvas.height]), beside.curtain) : canvas;
+}
+
+async function onePicture(scene, { size, redraw, layers }) {
   const shot = await scene.capture(size);
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');

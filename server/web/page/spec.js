@@ -11,6 +11,7 @@ import {
   targetFieldOf,
   vectorsOf,
   warpField,
+  warpScale,
 } from './levels.js';
 
 // A quotient may be anything: then as far as the largest component reaches.
@@ -119,7 +120,7 @@ export function specOf(state, info) {
       size: state.vectorSize,
       places: placesOf(state, info.bounds),
     },
-    warp: warpField(info, state) && { field: state.warp, scale: state.warpScale, outline: state.outline },
+    warp: warpField(info, state) && { field: state.warp, scale: warpScale(info, state), outline: state.outline },
     refine: refineOf(state, info),
     morph: state.smooth,
   };

@@ -8,7 +8,13 @@ import { row } from './rows.js';
 
 export function bindUnits(viewer) {
   const { store } = viewer;
-  const input = element('input', { id: 'unit', className: 'number', autocomplete: 'off', spellcheck: false });
+  const input = element('input', {
+    id: 'unit',
+    className: 'number',
+    autocomplete: 'off',
+    spellcheck: false,
+    maxLength: 24,
+  });
   byId('component-row').after(row('Unit', input));
   const shown = () => store.state.cells || store.state.field;
   input.addEventListener('change', () => {

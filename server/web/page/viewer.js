@@ -66,6 +66,8 @@ export class Viewer extends EventTarget {
   #told = null; #toldAt = null; // the step that the errors are told of
   #early = null;   // pictures that came before there was where to draw them
   #most = 0;       // tetrahedra of the finest level since memory was given back
+  beside = null;   // the second view: { picture(size), showStep(step), curtain }
+  subtracting = null; // a promise of pictures that a difference is made of
   looking = null;  // the number of the view that pages follow (look_here.js)
   difference = null; // of another stream, that is subtracted from the pictures (difference.js)
   #failedToSubtract;
@@ -354,7 +356,15 @@ export class Viewer extends EventTarget {
   // The index has one range for all components; that of one of them, or of their length, is the picture's.
   dataRange() {
     if (this.difference) return this.difference.range;
-    const { field: { name, range, components }, cells, component, formula } = colouredOf(this.info, this.coloredState);
+    const coloured = colouredOf(this.info, this.coloredState);
+    const [low, high] = this.#rangeOf(coloured);
+    const inTime = low === high && this.series?.fields.find(({ name }) => name === coloured.field.name)?.range;
+    if (!inTime || coloured.formula) return [low, high];
+    // a first step of zeros
+    return coloured.component === 'magnitude' ? [0, Math.max(...inTime.map(Math.abs))] : inTime;
+  }
+
+  #rangeOf({ field: { name, range, components }, cells, component, formula }) {
     if (formula)
       return this.#isShade({ field: formula.text, cells, component: 0 })
         ? this.shade.range
@@ -384,6 +394,7 @@ export class Viewer extends EventTarget {
     let [from, to] = range === 'manual' ? [low, high]
       : range === 'auto' && !log        ? autoRange(this.dataRange(), this.at ? undefined : this.shade?.sample)
                                         : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
+    if (!Number.isFinite(to - from)) [from, to] = [0, 1]; // of a quotient that has no ends
     if (from > to) [from, to] = [to, from];
     if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
     if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
@@ -391,12 +402,18 @@ export class Viewer extends EventTarget {
     return [from, to];
   }
 
-  get colorMap() {
+  get #regionNumbers() {
+    return this.regions.get(this.store.state.cells)?.map(({ number }) => number);
+  }
+
+  get #mapName() {
     const { state } = this.store;
-    const map = mapOf(state, this.dataRange(), this.info.cellFields.find(({ name }) => name === state.cells)?.region);
-    if (map !== 'categories') return map;
-    const regions = this.regions.get(state.cells)?.map(({ number }) => number);
-    if (this.#categories?.of) return this.#categories.of(this.colorRange(), regions);
+    return mapOf(state, this.dataRange(), this.info.cellFields.find(({ name }) => name === state.cells)?.region);
+  }
+
+  get colorMap() {
+    if (this.#mapName !== 'categories') return this.#mapName;
+    if (this.#categories?.of) return this.#categories.of(this.colorRange(), this.#regionNumbers);
     this.#categories ??= import('./categories.js').then(({ categoriesOf }) => {
       this.#categories = { of: categoriesOf };
       this.recolor();
@@ -418,6 +435,7 @@ export class Viewer extends EventTarget {
       reversed,
       below: least < low,
       above: most > high,
+      numbers: this.#mapName === 'categories' ? this.#regionNumbers : null,
       marks: isosurfacesOf(this.info, this.store.state).colored && !this.difference
         ? isosurfaces.map((f) => from + f * (to - from))
         : [],
@@ -543,7 +561,7 @@ export class Viewer extends EventTarget {
 
   #takePictures(event) {
     if (!this.scene?.box) this.#early = event;
-    else if (this.difference) this.#takeDifference(event.detail);
+    else if (this.difference) this.subtracting = this.#takeDifference(event.detail);
     else this.#drawPictures(event.detail);
   }
 
@@ -553,7 +571,7 @@ export class Viewer extends EventTarget {
     const mine = ++this.#subtracting;
     try {
       const made = await difference.of(pictures);
-      if (mine === this.#subtracting && difference === this.difference) {
+      if (made && mine === this.#subtracting && difference === this.difference) {
         this.#drawPictures(made);
         this.recolorNow();
       }

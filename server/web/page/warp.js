@@ -2,8 +2,8 @@
 // Points moved by a field of vectors, so many times as it says, with the outline of what is not moved.
 
 import { byId, element } from './dom.js';
-import { cross, dot, unit } from './geometry.js';
-import { fieldOf, vectorFields, warpField } from './levels.js';
+import { cross, diagonalOf, dot, unit } from './geometry.js';
+import { fieldOf, vectorFields, warpField, warpScale } from './levels.js';
 import { parseNumber, significant } from './numbers.js';
 import { row } from './rows.js';
 
@@ -18,9 +18,9 @@ function rounded(x) {
 
 const largest = (info, name) => Math.max(...fieldOf(info, name).range.map(Math.abs));
 
-export function scaleFor({ bounds: [low, high], ...info }, name) {
+export function scaleFor(info, name) {
   const most = largest(info, name);
-  return most > 0 ? Number(rounded((share * Math.hypot(...high.map((h, i) => h - low[i]))) / most).toPrecision(1)) : 1;
+  return most > 0 ? Number(rounded((share * diagonalOf(info)) / most).toPrecision(1)) : 1;
 }
 
 /** Edges of a surface that are sharp or open, as pairs of points. */
@@ -67,7 +67,7 @@ export function bindWarp(viewer) {
   );
   scale.addEventListener('change', () => {
     const value = parseNumber(scale.value);
-    if (Number.isFinite(value)) store.set({ warpScale: value });
+    if (Number.isFinite(value)) store.set({ warpScale: warpScale(viewer.info, { ...store.state, warpScale: value }) });
     scale.value = significant(store.state.warpScale, 6);
   });
   outline.addEventListener('change', () => store.set({ outline: outline.checked }));
@@ -77,10 +77,11 @@ export function bindWarp(viewer) {
     more.hidden = !name;
     scale.value = significant(state.warpScale, 6);
     outline.checked = state.outline;
-    scene.setRoom(name ? Math.abs(state.warpScale) * largest(viewer.info, name) : 0);
+    scene.setRoom(name ? Math.abs(warpScale(viewer.info, state)) * largest(viewer.info, name) : 0);
   });
   let drawn = null;
   const draw = () => {
+    scene.refit();
     if (viewer.outline === drawn) return;
     drawn = viewer.outline;
     scene.setEdges('outline', drawn?.points, drawn && outlineOf(drawn));

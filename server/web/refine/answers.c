@@ -83,7 +83,7 @@ uint32_t answers_ask(struct answers *answers, const char *text, uint32_t finest,
     TETLOD_TRY(ask_stream(tetlod_feed_file(answers->feed), finest, &question, NULL, &options, &result,
                           &answers->error));
     const double numbers[ANSWER_NUMBERS] = {result.interval.lower, result.interval.upper,
-                                            result.level == TETLOD_NONE ? -1 : result.level, result.exact,
+                                            result.level == TETLOD_NONE ? -1.0 : result.level, result.exact,
                                             result.tets, (double)result.bytes};
     memcpy(answers->numbers, numbers, sizeof numbers);
     return TETLOD_OK;
