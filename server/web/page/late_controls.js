@@ -148,8 +148,8 @@ function bindLarge({ viewer }) {
     if (range.every(Number.isFinite) && Math.max(...range.map(Math.abs)) > mostFloat)
       notice(
         'large',
-        `${viewer.title} has values beyond 3.4e38, which pictures do not hold: probes tell them, colours are those of ` +
-          'the ends. Build the stream in a larger unit.',
+        `${viewer.title} has values beyond 3.4e38, which pictures do not hold: probes tell them, colours are those ` +
+          'of the ends. Build the stream in a larger unit.',
       );
     else clear('large');
   };
