@@ -54,7 +54,9 @@ async function once_around() {
 async function it_can_be_stopped() {
   await page.locator('#film-seconds').fill('60');
   await page.locator('#film').click();
-  await page.locator('#notice-film button').first().click();
+  const stop = await page.locator('#notice-film button').first().elementHandle();
+  await page.waitForFunction(() => /Frame [3-9]/.test(document.getElementById('notice-film').textContent));
+  await stop.click(); // the button of the first picture: one that each picture makes anew cannot be pressed
   await page.waitForFunction(() => !document.getElementById('film').disabled);
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }

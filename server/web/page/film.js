@@ -4,7 +4,7 @@
 
 import { byId, element } from './dom.js';
 import { add, cross, dot, scale, unit } from './geometry.js';
-import { button, clear, notice } from './notices.js';
+import { button, clear, notice, reword } from './notices.js';
 import { clamp, parseNumber } from './numbers.js';
 import { row } from './rows.js';
 
@@ -110,15 +110,12 @@ export function bindFilm(viewer, { picture, save }) {
         }
       : (i) => scene.setCamera(orbited(place, (2 * Math.PI * i) / count));
     let stopped = false;
+    const stop = button('Stop', () => {
+      stopped = true;
+    });
+    notice('film', 'The film begins…', { seconds: 0, children: [stop] });
     const told = (i) => {
-      notice('film', `Frame ${i + 1} of ${count}`, {
-        seconds: 0,
-        children: [
-          button('Stop', () => {
-            stopped = true;
-          }),
-        ],
-      });
+      reword('film', `Frame ${i + 1} of ${count}`);
       return !stopped;
     };
     try {

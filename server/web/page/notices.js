@@ -24,6 +24,12 @@ export function notice(key, message, { failed = false, seconds = 4, children = [
   messages.set(key, { box, timer: seconds ? setTimeout(() => clear(key), 1000 * seconds) : 0 });
 }
 
+// Other words in the same message: what it offers stays where a pointer may be about to press it.
+export function reword(key, message) {
+  const shown = messages.get(key);
+  if (shown) shown.box.firstChild.textContent = message;
+}
+
 export function clear(key) {
   const shown = messages.get(key);
   if (!shown) return;
