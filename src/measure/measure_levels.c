@@ -108,18 +108,12 @@ struct measure_levels {
     double rounding;         /* of a distance */
     bool displaced, rounded; /* the finest level is not the original itself: other positions; or other values only */
     bool started;
-    bool mine[MEASURE_PARTS];
+    bool mine[MEASURE_PARTS], bounds_are_mine;
 };
 
-/* The part that number i of `count` is in. */
-static uint32_t part_of(size_t i, size_t count)
+static bool is_mine(const struct measure_levels *m, size_t chunk)
 {
-    return (uint32_t)(i * MEASURE_PARTS / count);
-}
-
-static bool is_mine(const struct measure_levels *m, size_t i, size_t count)
-{
-    return m->mine[part_of(i, count)];
+    return m->mine[chunk * MEASURE_PARTS / m->chunks];
 }
 
 /* ---- a sample's error */
@@ -333,7 +327,7 @@ static void update_samples(void *context, unsigned number, size_t begin, size_t 
 {
     struct measure_levels *m = context;
     for (size_t chunk = begin; chunk < end; chunk++)
-        if (is_mine(m, chunk, m->chunks))
+        if (is_mine(m, chunk))
             update_chunk(m, &m->workers[number], chunk);
 }
 
@@ -483,7 +477,7 @@ static void guess_distances(void *context, unsigned worker, size_t begin, size_t
     for (size_t i = begin; i < end; i++) {
         uint32_t v = m->bound[i], face = m->nearest[i];
         m->distances[i] = 0;
-        if ((!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL) || !is_mine(m, i, m->bound_count))
+        if (!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL)
             continue;
         if (face != TETLOD_NONE && m->mesh->states[face / 4] == COARSE_SAME)
             continue; // or what it was at the last level
@@ -510,10 +504,32 @@ static void made_distances(void *context, unsigned worker, size_t begin, size_t 
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        m->distances[i] = is_mine(m, i, m->list_count)
-                              ? mesh_surface_distance(&m->boundary, m->bodies[m->list[i]],
-                                                      m->mesh->positions + 3 * (size_t)m->list[i], m->enough, &face)
-                              : 0;
+        m->distances[i] = mesh_surface_distance(&m->boundary, m->bodies[m->list[i]],
+                                                m->mesh->positions + 3 * (size_t)m->list[i], m->enough, &face);
+}
+
+/* While the mesh is at its finest. */
+static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct mesh_surface *boundary = &m->boundary;
+    TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
+                            m->original->tet_count, NULL, 0, 0, error));
+    m->boundary.bodies = m->bodies;
+    for (size_t i = 0; i < 3 * (size_t)boundary->count; i++)
+        m->made[boundary->triangles[i]] = 1;
+    for (uint32_t v = 0; v < m->original->vertex_count; v++)
+        m->bound_count += m->made[v];
+    m->bound = array_new(m->bound_count, sizeof *m->bound);
+    m->nearest = array_new(m->bound_count, sizeof *m->nearest);
+    if (!m->bound || !m->nearest)
+        return tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)m->bound_count);
+    m->bound_count = 0;
+    for (uint32_t v = 0; v < m->original->vertex_count; v++)
+        if (m->made[v]) {
+            m->nearest[m->bound_count] = TETLOD_NONE;
+            m->bound[m->bound_count++] = v;
+        }
+    return TETLOD_OK;
 }
 
 /* The vertices of the level's boundary that the last step made or moved; at first, where it is displaced, all. */
@@ -554,6 +570,10 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
 {
     double most = larger(*io_domain, m->domain);
     bool any = false;
+    if (!m->bounds_are_mine)
+        return TETLOD_OK;
+    if (!m->started)
+        TETLOD_TRY(list_boundary(m, error));
     TETLOD_TRY(list_made(m, error));
     size_t needed = m->list_count > m->bound_count ? m->list_count : m->bound_count;
     if (!ARRAY_RESERVE(m->distances, m->distance_capacity, needed))
@@ -587,7 +607,7 @@ static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t 
     bool mine = false;
     for (size_t sample = begin; sample < end; sample++) {
         if (sample == begin || sample % TALLY_CHUNK == 0)
-            mine = is_mine(r->measure, sample / TALLY_CHUNK, r->measure->chunks);
+            mine = is_mine(r->measure, sample / TALLY_CHUNK);
         if (mine && r->measure->hosts[sample] < HOST_SPECIAL)
             r->measure->hosts[sample] = coarse_number(&r->numbers, r->measure->hosts[sample]);
     }
@@ -665,29 +685,6 @@ static bool is_rounded(const struct tetmesh *original, const struct coarsening *
     return !same;
 }
 
-static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_error *error)
-{
-    const struct mesh_surface *boundary = &m->boundary;
-    TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
-                            m->original->tet_count, NULL, 0, 0, error));
-    m->boundary.bodies = m->bodies;
-    for (size_t i = 0; i < 3 * (size_t)boundary->count; i++)
-        m->made[boundary->triangles[i]] = 1;
-    for (uint32_t v = 0; v < m->original->vertex_count; v++)
-        m->bound_count += m->made[v];
-    m->bound = array_new(m->bound_count, sizeof *m->bound);
-    m->nearest = array_new(m->bound_count, sizeof *m->nearest);
-    if (!m->bound || !m->nearest)
-        return tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)m->bound_count);
-    m->bound_count = 0;
-    for (uint32_t v = 0; v < m->original->vertex_count; v++)
-        if (m->made[v]) {
-            m->nearest[m->bound_count] = TETLOD_NONE;
-            m->bound[m->bound_count++] = v;
-        }
-    return TETLOD_OK;
-}
-
 static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < m->field_count; f++)
@@ -757,6 +754,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
     memset(m->mine, true, sizeof m->mine);
+    m->bounds_are_mine = true;
     m->rounded = !m->displaced && is_rounded(original, coarsening);
     if (!m->bodies || !m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
@@ -764,7 +762,6 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
     sheets_bodies(original->corners, original->tet_count, original->vertex_count, m->bodies);
     place_samples(m);
     TETLOD_TRY_DONE(make_workers(m, error));
-    TETLOD_TRY_DONE(list_boundary(m, error));
     *out = m;
 done:
     if (status != TETLOD_OK)
@@ -774,9 +771,10 @@ done:
 
 /* ---- parts */
 
-void measure_levels_restrict(struct measure_levels *m, const bool mine[MEASURE_PARTS])
+void measure_levels_restrict(struct measure_levels *m, const bool mine[MEASURE_PARTS], bool bounds)
 {
     memcpy(m->mine, mine, sizeof m->mine);
+    m->bounds_are_mine = bounds;
 }
 
 /* The first chunk of a part. */

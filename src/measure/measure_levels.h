@@ -38,12 +38,12 @@ bool measure_levels_sample(const struct measure_levels *measure, size_t sample, 
 
 /* ---- samples in parts, of which each program measures some (measure_shared.h) */
 
-/* The samples, and the points of boundaries, are in so many parts, whatever their number. */
+/* The samples are in so many parts, whatever their number. */
 enum { MEASURE_PARTS = 120 };
 
-/* Only parts that are mine[part] are measured; what measure_levels_next says is then theirs alone. Before the first
- * level. */
-void measure_levels_restrict(struct measure_levels *measure, const bool mine[MEASURE_PARTS]);
+/* Only parts that are mine[part] are measured, and the domain error where `bounds` is true; what measure_levels_next
+ * says is then theirs alone. Before the first level. */
+void measure_levels_restrict(struct measure_levels *measure, const bool mine[MEASURE_PARTS], bool bounds);
 
 /* Appends what the level's samples of a part have come to. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_levels_pack(const struct measure_levels *measure, uint32_t part,

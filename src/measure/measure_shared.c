@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * In: a log, and parts of the samples that no other program has taken. A sweep carries the mesh from level to level and
- * measures some parts at each. Out, for each part: at each level the domain error, as far as the sweep has seen it, and
- * what the part's samples have come to.
+ * measures some parts at each. Out, for each part: what its samples have come to at each level. The domain error is a
+ * part of its own: what finds it is then made once.
  */
 #include "src/measure/measure_shared.h"
 
@@ -17,23 +17,19 @@
 #include "src/util/channel.h"
 #include "src/util/clock.h"
 
+/* The parts of a stage: the domain error first, as it takes longest: about as long as so many others. */
+enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 8 };
+
 struct sweep {
     const struct shared_levels *levels;
     struct coarsening coarsening;
     struct measure_levels *measure;
-    struct buffer *parts; /* [MEASURE_PARTS] what is put */
-    bool mine[MEASURE_PARTS];
+    struct buffer *parts; /* [STAGE_PARTS] what is put */
+    bool mine[STAGE_PARTS];
     double alone; /* processor seconds of what every program does */
     struct measured *scratch; /* [field] */
     struct tetlod_error *error;
 };
-
-static enum tetlod_status begin_sweep(struct sweep *sweep)
-{
-    const struct shared_levels *levels = sweep->levels;
-    TETLOD_TRY(coarsening_init(&sweep->coarsening, levels->mesh, levels->log, sweep->error));
-    return measure_levels_new(&sweep->measure, levels->original, &sweep->coarsening, levels->threads, sweep->error);
-}
 
 static void end_sweep(struct sweep *sweep)
 {
@@ -43,14 +39,22 @@ static void end_sweep(struct sweep *sweep)
     sweep->coarsening = (struct coarsening){0};
 }
 
+static enum tetlod_status begin_sweep(struct sweep *sweep)
+{
+    const struct shared_levels *levels = sweep->levels;
+    end_sweep(sweep);
+    TETLOD_TRY(coarsening_init(&sweep->coarsening, levels->mesh, levels->log, sweep->error));
+    return measure_levels_new(&sweep->measure, levels->original, &sweep->coarsening, levels->threads, sweep->error);
+}
+
 /* Parts for a sweep: this member's share of those that are open. */
 static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    uint32_t members = share->members ? share->members : 1, most = (MEASURE_PARTS + members - 1) / members, part;
-    uint32_t count = 0;
+    uint32_t members = share->members ? share->members : 1, part, count = 0;
+    uint32_t most = (MEASURE_PARTS + BOUNDS_TAKE + members - 1) / members;
     memset(sweep->mine, 0, sizeof sweep->mine);
-    for (; count < most && share->take(share->opaque, &part, NULL); count++)
+    for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
         sweep->mine[part] = true;
     return count > 0;
 }
@@ -58,13 +62,11 @@ static bool take_parts(struct sweep *sweep)
 static enum tetlod_status keep_level(struct sweep *sweep, double domain)
 {
     enum tetlod_status status = TETLOD_OK;
-    for (uint32_t part = 0; part < MEASURE_PARTS && status == TETLOD_OK; part++) {
-        if (!sweep->mine[part])
-            continue;
-        status = buffer_append(&sweep->parts[part], &domain, sizeof domain);
-        if (status == TETLOD_OK)
-            status = measure_levels_pack(sweep->measure, part, &sweep->parts[part]);
-    }
+    if (sweep->mine[PART_BOUNDS])
+        status = buffer_append(&sweep->parts[PART_BOUNDS], &domain, sizeof domain);
+    for (uint32_t part = PART_SAMPLES; part < STAGE_PARTS && status == TETLOD_OK; part++)
+        if (sweep->mine[part])
+            status = measure_levels_pack(sweep->measure, part - PART_SAMPLES, &sweep->parts[part]);
     return status == TETLOD_OK ? status : tetlodi_fail_nomem(sweep->error, "the levels", sweep->parts[0].size);
 }
 
@@ -82,7 +84,7 @@ static enum tetlod_status measure_parts(struct sweep *sweep)
 {
     const struct shared_levels *levels = sweep->levels;
     const struct contraction_log *log = levels->log;
-    measure_levels_restrict(sweep->measure, sweep->mine);
+    measure_levels_restrict(sweep->measure, sweep->mine + PART_SAMPLES, sweep->mine[PART_BOUNDS]);
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
         double domain = levels->domains[mark];
         advance(sweep, mark);
@@ -97,7 +99,7 @@ static enum tetlod_status measure_parts(struct sweep *sweep)
 static enum tetlod_status put_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    for (uint32_t part = 0; part < MEASURE_PARTS; part++) {
+    for (uint32_t part = 0; part < STAGE_PARTS; part++) {
         if (sweep->mine[part])
             TETLOD_TRY(share->put(share->opaque, part, sweep->parts[part].bytes, sweep->parts[part].size,
                                   sweep->error));
@@ -119,7 +121,6 @@ static enum tetlod_status do_parts(void *opaque)
         sweep->alone += thread_seconds() - begun;
         if (status == TETLOD_OK)
             status = measure_parts(sweep);
-        end_sweep(sweep);
         if (status == TETLOD_OK)
             status = put_parts(sweep);
     }
@@ -131,34 +132,27 @@ static enum tetlod_status do_parts(void *opaque)
 
 /* ---- what they have come to */
 
-/* Takes a part at all levels in turn: parts[part] is how much of it has been looked at. */
-static enum tetlod_status join_part(struct sweep *sweep, uint32_t part, uint32_t mark, double *io_domain)
+static enum tetlod_status get_part(struct sweep *sweep, uint32_t part)
 {
-    const unsigned char *bytes = sweep->parts[part].bytes;
-    size_t size = sizeof(double) + measure_levels_part_size(sweep->measure, part);
-    double domain;
-    if (sweep->parts[part].size != size * sweep->levels->log->mark_count)
-        return tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");
-    memcpy(&domain, bytes + mark * size, sizeof domain);
-    *io_domain = larger(*io_domain, domain);
-    measure_levels_unpack(sweep->measure, part, bytes + mark * size + sizeof domain);
-    return TETLOD_OK;
+    const struct work_share *share = sweep->levels->share;
+    struct buffer *at = &sweep->parts[part];
+    size_t level = part == PART_BOUNDS ? sizeof(double) : measure_levels_part_size(sweep->measure, part - PART_SAMPLES);
+    TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
+    return at->size == level * sweep->levels->log->mark_count
+               ? TETLOD_OK
+               : tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");
 }
 
 static enum tetlod_status join_levels(struct sweep *sweep, struct measured *measured, double *domains)
 {
-    const struct work_share *share = sweep->levels->share;
-    double domain = 0;
-    for (uint32_t part = 0; part < MEASURE_PARTS; part++) {
-        struct buffer *at = &sweep->parts[part];
-        TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
-    }
+    for (uint32_t part = 0; part < STAGE_PARTS; part++)
+        TETLOD_TRY(get_part(sweep, part));
     for (uint32_t mark = 0; mark < sweep->levels->log->mark_count; mark++) {
-        domain = larger(domain, sweep->levels->domains[mark]);
+        memcpy(&domains[mark], sweep->parts[PART_BOUNDS].bytes + mark * sizeof *domains, sizeof *domains);
         for (uint32_t part = 0; part < MEASURE_PARTS; part++)
-            TETLOD_TRY(join_part(sweep, part, mark, &domain));
+            measure_levels_unpack(sweep->measure, part, sweep->parts[part + PART_SAMPLES].bytes +
+                                                            mark * measure_levels_part_size(sweep->measure, part));
         measure_levels_result(sweep->measure, measured + (size_t)mark * sweep->levels->original->field_count);
-        domains[mark] = domain;
     }
     return TETLOD_OK;
 }
@@ -219,7 +213,7 @@ static enum tetlod_status fail_parts(void *opaque)
 
 static void free_parts(struct sweep *sweep)
 {
-    for (uint32_t part = 0; part < MEASURE_PARTS && sweep->parts; part++)
+    for (uint32_t part = 0; part < STAGE_PARTS && sweep->parts; part++)
         buffer_fini(&sweep->parts[part]);
     free(sweep->parts);
 }
@@ -233,12 +227,12 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     pass_levels(&channel, &original, &mesh, &log, &domains);
     const struct shared_levels levels = {&original, &mesh, &log, domains, threads, share, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
-                          .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts),
+                          .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
                           .scratch = array_zero(original.field_count, sizeof *sweep.scratch),
                           .error = error};
     bool ready = channel.status == TETLOD_OK && sweep.parts && sweep.scratch;
     enum tetlod_status status =
-        work_share_run(share, MEASURE_PARTS, NULL, NULL, ready ? do_parts : fail_parts, &sweep, error);
+        work_share_run(share, STAGE_PARTS, NULL, NULL, ready ? do_parts : fail_parts, &sweep, error);
     share->end(share->opaque);
     end_sweep(&sweep);
     free_parts(&sweep);
@@ -258,17 +252,18 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
 {
     const struct work_share *share = levels->share;
     struct sweep sweep = {.levels = levels,
-                          .parts = array_zero(MEASURE_PARTS, sizeof *sweep.parts),
+                          .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
                           .scratch = measured,
                           .error = error};
     enum tetlod_status status = TETLOD_OK;
     if (!sweep.parts)
-        return tetlodi_fail_nomem(error, "the levels", MEASURE_PARTS * sizeof *sweep.parts);
+        return tetlodi_fail_nomem(error, "the levels", STAGE_PARTS * sizeof *sweep.parts);
     if (work_has_helpers(share))
         TETLOD_TRY_DONE(call_helpers(levels, error));
-    TETLOD_TRY_DONE(work_share_run(share, MEASURE_PARTS, NULL, NULL, do_parts, &sweep, error));
+    TETLOD_TRY_DONE(work_share_run(share, STAGE_PARTS, NULL, NULL, do_parts, &sweep, error));
     if (share->writes) {
-        TETLOD_TRY_DONE(begin_sweep(&sweep));
+        if (!sweep.measure)
+            TETLOD_TRY_DONE(begin_sweep(&sweep));
         TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));
     }
 done:

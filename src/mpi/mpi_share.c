@@ -263,7 +263,8 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
     result->size = size;
     if (!result->bytes)
         return tetlodi_fail_nomem(error, "a part", size);
-    memcpy(result->bytes, bytes, size);
+    if (size)
+        memcpy(result->bytes, bytes, size);
     pthread_mutex_lock(&share->lock);
     this_stage(share)->longest = fmax(this_stage(share)->longest, seconds);
     pthread_mutex_unlock(&share->lock);
@@ -364,7 +365,8 @@ static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, 
     *out = array_new(result->size, 1);
     if (!*out)
         return tetlodi_fail_nomem(error, "a part", result->size);
-    memcpy(*out, result->bytes, result->size);
+    if (result->size)
+        memcpy(*out, result->bytes, result->size);
     return TETLOD_OK;
 }
 
