@@ -41,10 +41,32 @@ static int compare_faces(const void *left, const void *right)
     return a->slot < b->slot ? -1 : a->slot > b->slot;
 }
 
+static uint64_t key_of(const struct face *face)
+{
+    return (uint64_t)face->mid << 32 | face->high;
+}
+
+/* Faces come by ascending slots. Of the few of most buckets each is put in its place. */
+static void sort_faces(struct face *faces, size_t count)
+{
+    enum { FEW = 64 };
+    if (count > FEW) {
+        qsort(faces, count, sizeof *faces, compare_faces);
+        return;
+    }
+    for (size_t i = 1; i < count; i++) {
+        const struct face face = faces[i];
+        size_t at = i;
+        for (; at && key_of(&faces[at - 1]) > key_of(&face); at--)
+            faces[at] = faces[at - 1];
+        faces[at] = face;
+    }
+}
+
 static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbours)
 {
     uint32_t overfull = 0;
-    qsort(faces, count, sizeof *faces, compare_faces);
+    sort_faces(faces, count);
     for (size_t i = 0, end; i < count; i = end) {
         for (end = i + 1; end < count && faces[end].mid == faces[i].mid && faces[end].high == faces[i].high; end++)
             ;
