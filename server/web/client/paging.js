@@ -4,7 +4,7 @@
 import { choosePages, rangesOf, reaches } from './pages.js';
 import { MORE, Maker } from './maker.js';
 
-const records = 2000; // that are decoded in a turn, some milliseconds
+const vertices = 16_000; // that are decoded in a turn, and at least a page
 const mostFrames = 257; // MAX_PAGE_FRAMES
 const atOnce = 4; // requests
 const steps = [64, 8, 1]; // times the pixels: much is brought and shown in steps, the coarse one first
@@ -159,7 +159,7 @@ export class Pager {
         });
       }
       maker.lend(Uint32Array.from(pages), (address) => maker.try('choose', address, pages.length));
-      while (!this.#closed && maker.try('step', records) === MORE) await this.#takeTurn();
+      while (!this.#closed && maker.try('step', vertices) === MORE) await this.#takeTurn();
     } finally {
       maker.run('forget');
     }

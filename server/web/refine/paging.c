@@ -147,9 +147,9 @@ uint32_t paging_choose(struct paging *paging, const uint32_t *pages, uint32_t co
     return status;
 }
 
-uint32_t paging_step(struct paging *paging, uint32_t records)
+uint32_t paging_step(struct paging *paging, uint32_t vertices)
 {
-    return tetlod_cursor_step(paging->cursor, paging->wanted, records, &paging->error);
+    return tetlod_cursor_step(paging->cursor, paging->wanted, vertices, &paging->error);
 }
 
 const struct refine_mesh *paging_mesh(struct paging *paging)

@@ -46,8 +46,8 @@ REFINE_EXPORT(paging_forget) void paging_forget(struct paging *paging);
 /* From now on the mesh is to have the pages with these numbers, and what they need. */
 REFINE_EXPORT(paging_choose)
 uint32_t paging_choose(struct paging *paging, const uint32_t *pages, uint32_t count);
-/* Decodes at most so many records of them; TETLOD_MORE until the mesh has them. */
-REFINE_EXPORT(paging_step) uint32_t paging_step(struct paging *paging, uint32_t records);
+/* Decodes pages of so many vertices, at least one; TETLOD_MORE until the mesh has them. */
+REFINE_EXPORT(paging_step) uint32_t paging_step(struct paging *paging, uint32_t vertices);
 /* The mesh as it is; its `parts` are the levels that its tetrahedra are of. NULL: no memory. */
 REFINE_EXPORT(paging_mesh) const struct refine_mesh *paging_mesh(struct paging *paging);
 /* [vertices] of it: the vertex that each was split from, one before it, or itself. */
