@@ -132,6 +132,23 @@ ARGUMENTS = {'kept_order': ['--keep-order'], 'certify_exact': ['--certify', 'exa
              'both_12_bit': ['--position-bits', '12', '--field-bits', '12']}
 
 
+PAGED = {
+    'float64': ('float64 positions', 'two', {}, []), 'none': ('no field', 'none', {}, []),
+    'components': ('components that repeat', 'repeated', {}, []), 'tail': ('exact decimals', 'decimals', {}, []),
+    'cells': ('values of tetrahedra', 'float32', 'vector', []), 'regions': ('regions', 'float32', 'region', []),
+    'quantised': ('rounded positions and values', 'two', {}, ['--position-bits', '12', '--field-bits', '10']),
+    'order': ('the original order', 'float32', {}, ['--keep-order']),
+    'bound': ('a local bound', 'float32', {}, ['--local-bound'])}
+
+
+def paged():
+    """As listed() has them: levels in pages, of small cells."""
+    points, tets = lattice(6)
+    for name, (feature, kind, cells, options) in PAGED.items():
+        yield ('paged_' + name, 'levels in pages: ' + feature, '7.6', points, tets, fields_of(kind, points),
+               cells_of(cells, tets) if cells else {}, ['--paged=160', '--growth', '1.4', *options])
+
+
 def listed():
     """Name, feature, clause, points, tetrahedra, fields, cells, options of tetlod build."""
     points, tets = lattice(3)
@@ -149,6 +166,7 @@ def listed():
         given = ARGUMENTS.get(name) or ['--%s-bits' % kind.rstrip('s'), rest[0]]
         yield ('option_' + name, 'tetlod build ' + ' '.join(given), clause, points, tets, fields_of('two', points), {},
                given)
+    yield from paged()
 
 
 def profile_0():

@@ -17,11 +17,16 @@ def of_step(decoder, band, step):
     return answers.digest([*values.values(), *([points] if decoder._moves else [])])
 
 
+def of_mesh(mesh):
+    return answers.level(mesh.points, mesh.tets, list(mesh.fields.values()))
+
+
 def of_stream(stream):
-    decoder, rows = stream._decoder, []
-    for level in range(len(stream.levels)):
-        mesh = stream.seek(level).mesh
-        rows.append(answers.level(mesh.points, mesh.tets, list(mesh.fields.values())))
+    """Levels both ways: what undoes records gives the same."""
+    decoder, numbers = stream._decoder, range(len(stream.levels))
+    rows = [of_mesh(stream.seek(level).mesh) for level in numbers]
+    if rows != [of_mesh(stream.seek(level).mesh) for level in numbers[::-1]][::-1]:
+        raise ValueError('a level is another one on the way back')
     answer = {'levels': rows, 'cells': [answers.digest([decoder.cells(name)]) for name in stream.info.cells]}
     steps = decoder.steps
     if steps:
@@ -37,8 +42,10 @@ def answer(path):
     own = of_stream(stream)
     if stream.info.paged:
         low, high = stream.info.bounds
-        mesh = stream.region([*low, *((a + b) / 2 for a, b in zip(low, high))])
-        own['region'] = answers.level(mesh.points, mesh.tets, list(mesh.fields.values()))
+        box = [*low, *((a + b) / 2 for a, b in zip(low, high))]
+        first, last = stream.info.paged[0], stream.info.paged[-1]
+        own['region'] = of_mesh(stream._decoder.region([box], first - 1, last))
+        own['partly'] = of_mesh(stream._decoder.region([box], first, (first + last) // 2))
     groups = [of_stream(stream._topology(number)) for number in range(1, len(stream.info.topologies))]
     return {**own, 'groups': groups} if groups else own
 

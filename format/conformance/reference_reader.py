@@ -39,20 +39,25 @@ def of_stream(stream):
     return answer
 
 
-def region_of(stream):
-    """All detail in the box of the least eighth (SPEC 7.6)."""
-    low, high = stream.bounds
-    box = low, [(a + b) / 2 for a, b in zip(low, high)]
-    chosen = reference_pages.closure(stream, reference_pages.meeting(stream, box))
-    found = stream.cursor().seek_pages(chosen)
+def region_of(stream, chosen):
+    """Some of the pages, and all that these need (SPEC 7.6)."""
+    found = stream.cursor().seek_pages(reference_pages.closure(stream, chosen))
     return answers.level(found.positions, found.tets, [found.field(field['name']) for field in stream.fields])
+
+
+def regions_of(stream):
+    low, high = stream.bounds
+    box, first, last = (low, [(a + b) / 2 for a, b in zip(low, high)]), min(stream.groups), max(stream.groups)
+    whole = {first: set(range(stream.groups[first].count))}
+    return {'region': region_of(stream, reference_pages.meeting(stream, box)),
+            'partly': region_of(stream, {**reference_pages.meeting(stream, box, (first + last) // 2), **whole})}
 
 
 def answer(path):
     stream = tetlod.open(path)
     own = of_stream(stream)
     if stream.groups:
-        own['region'] = region_of(stream)
+        own.update(regions_of(stream))
     groups = [of_stream(stream.topology(number)) for number in range(1, len(stream.topologies))]
     return {**own, 'groups': groups} if groups else own
 

@@ -20,7 +20,7 @@ import package_reader  # noqa: E402
 import reference_reader  # noqa: E402
 
 warnings.simplefilter('ignore')  # of a file that is cut off
-REFERENCE = reference_reader.tetlod
+REFERENCE, PAGES = reference_reader.tetlod, reference_reader.reference_pages
 with open(make.EXPECTED, encoding='utf-8') as file:
     TEXT = file.read()
 EXPECTED = json.loads(TEXT)
@@ -49,6 +49,16 @@ FAULTS = [
     ("require(not any(self.rest), what", "require(True, what"),
     ("self.code < self.range, 'a frame", "self.code <= self.range, 'a frame"),
 ]
+PAGE_FAULTS = [
+    ('self.models, self.listed = Models(), lists[number]', 'self.listed = lists[number]'),
+    ('leaf[vertex] or vertex in seams', 'leaf[vertex]'),
+    ('self.models.splits[vertex >= self.start]', 'self.models.splits[0]'),
+    ('self.page_at([(min(axis) + max(axis)) / 2 for', 'self.page_at([sum(axis) / 4 for'),
+    ('middle[node[0]] < node[1]', 'middle[node[0]] <= node[1]'),
+    ('setdefault(level - 1, set()).update(stream.groups[level].pages[number].needed)', 'setdefault(level - 1, set())'),
+    ('low + (high - low) * (steps / BOX_STEPS)', 'low + (high - low) * (steps / (BOX_STEPS + 1) - 0.5)'),
+    ('sorted(vertices) for vertices', 'list(vertices)[::-1] for vertices'),
+]
 
 
 def answered(answer, entry):
@@ -67,25 +77,30 @@ def refused(answer, entry):
         return True
 
 
-def faulty(old, new):
-    with open(REFERENCE.__file__, encoding='utf-8') as file:
+def faulty(right, old, new):
+    with open(right.__file__, encoding='utf-8') as file:
         text = file.read()
     assert old in text, old
-    module = types.ModuleType('tetlod.reference')
-    module.__file__, module.__package__ = REFERENCE.__file__, 'tetlod'
-    exec(compile(text.replace(old, new), REFERENCE.__file__, 'exec'), module.__dict__)
+    module = types.ModuleType(right.__name__)
+    module.__file__, module.__package__ = right.__file__, 'tetlod'
+    exec(compile(text.replace(old, new), right.__file__, 'exec'), module.__dict__)
     return module
 
 
-def found(old, new):
-    """Whether a vector shows the fault: small streams are tried first."""
-    reference_reader.tetlod = sys.modules['tetlod.reference'] = faulty(old, new)
+def plant(right, wrong):
+    sys.modules[right.__name__] = wrong
+    setattr(reference_reader, 'tetlod' if right is REFERENCE else 'reference_pages', wrong)
+
+
+def found(old, new, entries):
+    """Whether a vector shows the fault."""
+    right = next(module for module in (REFERENCE, PAGES) if old in open(module.__file__, encoding='utf-8').read())
+    plant(right, faulty(right, old, new))
     try:
-        valid = sorted(EXPECTED['valid'], key=lambda entry: os.path.getsize(os.path.join(KIT, entry['stream'])))
-        return any(not answered(reference_reader.answer, entry) for entry in valid) or \
-            any(not refused(reference_reader.answer, entry) for entry in EXPECTED['invalid'])
+        return any(not answered(reference_reader.answer, entry) if 'answer' in entry else
+                   not refused(reference_reader.answer, entry) for entry in entries)
     finally:
-        reference_reader.tetlod = sys.modules['tetlod.reference'] = REFERENCE
+        plant(right, right)
 
 
 def run_kit(reader, only):
@@ -113,8 +128,11 @@ report('the package over the C library gives the same', not wrong, wrong)
 for decoder, name in ((reference_reader, 'reference decoder'), (package_reader, 'package')):
     taken = [e['stream'] for e in EXPECTED['invalid'] if not e.get('validator') and not refused(decoder.answer, e)]
     report('the %s refuses the invalid streams' % name, not taken, taken)
-hidden = [old for old, new in FAULTS if not found(old, new)]
-report('each of %d planted faults is found' % len(FAULTS), not hidden, hidden)
+small_first = sorted(EXPECTED['valid'], key=lambda entry: os.path.getsize(os.path.join(KIT, entry['stream'])))
+in_pages = [entry for entry in small_first if '/paged_' in entry['stream']]
+for faults, entries, where in ((FAULTS, small_first + EXPECTED['invalid'], ''), (PAGE_FAULTS, in_pages, ' in pages')):
+    hidden = [old for old, new in faults if not found(old, new, entries)]
+    report('each of %d planted faults%s is found' % (len(faults), where), not hidden, hidden)
 reader = os.path.join(KIT, 'reference_reader.py')
 report('the runner: a right reader', run_kit("/usr/bin/python3 '%s' %%s" % reader, 'shape_o')[0] == 0)
 report('the runner: a reader that gives nothing', run_kit('true %s', 'shape_o')[0] == 1)
