@@ -23,6 +23,7 @@ struct tetlod_series {
     struct tetlodi_time time;
     uint32_t *fields;
     double (*ranges)[2];
+    enum tetlod_type *types;
     const struct tetlodi_section **sections; /* [field][band] */
     struct tetlodi_memory memory;            /* of the current band */
     uint32_t band, group, next;              /* TETLOD_NONE: none; next: the step that its tracks would decode */
@@ -61,6 +62,7 @@ void tetlod_series_free(struct tetlod_series *series)
     tetlodi_time_fini(&series->time);
     free(series->fields);
     free(series->ranges);
+    free(series->types);
     free(series->sections);
     free(series->tracks);
     free(series->chosen);
@@ -164,14 +166,17 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
     const struct tetlodi_time *time = &series->time;
     series->fields = malloc(time->field_count * sizeof *series->fields);
     series->ranges = malloc(time->field_count * sizeof *series->ranges);
+    series->types = malloc(time->field_count * sizeof *series->types);
     series->sections = calloc((size_t)time->field_count * time->band_count, sizeof *series->sections);
     series->tracks = calloc(time->field_count, sizeof *series->tracks);
     series->chosen = malloc(time->field_count * sizeof *series->chosen);
-    if (!series->fields || !series->ranges || !series->sections || !series->tracks || !series->chosen)
+    if (!series->fields || !series->ranges || !series->types || !series->sections || !series->tracks ||
+        !series->chosen)
         return tetlodi_fail_nomem(error, "the steps", time->field_count * sizeof *series->tracks);
     tetlod_series_select(series, NULL, 0);
     for (uint32_t f = 0; f < time->field_count; f++) {
         series->fields[f] = time->fields[f].field;
+        series->types[f] = time->fields[f].type;
         memcpy(series->ranges[f], time->fields[f].range, sizeof *series->ranges);
     }
     series->info =
@@ -182,7 +187,8 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
                                     .times = time->times,
                                     .bands = time->bands,
                                     .fields = series->fields,
-                                    .ranges = (const double(*)[2])series->ranges};
+                                    .ranges = (const double(*)[2])series->ranges,
+                                    .types = series->types};
     TETLOD_TRY(check_table(series, error));
     TETLOD_TRY(tetlodi_series_cells_open(&series->cells, series->file, time->step_count, error));
     series->info.cell_field_count = series->cells.time.field_count;

@@ -240,8 +240,9 @@ static enum tetlod_status read_batch(const struct steps_check *check, const stru
         if (i == 0)
             TETLOD_TRY(level_mesh_copy(info, band->cursor, out, check->error));
         for (uint32_t f = batch->field; f < batch->field + batch->field_count; f++) {
-            const struct tetlod_field *field = &info->fields[tetlod_series_info(band->series)->fields[f]];
-            TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, check->error));
+            const struct tetlod_series_info *steps = tetlod_series_info(band->series);
+            const struct tetlod_field *field = &info->fields[steps->fields[f]];
+            TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, steps->types[f], check->error));
             memcpy(out->fields[out->field_count - 1].values, tetlod_step_values(band->series, f),
                    (size_t)out->vertex_count * field->components * sizeof(double));
         }
@@ -268,6 +269,9 @@ static enum tetlod_status find_fields(struct steps_check *check, struct tetmesh 
         if (input->fields[control.field].components != info->fields[steps->fields[f]].components)
             return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "field '%.60s' has another number of components",
                                 info->fields[steps->fields[f]].name);
+        // steps of both types are stored in the wider one, which holds all their values
+        if (steps->types[f] == TETLOD_FLOAT64)
+            input->fields[control.field].type = TETLOD_FLOAT64;
     }
     return TETLOD_OK;
 }

@@ -101,7 +101,7 @@ enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct 
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     for (uint32_t f = 0; f < steps->field_count; f++) {
         const struct tetlod_field *field = &info->fields[steps->fields[f]];
-        TETLOD_TRY(tetmesh_add_field(mesh, field->name, field->components, field->type, error));
+        TETLOD_TRY(tetmesh_add_field(mesh, field->name, field->components, steps->types[f], error));
         memcpy(mesh->fields[mesh->field_count - 1].values, tetlod_step_values(series, f),
                (size_t)mesh->vertex_count * field->components * sizeof(double));
     }

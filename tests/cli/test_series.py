@@ -293,6 +293,22 @@ def own_table_case():
     return None if 0.99 < most <= 1 + 1e-12 else most
 
 
+def both_types_case():
+    """Steps of float32 and of float64: each comes back bit for bit, as float64, and `verify` holds them against both."""
+    (points, tets), steps = block(3), []
+    for number, form in enumerate((np.float32, np.float64, np.float32)):
+        steps.append((np.sin(3 * points[:, 0] + number) + points[:, 1]).astype(form))
+        save('both_%d.vtu' % number, points, tets, {'T': steps[-1]}, {})
+    names = [path('both_%d.vtu' % number) for number in range(3)]
+    must('build', *names, '--keep-order', '-o', path('both.tetlod'))
+    for number, values in enumerate(steps):
+        found = step('both.tetlod', '--step', str(number), '--original-order')[0][2]['T']
+        if found.dtype != np.float64 or found.tobytes() != values.astype(np.float64).tobytes():
+            return 'step %d: %s' % (number, found.dtype)
+    must('verify', path('both.tetlod'), *[word for name in names for word in ('--against', name)])
+    return None
+
+
 def turn(name, points, time):
     """The mesh's file with points that are bent, turned and stretched in time."""
     from vtk.util.numpy_support import numpy_to_vtk
@@ -479,6 +495,7 @@ case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
 case('temporary files', temporary_case)
 case('several files, and some steps', files_case)
+case('steps of float32 and of float64', both_types_case)
 case('steps that are cut off at the ends of their range', clipped_case)
 case('errors relative to each step', own_range_case)
 case('errors relative to each step, as they are stored', own_table_case)

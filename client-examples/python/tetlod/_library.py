@@ -107,7 +107,7 @@ class CSeriesInfo(Structure):
                 ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)),
                 ('cell_field_count', c_uint32), ('cell_fields', POINTER(c_uint32)), ('cell_ranges',
                                                                                      POINTER(c_double * 2)),
-                ('reserved', c_uint64 * 1)]
+                ('types', c_void_p)]
 
 
 FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {

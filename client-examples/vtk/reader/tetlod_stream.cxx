@@ -462,7 +462,7 @@ tetlod_view tetlod_stream::step(double time, uint32_t band, const names& fields,
     const struct tetlod_field& field = in->fields[steps->fields[f]];
     if (!has(fields, field.name))
       continue;
-    view.fields.push_back({ field.name, static_cast<int>(field.components), vtk_type(field.type),
+    view.fields.push_back({ field.name, static_cast<int>(field.components), vtk_type(steps->types[f]),
       tetlod_step_values(at.series, f) });
     add_fact(view, field.name, tetlod_step_error(at.series, f, band, step));
   }
