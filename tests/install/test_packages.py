@@ -33,7 +33,7 @@ def test_deb():
     say."""
     if not shutil.which('dh'):
         return 'debhelper is not installed'
-    done = make('deb')
+    done = make('deb', DEB_PACKING='-Zgzip -z1')
     assert done.returncode == 0, done.stdout
     packages = {
         os.path.basename(path).split('_')[0]: path for path in glob.glob(os.path.join(ROOT, 'build', 'deb', '*.deb'))
