@@ -559,7 +559,7 @@ struct tetlod_series_info {
     uint32_t cell_field_count;            /* cell fields that have values at every step */
     const uint32_t *cell_fields;          /* [cell_field_count] of the stream's cell fields, ascending */
     const double (*cell_ranges)[2];       /* [cell_field_count] over all steps */
-    const enum tetlod_type *types;        /* [field_count] of the steps' values; the stream's own field may be float32 */
+    const enum tetlod_type *types;        /* [field_count] of the steps' values; a field itself may be float32 */
 };
 
 struct tetlod_series;

@@ -294,7 +294,7 @@ def own_table_case():
 
 
 def both_types_case():
-    """Steps of float32 and of float64: each comes back bit for bit, as float64, and `verify` holds them against both."""
+    """Steps of float32 and of float64: each comes back bit for bit, as float64; `verify` holds them against both."""
     (points, tets), steps = block(3), []
     for number, form in enumerate((np.float32, np.float64, np.float32)):
         steps.append((np.sin(3 * points[:, 0] + number) + points[:, 1]).astype(form))

@@ -79,7 +79,8 @@ report('the steps are read as the text reads them', lines == wanted.split('\n'))
 values = [float(line.split()[-1]) for line in lines if line.startswith('vertex')]
 given = [series.seek(band, step)[1]['T'] for band in range(2) for step in range(3)]
 report('they give the values that a decoder gives', values == [float('%.9g' % x) for row in given for x in row])
-vectors = {word for row in re.findall(r'^\| (\w[\w, ]*) \|', text[text.index('## 17.'):], re.M) for word in row.split(', ')}
+rows = re.findall(r'^\| (\w[\w, ]*) \|', text[text.index('## 17.'):], re.M)
+vectors = {word for row in rows for word in row.split(', ')}
 golden = {name[:-7] for name in os.listdir(os.path.join(ROOT, 'tests', 'golden')) if name.endswith('.tetlod')}
 report('the table of test vectors has all of them', golden <= vectors, golden - vectors)
 finish()
