@@ -283,6 +283,10 @@ STREAM('a host may ask for a day', 'waitsNoLongerThanAMinute', 'server/web/clien
 mutant('no notices', 'server/web/notices.mjs', 'new Map([...used, colours]', 'new Map([colours]',
     'licences of what is bundled', 'web/test_package.mjs itsNotices')
 mutant('types: no tag', 'client-examples/web/stream.d.ts', '  started: null;\n', '', 'events have types',
+    'web/test_package.mjs resolvesByItsName')
+
+mutant('package: an import that is not declared', 'server/web/page/ray_mapper.js', "import { mat4 } from 'gl-matrix';",
+    "import 'd3-color';\nimport { mat4 } from 'gl-matrix';", 'package.json names what the page imports, as gl-matrix',
     'web/test_package.mjs itsNotices')
 
 # ---- reading and building
