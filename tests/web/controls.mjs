@@ -11,12 +11,34 @@ export const size = { width: 800, height: 560 };
 export const page =
   await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
+// What a page has that is no part of a link.
+function likeNew(hash) {
+  document.activeElement.blur();
+  for (const details of document.querySelectorAll('#panel details')) details.open = false;
+  window.notices.length = 0;
+  history.replaceState(null, '', location.pathname + hash);
+  const { viewer, scene } = window.tetlod;
+  viewer.fragment = hash;
+  if (!viewer.store.state.camera) scene.look('oblique');
+}
+
+/** A view of a stream; in the page that there is, if it shows that stream already: making one takes a second. */
 export async function open(state, on = page, id = 'fin') {
-  await on.goto('about:blank');
-  await on.goto(`${server.url}view/${id}#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`);
-  await firstPicture(on);
+  const hash = `#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`;
+  const path = `${server.url}view/${id}`;
+  if (on.url().split('#')[0] === path && await on.evaluate(() => Boolean(window.tetlod?.settled))) {
+    await on.mouse.move(0, 0);
+    await on.evaluate(likeNew, hash);
+  } else {
+    await on.goto('about:blank');
+    await on.goto(path + hash);
+    await firstPicture(on);
+  }
   await settled(on);
 }
+
+/** A page that is not as others find it is not used again. */
+export const leave = (on = page) => on.goto('about:blank');
 
 export const state = () => page.evaluate(() => window.tetlod.state);
 export const until = (check, argument) => page.waitForFunction(check, argument);

@@ -6,7 +6,7 @@ import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { firstPicture, noticed, openPage, settled } from './browser.mjs';
 import {
-  becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, size,
+  becomes, browser, changesThePicture, enter, infoOf, leave, nothing_was_complained_of, open, page, picture, server, size,
   state, until,
 } from './controls.mjs';
 import { run } from './tap.mjs';
@@ -68,6 +68,7 @@ async function stopping_leaves_no_hidden_budget() {
 
 // The progress bar is of the level that is asked for; every byte counts as received.
 async function received_is_told() {
+  await leave();
   await open('&error=0.05');
   const [value, fetched, own] = await page.evaluate(
     () => [document.getElementById('progress').value, window.tetlod.stream.fetched, window.tetlod.stream.received]);
@@ -93,6 +94,7 @@ async function units_are_typed() {
 
 // What was chosen is undone by Back, however the camera was turned since.
 async function back_undoes() {
+  await leave(); // with a history of its own
   await open('&error=0.05');
   await page.locator('#surface').selectOption('glass');
   await until(() => location.hash.includes('surface=glass'));
@@ -144,6 +146,7 @@ async function slow_frames_have_a_number() {
   for (let i = 0; !/^[012]\.?\d* \/s$/.test(await page.locator('#shown-fps').innerText()); i++)
     await page.mouse.move(x + 200 + 20 * (i % 2), y + 200);
   await page.mouse.up();
+  await leave();
 }
 
 // While the camera moves and frames take long, a coarser level is drawn; the fine one comes back when it rests.
@@ -352,6 +355,7 @@ async function axes_have_few_numbers_where_they_belong() {
 
 // Until somebody moves the camera the volume fills the picture, whatever the window becomes.
 async function the_volume_fits_the_window() {
+  await leave();
   await open('');
   const place = () => page.evaluate(() => String(window.tetlod.scene.camera()));
   const before = await place();
@@ -601,6 +605,7 @@ async function keys_do_what_the_help_says() {
     if (key === '?') await page.keyboard.press('Escape');
   }
   assert.ok(listed.length > 25, `${listed}`);
+  await leave();
 }
 
 // The values along a line are the mesh's, within a band of the certified error; both leave as CSV.

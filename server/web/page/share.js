@@ -44,8 +44,10 @@ function drawOver(context, shot, { redraw, layers }) {
   redraw();
 }
 
-/** `size`: [width, height], if not as on the screen; `texts`: the texts that the file contains; `redraw()` draws the bar
- * and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
+/**
+ * `size`: [width, height], if not as on the screen; `texts`: the texts that the file contains; `redraw()` draws the bar
+ * and the compass anew; `layers`: what else lies over the picture, each with `drawOn`.
+ */
 export async function savePicture(scene, name, { texts, ...shown }) {
   const canvas = await pictureOf(scene, shown);
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
