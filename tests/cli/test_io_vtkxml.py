@@ -383,12 +383,12 @@ def crowded_case():
     count = 300000
     tets = np.arange(count).reshape(-1, 4)
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])[np.arange(count) % 4]
-    lost = points.copy()
+    lost = points[:100000].copy()
     lost[4:] = np.nan
     for name, places, values, fails_with in (('crowded', points, np.arange(count) / 2, b''),
-                                             ('lost', lost, np.zeros(count), b'not a finite number')):
-        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': values}, {}), name + '.vtu',
-             compressor='none')
+                                             ('lost', lost, np.zeros(len(lost)), b'not a finite number')):
+        mesh = vtk_mesh(places, tets[:len(places) // 4], {'heat': values}, {})
+        save(vtk.vtkXMLUnstructuredGridWriter(), mesh, name + '.vtu', compressor='none')
         _, plain = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu')
         for tolerance in '0', '0.01':
             done, seconds = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu', '--weld', tolerance)
