@@ -22,7 +22,7 @@ enum { PASS_PIECE = 1 << 18 };
 enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT };
 
 /* Seconds between looks at whether others have come, or want a part. */
-static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 1e-3;
+static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 4e-3;
 
 struct result {
     unsigned char *bytes;
