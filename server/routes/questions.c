@@ -18,7 +18,7 @@
 #include "src/util/array.h"
 #include "src/util/hash.h"
 
-enum { TEXT_CAPACITY = 512, BLOCK_BYTES = 64 }; // of a tetrahedron that is put into blocks
+enum { TEXT_CAPACITY = 512, BLOCK_BYTES = 144 }; // of a tetrahedron that is put into blocks, and searched
 
 struct ask_context {
     struct dataset *dataset;

@@ -23,16 +23,12 @@ struct pass {
     const struct ask_question *question;
     const struct ask_level *level;
     enum ask_compare side;    /* of a threshold, if the volume there is asked for */
-    bool skip[2];             /* the end of the answer that nobody wants */
     double thresholds[2];     /* of the answers' lower and upper end */
     /* The tetrahedron that is being looked at: what follows belongs to its corners. */
     double volume, ends[2][4], vectors[4][256], errors[4];
     /* The sums. touched: the volume of all tetrahedra that have a part of it. */
     long double whole, integral[2], absolute, part[2], touched[2];
     double least[2], most[2];
-    int which;                /* the function whose part is being added */
-    uint32_t *subset;         /* tetrahedra that are asked; NULL: all */
-    uint32_t subset_count;
 };
 
 static double error_at(const struct ask_level *level, uint32_t vertex)
@@ -122,20 +118,20 @@ static void add_extremes(struct pass *pass, const double weights[4])
     }
 }
 
-static void add_piece(void *opaque, const double piece[4][4])
+/* What is in the box of the tetrahedron. */
+static void add_clipped(struct pass *pass, const struct clipped *part)
 {
-    struct pass *pass = opaque;
-    double volume = pass->volume * clip_share(piece);
-    pass->whole += volume;
-    for (int i = 0; i < 4; i++) {
-        add_extremes(pass, piece[i]);
-        for (int e = 0; e < 2; e++) {
-            double value = 0;
-            for (int c = 0; c < 4; c++)
-                value += piece[i][c] * pass->ends[e][c];
-            pass->integral[e] += volume * value / 4;
-            pass->absolute += volume * fabs(value) / 4;
-        }
+    pass->whole += pass->volume * part->share;
+    for (unsigned v = 0; v < part->count; v++)
+        add_extremes(pass, part->weights[v]);
+    for (int e = 0; e < 2; e++) {
+        double values[MAX_CLIP_CORNERS];
+        for (unsigned v = 0; v < part->count; v++)
+            values[v] = clip_value(pass->ends[e], part->weights[v]);
+        pass->integral[e] += pass->volume * clip_integral(part, values);
+        for (unsigned v = 0; v < part->count; v++)
+            values[v] = fabs(values[v]);
+        pass->absolute += pass->volume * clip_integral(part, values);
     }
 }
 
@@ -154,12 +150,6 @@ static void add_tetrahedron(struct pass *pass)
     }
 }
 
-static void add_part(void *opaque, const double piece[4][4])
-{
-    struct pass *pass = opaque;
-    pass->part[pass->which] += pass->volume * clip_share(piece);
-}
-
 /* The volume on the asked side of the threshold, for one end of the answer. Where all of the tetrahedron is *at* the
  * threshold, that counts if the comparison allows it. */
 static void add_side(struct pass *pass, double planes[][4], unsigned count, int which)
@@ -167,6 +157,7 @@ static void add_side(struct pass *pass, double planes[][4], unsigned count, int 
     bool above = pass->side == ASK_GREATER || pass->side == ASK_AT_LEAST;
     bool strict = pass->side == ASK_GREATER || pass->side == ASK_LESS, flat = true;
     int inside = 0, outside = 0;
+    struct clipped part;
     const double *ends = pass->ends[above == (which == UPPER) ? UPPER : LOWER];
     for (int c = 0; c < 4; c++) {
         planes[count][c] = above ? ends[c] - pass->thresholds[which] : pass->thresholds[which] - ends[c];
@@ -181,11 +172,11 @@ static void add_side(struct pass *pass, double planes[][4], unsigned count, int 
         pass->touched[which] += pass->volume;
         return;
     }
-    pass->which = which;
-    long double before = pass->part[which];
-    if (!flat || !strict)
-        clip_tet((const double(*)[4])planes, count + 1, add_part, pass);
-    pass->touched[which] += pass->part[which] > before ? pass->volume : 0;
+    if (flat && strict)
+        return;
+    clip_tet((const double(*)[4])planes, count + 1, &part);
+    pass->part[which] += pass->volume * part.share;
+    pass->touched[which] += part.share > 0 ? pass->volume : 0;
 }
 
 /* The sides of the box that pass through the tetrahedron, as functions; false if it is outside. */
@@ -213,6 +204,7 @@ static void add_volumes(struct pass *pass, uint32_t tet, const double *const cor
 {
     double planes[MAX_CLIP_PLANES][4];
     unsigned count;
+    struct clipped part;
     if (!box_planes(pass->question, corners, planes, &count))
         return;
     enclose(pass, tet);
@@ -222,12 +214,12 @@ static void add_volumes(struct pass *pass, uint32_t tet, const double *const cor
         return;
     }
     if (pass->side == ASK_NO_LIMIT) {
-        clip_tet((const double(*)[4])planes, count, add_piece, pass);
+        clip_tet((const double(*)[4])planes, count, &part);
+        add_clipped(pass, &part);
         return;
     }
     for (int which = LOWER; which <= UPPER; which++)
-        if (!pass->skip[which])
-            add_side(pass, planes, count, which);
+        add_side(pass, planes, count, which);
 }
 
 static void add_point(struct pass *pass, uint32_t tet)
@@ -355,7 +347,7 @@ static bool add_by_sides(struct pass *pass, enum block_place place, const struct
 {
     int sides[2] = {0, 0};
     for (int which = LOWER; which <= UPPER; which++) {
-        sides[which] = pass->skip[which] ? 0 : side_of(pass, values, which);
+        sides[which] = side_of(pass, values, which);
         if (sides[which] < 0 || (sides[which] > 0 && place == ACROSS))
             return false;
     }
@@ -410,10 +402,7 @@ static void run(struct pass *pass)
         pass->least[e] = INFINITY;
         pass->most[e] = -INFINITY;
     }
-    if (!pass->subset)
-        run_blocks(pass);
-    for (uint32_t i = 0; pass->subset && i < pass->subset_count; i++)
-        add_tet(pass, pass->subset[i]);
+    run_blocks(pass);
 }
 
 /* The part of the domain that is asked about is all of it where nothing else is said. */
@@ -438,54 +427,21 @@ static struct ask_interval volume_range(const struct pass *pass)
     return (struct ask_interval){fmax(whole * (1 - ROUNDING) - swept, 0), whole * (1 + ROUNDING) + swept};
 }
 
-static void add_share(void *opaque, const double piece[4][4])
-{
-    *(double *)opaque += clip_share(piece);
-}
+/* ---- quantiles */
 
-/* The volume of a tetrahedron's part in the box, if one is asked about. */
-static double volume_asked(const struct pass *pass, uint32_t tet)
-{
-    const double *corners[4];
-    double planes[MAX_CLIP_PLANES][4], share = 0;
-    unsigned count;
-    for (size_t c = 0; c < 4; c++)
-        corners[c] = pass->level->positions + 3 * (size_t)pass->level->corners[4 * (size_t)tet + c];
-    if (!box_planes(pass->question, corners, planes, &count))
-        return 0;
-    if (count)
-        clip_tet((const double(*)[4])planes, count, add_share, &share);
-    return fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6 * (count ? share : 1);
-}
-
-/* Keeps, of the tetrahedra that are asked, those in which the function passes from `low` to `high`. Returns the volume
- * of those in which it is below. */
-static long double narrow(struct pass *pass, int function, double low, double high)
-{
-    long double below = 0;
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < pass->subset_count; i++) {
-        const uint32_t t = pass->subset[i];
-        const double *ends = pass->ends[function];
-        if (is_elsewhere(pass, t))
-            continue;
-        enclose(pass, t);
-        double least = smaller(smaller(ends[0], ends[1]), smaller(ends[2], ends[3]));
-        double most = larger(larger(ends[0], ends[1]), larger(ends[2], ends[3]));
-        if (most <= low)
-            below += volume_asked(pass, t);
-        else if (least <= high)
-            pass->subset[kept++] = t;
-    }
-    pass->subset_count = kept;
-    return below;
-}
+/* A tetrahedron, or a piece of one, of which it is not known on which side of the threshold it is: the function at its
+ * corners, in rising order. */
+struct portion {
+    double volume, values[4];
+};
 
 /* A search for the threshold below which a function has a wanted volume. */
 struct search {
     int function;
     double low, high;
-    long double below, at_low, at_high, wanted; /* below: the volume that is no longer asked about */
+    long double below, at_low, at_high; /* below: the volume of what is left out below `low` */
+    struct portion *portions;           /* owned */
+    size_t count, capacity;
 };
 
 static double shift_of(const struct pass *pass, int function)
@@ -494,7 +450,7 @@ static double shift_of(const struct pass *pass, int function)
 }
 
 /* What blocks say as they are. */
-static void search_blocks(const struct pass *pass, struct search *search)
+static void search_blocks(const struct pass *pass, const long double wanted[2], struct search *search)
 {
     enum { MAX_HALVINGS = 16 };
     const struct ask_blocks *blocks = pass->level->blocks;
@@ -508,56 +464,119 @@ static void search_blocks(const struct pass *pass, struct search *search)
             most += place != OUTSIDE && values.least + shift <= middle ? blocks->blocks[b].volume : 0;
             least += place == INSIDE && values.most + shift <= middle ? blocks->blocks[b].volume : 0;
         }
-        if (most < search->wanted)
+        if (most < wanted[LOWER])
             search->low = middle;
-        else if (least >= search->wanted)
+        else if (least >= wanted[UPPER])
             search->high = middle;
         else
             return;
     }
 }
 
-/* The tetrahedra of a block that are searched, but for those that are all below or above. */
-static void begin_block(struct pass *pass, struct search *search, uint32_t number)
+static bool add_portion(struct search *search, double volume, const double values[4])
 {
-    const struct ask_block *block = &pass->level->blocks->blocks[number];
-    enum block_place place = place_of(pass->question, block);
-    struct ask_block_values values = values_of(pass, number);
-    double shift = shift_of(pass, search->function);
-    if (place == OUTSIDE || values.least + shift > search->high)
-        return;
-    if (place == INSIDE && values.most + shift <= search->low) {
-        search->below += block->volume;
-        return;
+    struct portion portion = {volume, {values[0], values[1], values[2], values[3]}};
+    clip_sort(portion.values);
+    if (portion.values[3] <= search->low)
+        search->below += volume;
+    else if (portion.values[0] <= search->high) {
+        if (!ARRAY_RESERVE(search->portions, search->capacity, search->count + 1))
+            return false;
+        search->portions[search->count++] = portion;
     }
-    for (uint32_t t = number * BLOCK_TETS; t < (number + 1) * BLOCK_TETS && t < pass->level->tets; t++)
-        if (place == INSIDE || volume_asked(pass, t) > 0)
-            pass->subset[pass->subset_count++] = t;
+    return true;
 }
 
-/* All tetrahedra that may lie in the box, to be narrowed down. No memory: all it is, each time. */
-static void begin_subset(struct pass *pass, struct search *search)
+/* What is asked about of a tetrahedron. False: no memory. */
+static bool add_portions(struct pass *pass, struct search *search, uint32_t tet, enum block_place place)
 {
-    const bool by_blocks = has_sums(pass);
-    pass->subset = array_new(pass->level->tets, sizeof *pass->subset);
-    pass->subset_count = 0;
-    if (!pass->subset)
-        return;
-    if (by_blocks)
-        search_blocks(pass, search);
-    for (uint32_t b = 0; by_blocks && b < pass->level->blocks->count; b++)
-        begin_block(pass, search, b);
-    for (uint32_t t = 0; t < pass->level->tets && !by_blocks; t++)
-        if (!pass->question->in_box || volume_asked(pass, t) > 0)
-            pass->subset[pass->subset_count++] = t;
+    const double *corners[4], *ends = pass->ends[search->function];
+    double planes[MAX_CLIP_PLANES][4];
+    struct clipped part;
+    unsigned count = 0;
+    bool room = true;
+    for (size_t c = 0; c < 4; c++)
+        corners[c] = pass->level->positions + 3 * (size_t)pass->level->corners[4 * (size_t)tet + c];
+    if (is_elsewhere(pass, tet) || (place != INSIDE && !box_planes(pass->question, corners, planes, &count)))
+        return true;
+    enclose(pass, tet);
+    if (smaller(smaller(ends[0], ends[1]), smaller(ends[2], ends[3])) > search->high)
+        return true;
+    const double volume = fabs(tet_volume6(corners[0], corners[1], corners[2], corners[3])) / 6;
+    if (!count)
+        return add_portion(search, volume, ends);
+    clip_tet((const double(*)[4])planes, count, &part);
+    for (unsigned i = 0; i < part.piece_count && room; i++) {
+        double values[4];
+        for (int c = 0; c < 4; c++)
+            values[c] = clip_value(ends, part.weights[part.pieces[i][c]]);
+        room = add_portion(search, volume * part.shares[i], values);
+    }
+    return room;
+}
+
+/* False: no memory. */
+static bool add_block_portions(struct pass *pass, struct search *search, uint32_t number)
+{
+    const struct ask_block *block = &pass->level->blocks->blocks[number];
+    const enum block_place place = place_of(pass->question, block);
+    const struct ask_block_values values = values_of(pass, number);
+    const double shift = shift_of(pass, search->function);
+    bool sums = has_sums(pass), room = true;
+    if (place == OUTSIDE || (sums && values.least + shift > search->high))
+        return true;
+    if (sums && place == INSIDE && values.most + shift <= search->low) {
+        search->below += block->volume;
+        return true;
+    }
+    for (uint32_t t = number * BLOCK_TETS; room && t < (number + 1) * BLOCK_TETS && t < pass->level->tets; t++)
+        room = add_portions(pass, search, t, place);
+    return room;
+}
+
+static enum tetlod_status search_begin(struct pass *pass, int function, const long double wanted[2],
+                                       struct search *search, struct tetlod_error *error)
+{
+    *search = (struct search){.function = function, .at_low = NAN, .at_high = NAN,
+                              .low = fmin(pass->least[function], pass->level->range[0]),
+                              .high = fmax(pass->most[function], pass->level->range[1])};
+    if (has_sums(pass))
+        search_blocks(pass, wanted, search);
+    for (uint32_t b = 0; b < pass->level->blocks->count; b++)
+        if (!add_block_portions(pass, search, b))
+            return tetlodi_fail_nomem(error, "the search for a quantile", 2 * search->count * sizeof *search->portions);
+    return TETLOD_OK;
+}
+
+/* The volume of what is known to be on either side of a threshold, and of the shares of the rest. */
+static long double volume_at_most(const struct search *search, double threshold)
+{
+    long double volume = search->below;
+    for (size_t i = 0; i < search->count; i++)
+        volume += search->portions[i].volume * clip_share_below(search->portions[i].values, threshold);
+    return volume;
+}
+
+/* Leaves out what is below `low` or above `high` as a whole. */
+static void narrow(struct search *search)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < search->count; i++) {
+        const struct portion *portion = &search->portions[i];
+        if (portion->values[3] <= search->low)
+            search->below += portion->volume;
+        else if (portion->values[0] <= search->high)
+            search->portions[kept++] = *portion;
+    }
+    search->count = kept;
 }
 
 /* Where to look next: a little below and a little above what is expected, or in the middle. `first`: the width of the
  * whole search; volumes are the straighter, the narrower it has become. */
-static double next_threshold(const struct search *search, int step, double first)
+static double next_threshold(const struct search *search, long double wanted, int step, double first)
 {
     double width = search->high - search->low, middle = search->low + width / 2;
-    double share = (double)((search->wanted - search->at_low) / (search->at_high - search->at_low));
+    double share = (double)((wanted - search->at_low) / (search->at_high - search->at_low));
     double margin = fmin(fmax(4 * width / first, 0x1p-20), 0x1p-6);
     if (step % 3 == 2 || !(share >= 0 && share <= 1))
         return middle;
@@ -565,51 +584,74 @@ static double next_threshold(const struct search *search, int step, double first
     return at > search->low && at < search->high ? at : middle;
 }
 
-/* The least threshold below which at least `share` of the volume lies: from below for the lower end, from above for the
- * upper. */
-static double quantile(struct pass *pass, int which, double share)
+/* Until the thresholds of both volumes that are wanted are known as near as is enough, or part. */
+static void search_on(struct search *search, const long double wanted[2], double enough)
 {
     enum { MAX_STEPS = 150 };
-    struct ask_interval volume = volume_range(pass);
-    long double slack = ROUNDING * pass->whole + pass->level->swept;
-    struct search search = {.function = which, .at_low = NAN, .at_high = NAN,
-                            .low = fmin(pass->least[which], pass->level->range[0]),
-                            .high = fmax(pass->most[which], pass->level->range[1])};
-    search.wanted = which == LOWER ? share * volume.lower - slack : share * volume.upper + slack;
-    // of the volume at most a threshold, the upper end is that of the lower function
-    const int end = which == LOWER ? UPPER : LOWER;
-    // of what the level's error leaves open, or of rounding
-    const double enough = fmax(1e-6 * pass->level->error, 1e-13 * (search.high - search.low));
-    pass->side = ASK_AT_MOST;
-    pass->skip[which] = true;
-    begin_subset(pass, &search);
-    const double first = search.high - search.low;
-    for (int k = 0; k < MAX_STEPS && search.high - search.low > enough; k++) {
-        double threshold = pass->thresholds[end] = next_threshold(&search, k, first);
-        if (!(threshold > search.low && threshold < search.high))
-            break;
-        run(pass);
-        long double found = search.below + pass->part[end];
-        if (found >= search.wanted) {
-            search.high = threshold;
-            search.at_high = found;
+    const double first = search->high - search->low;
+    for (int k = 0; k < MAX_STEPS && search->high - search->low > enough; k++) {
+        double threshold = next_threshold(search, wanted[LOWER], k, first);
+        if (!(threshold > search->low && threshold < search->high))
+            return;
+        long double found = volume_at_most(search, threshold);
+        if (found >= wanted[UPPER]) {
+            search->high = threshold;
+            search->at_high = found;
+        } else if (found < wanted[LOWER]) {
+            search->low = threshold;
+            search->at_low = found;
         } else {
-            search.low = threshold;
-            search.at_low = found;
+            return;
         }
-        search.below += narrow(pass, which, search.low, search.high);
+        narrow(search);
     }
-    free(pass->subset);
-    pass->subset = NULL;
-    return which == LOWER ? search.low : search.high;
 }
 
-static struct ask_interval find_quantile(struct pass *pass)
+/* Is nothing between the two functions? Then one search finds both ends, but for rounding. */
+static bool is_one_function(const struct pass *pass)
 {
-    struct pass whole = *pass, other = *pass;
-    struct ask_interval out = {quantile(&whole, LOWER, pass->question->number),
-                               quantile(&other, UPPER, pass->question->number)};
-    return out;
+    return pass->level->error == 0 && !pass->level->bounds && pass->question->quantity.component != ASK_LENGTH;
+}
+
+static enum tetlod_status copy_search(const struct search *from, struct search *out, struct tetlod_error *error)
+{
+    *out = *from;
+    out->portions = array_new(from->count, sizeof *out->portions);
+    if (!out->portions)
+        return tetlodi_fail_nomem(error, "the search for a quantile", from->count * sizeof *out->portions);
+    memcpy(out->portions, from->portions, from->count * sizeof *out->portions);
+    return TETLOD_OK;
+}
+
+/* The least threshold below which at least a share of the volume lies: from below for the lower end, from above for the
+ * upper. */
+static enum tetlod_status find_quantile(struct pass *pass, struct ask_interval *out, struct tetlod_error *error)
+{
+    const double share = pass->question->number;
+    const bool one = is_one_function(pass);
+    struct ask_interval volume = volume_range(pass);
+    long double slack = ROUNDING * pass->whole + pass->level->swept;
+    const long double wanted[2] = {share * volume.lower - slack, share * volume.upper + slack};
+    struct search searches[2] = {0};
+    enum tetlod_status status;
+    // of what the level's error leaves open, or of rounding
+    const double enough = fmax(1e-6 * pass->level->error, 1e-13 * (pass->level->range[1] - pass->level->range[0]));
+    TETLOD_TRY_DONE(search_begin(pass, LOWER, one ? wanted : (const long double[2]){wanted[0], wanted[0]},
+                                 &searches[LOWER], error));
+    if (one) {
+        search_on(&searches[LOWER], wanted, enough);
+        TETLOD_TRY_DONE(copy_search(&searches[LOWER], &searches[UPPER], error));
+    } else {
+        TETLOD_TRY_DONE(search_begin(pass, UPPER, (const long double[2]){wanted[1], wanted[1]}, &searches[UPPER],
+                                     error));
+    }
+    for (int e = LOWER; e <= UPPER; e++)
+        search_on(&searches[e], (const long double[2]){wanted[e], wanted[e]}, enough);
+    *out = (struct ask_interval){searches[LOWER].low, searches[UPPER].high};
+done:
+    free(searches[LOWER].portions);
+    free(searches[UPPER].portions);
+    return status;
 }
 
 /* A volume is neither negative nor more than there is. */
@@ -667,8 +709,7 @@ static struct ask_interval find(struct pass *pass)
         return (struct ask_interval){pass->most[LOWER], pass->most[UPPER]};
     case ASK_VOLUME:
         return find_volume(pass);
-    case ASK_QUANTILE:
-        return find_quantile(pass);
+    case ASK_QUANTILE: // find_quantile
     case ASK_AT:
     case ASK_ALONG:
         break;
@@ -677,12 +718,15 @@ static struct ask_interval find(struct pass *pass)
 }
 
 enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
-                              struct ask_interval *out,
-                              struct tetlod_error *error)
+                              struct ask_interval *out, double *volume, struct tetlod_error *error)
 {
     struct pass pass = {.question = question, .level = level};
     TETLOD_TRY(run_whole(&pass, error));
-    *out = find(&pass);
+    *volume = volume_range(&pass).upper * (1 + ROUNDING);
+    if (question->function == ASK_QUANTILE)
+        TETLOD_TRY(find_quantile(&pass, out, error));
+    else
+        *out = find(&pass);
     if (question->quantity.component == ASK_LENGTH && question->function != ASK_VOLUME)
         out->lower = fmax(out->lower, 0);
     return TETLOD_OK;

@@ -35,10 +35,11 @@ struct ask_interval {
     double lower, upper;
 };
 
-/* Rounding is within the interval: 4e-12 of the sum of what is added. ERR_ARGUMENT if the point, line, box or region
- * holds nothing of the mesh. Costs O(tets). */
+/* Rounding is within the interval: 4e-12 of the sum of what is added. `volume`: that of what is asked about is no
+ * larger, but for points and lines. ERR_ARGUMENT if the point, line, box or region holds nothing of the mesh; ERR_NOMEM.
+ * Costs O(tets). */
 TETLOD_CHECKED enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
-                                             struct ask_interval *out, struct tetlod_error *error);
+                                             struct ask_interval *out, double *volume, struct tetlod_error *error);
 
 /* A predicate's answer: 1 yes, 0 no, -1 the interval does not say. */
 int ask_decide(const struct ask_question *question, const struct ask_interval *interval);

@@ -100,11 +100,11 @@ static void set_range(const struct asking *asking, double out[2])
     out[0] = 0;
 }
 
-/* The answer of a form to a question. */
+/* The answer of a form, and the volume of what is asked about. */
 static enum tetlod_status answer(const struct asking *asking, const struct form_mesh *mesh, const struct form *form,
-                                 const struct ask_question *question, struct ask_interval *out,
-                                 struct tetlod_error *error)
+                                 struct ask_interval *out, double *volume, struct tetlod_error *error)
 {
+    const struct ask_question *question = asking->question;
     const struct forms *forms = asking->forms;
     struct ask_level level = {.positions = mesh->positions, .corners = mesh->corners, .tets = mesh->tets,
                               .components = 1, .error = form->error, .regions = asking->regions,
@@ -116,7 +116,7 @@ static enum tetlod_status answer(const struct asking *asking, const struct form_
         level.components = asking->info->fields[forms->field].components;
         set_range(asking, level.range);
     }
-    return ask_answer(question, &level, out, error);
+    return ask_answer(question, &level, out, volume, error);
 }
 
 /* What an answer can be at most, from the least to the greatest. */
@@ -160,24 +160,6 @@ static double worthwhile(const struct asking *asking, const struct ask_options *
 {
     double wide = uncertainty(asking, form, interval), share = width_of(asking, options, volume) / wide;
     return form->error * (asking->question->compare != ASK_NO_LIMIT ? 0.5 : fmin(1.25 * share, 1));
-}
-
-/* The volume of what is asked about, at a level whose domain is the original's. */
-static enum tetlod_status measure_volume(const struct asking *asking, const struct form_mesh *mesh,
-                                         const struct form *form, double *out, struct tetlod_error *error)
-{
-    struct ask_question question = *asking->question;
-    struct form exact = {.swept = form->swept};
-    struct ask_interval interval;
-    *out = 0;
-    if (question.function != ASK_VOLUME && question.function != ASK_INTEGRAL)
-        return TETLOD_OK; // their scale is the range
-    question.function = ASK_VOLUME;
-    question.side = ASK_NO_LIMIT;
-    question.quantity.name[0] = 0;
-    TETLOD_TRY(answer(asking, mesh, &exact, &question, &interval, error));
-    *out = interval.upper;
-    return TETLOD_OK;
 }
 
 /* A length is enclosed between linear functions, but where its greatest value or one at a point is asked for. */
@@ -234,7 +216,7 @@ static enum tetlod_status ask_levels(struct asking *asking, const struct ask_opt
 {
     struct forms *forms = asking->forms;
     uint32_t finest = forms->count - 1, used = TETLOD_NONE;
-    double volume = -1, most = INFINITY;
+    double volume, most = INFINITY;
     while (!answers(asking, &forms->forms[finest])) // check_levels found one
         finest--;
     for (uint32_t i = 0; i <= finest; i++) {
@@ -246,9 +228,7 @@ static enum tetlod_status ask_levels(struct asking *asking, const struct ask_opt
         if (options->wanted && !options->wanted(options->opaque))
             return tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
         TETLOD_TRY(take_form(asking, options, i, &mesh, error));
-        if (volume < 0 && options->relative)
-            TETLOD_TRY(measure_volume(asking, &mesh, form, &volume, error));
-        TETLOD_TRY(answer(asking, &mesh, form, asking->question, &out->interval, error));
+        TETLOD_TRY(answer(asking, &mesh, form, &out->interval, &volume, error));
         narrow(&asking->early, &out->interval);
         used = i;
         if ((form->error == 0 && form->swept == 0) || is_enough(asking, options, volume, form, &out->interval))

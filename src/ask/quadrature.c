@@ -38,10 +38,9 @@ struct pieces {
     bool nomem;
 };
 
-static void add_piece(void *opaque, const double rows[4][4])
+static void add_piece(struct pieces *pieces, const struct clipped *clipped, unsigned number)
 {
-    struct pieces *pieces = opaque;
-    const double volume = clip_share(rows) * pieces->of_tet;
+    const double volume = clipped->shares[number] * pieces->of_tet;
     if (!(volume > 0) || pieces->nomem)
         return;
     if (!ARRAY_RESERVE(pieces->items, pieces->capacity, pieces->count + 1)) {
@@ -49,7 +48,8 @@ static void add_piece(void *opaque, const double rows[4][4])
         return;
     }
     struct piece *piece = &pieces->items[pieces->count++];
-    memcpy(piece->rows, rows, sizeof piece->rows);
+    for (int i = 0; i < 4; i++)
+        memcpy(piece->rows[i], clipped->weights[clipped->pieces[number][i]], sizeof piece->rows[i]);
     piece->volume = volume;
     piece->tet = pieces->tet;
     pieces->total += volume;
@@ -71,6 +71,7 @@ static double volume_of(const struct tetmesh *mesh, uint32_t tet)
 static enum tetlod_status make_pieces(struct pieces *pieces, const double *box, struct tetlod_error *error)
 {
     const struct tetmesh *mesh = pieces->mesh;
+    struct clipped clipped;
     for (pieces->tet = 0; pieces->tet < mesh->tet_count; pieces->tet++) {
         double functions[6][4];
         const uint32_t *corners = mesh->corners + 4 * (size_t)pieces->tet;
@@ -81,7 +82,9 @@ static enum tetlod_status make_pieces(struct pieces *pieces, const double *box, 
                 functions[2 * axis + 1][c] = box[3 + axis] - x;
             }
         pieces->of_tet = volume_of(mesh, pieces->tet);
-        clip_tet((const double(*)[4])functions, box ? 6 : 0, add_piece, pieces);
+        clip_tet((const double(*)[4])functions, box ? 6 : 0, &clipped);
+        for (unsigned i = 0; i < clipped.piece_count; i++)
+            add_piece(pieces, &clipped, i);
     }
     if (pieces->nomem)
         return tetlodi_fail_nomem(error, "the parts of the mesh", pieces->capacity * (uint64_t)sizeof *pieces->items);

@@ -244,7 +244,7 @@ static enum tetlod_status begin(struct against *a)
         return nomem(a);
     memcpy(a->parents, mesh.parents, info->vertices * sizeof *a->parents);
     sheets_bodies(a->original->corners, a->original->tet_count, a->original->vertex_count, a->bodies);
-    TETLOD_TRY(sheets_find(&a->sheets, a->original, a->error));
+    TETLOD_TRY(sheets_find(&a->sheets, a->original, NULL, a->error));
     TETLOD_TRY(boundary_check_new(&a->boundary, a->original, a->bodies, a->options->threads, a->error));
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1 - has_tail(info), a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &coded, a->error));

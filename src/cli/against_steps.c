@@ -363,7 +363,7 @@ static enum tetlod_status prepare_exact(const struct tetmesh *mesh, struct exact
     if (!out->bodies || !out->looked || !out->usable || !out->wanted)
         return tetlodi_fail_nomem(error, "the steps", 8 * (uint64_t)mesh->tet_count);
     sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, out->bodies);
-    return sheets_find(&out->sheets, mesh, error);
+    return sheets_find(&out->sheets, mesh, NULL, error);
 }
 
 /* Is tetrahedron t of the level the exact mesh's, with the same corners where they were? */

@@ -80,7 +80,7 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
     struct sheets sheets;
     double volume = 0, size = 0;
     *out = (struct counts){0};
-    TETLOD_TRY(sheets_find(&sheets, mesh, error));
+    TETLOD_TRY(sheets_find(&sheets, mesh, NULL, error));
     const uint32_t *corners = sheets.oriented.corners ? sheets.oriented.corners : mesh->corners;
     for (size_t t = 0; t < mesh->tet_count; t++) {
         const double *p[4];

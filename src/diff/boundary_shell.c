@@ -187,15 +187,16 @@ static void compare_range(void *context, unsigned worker, size_t begin, size_t e
 }
 
 double boundary_shell_difference(const struct boundary_shell_side sides[2], uint32_t stride, uint32_t components,
-                                 unsigned threads)
+                                 double most, unsigned threads)
 {
-    double most = 0;
     for (int m = 0; m < 2; m++) {
         struct comparing comparing = {.faces = &sides[m], .tets = &sides[!m], .stride = stride,
                                       .components = components};
         comparing.reach = sides[0].boundary->moved + sides[1].boundary->moved;
         if (!sides[m].boundary->surface.count)
             continue;
+        for (unsigned w = 0; w < PARALLEL_MAX_THREADS; w++)
+            comparing.most[w] = most;
         parallel_for(threads, sides[!m].mesh->tet_count, CHUNK, compare_range, &comparing);
         for (unsigned w = 0; w < PARALLEL_MAX_THREADS; w++)
             most = larger(most, comparing.most[w]);

@@ -18,9 +18,9 @@ struct boundary_shell_side {
     const double *values;   /* [stride * vertex] */
 };
 
-/* The largest difference of the levels' values, over pairs of partners of such places; 0 if no boundary has moved. The
- * same on any number of threads. */
+/* The largest difference of the levels' values, over pairs of partners of such places, or `most`, if that is larger:
+ * then it is found sooner. The same on any number of threads. */
 double boundary_shell_difference(const struct boundary_shell_side sides[2], uint32_t stride, uint32_t components,
-                                 unsigned threads);
+                                 double most, unsigned threads);
 
 #endif

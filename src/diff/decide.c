@@ -18,6 +18,9 @@
 /* Levels that are tried before the finest ones are taken. */
 enum { MAX_TRIES = 4 };
 
+/* The first ones, where a great difference would be seen at once: their error, of the range. */
+static const double FIRST_ERROR = 0.04;
+
 /* Builds whose limit knows nothing of partners keep the boundary to 1e-6 of the diagonal (PROOF.md 8), and a little
  * that its stored digits add. */
 static const double KEPT_OF_EXACT = 1.01e-6;
@@ -217,21 +220,20 @@ static enum tetlod_status compare(struct diff_side sides[2], const struct differ
                                   const struct difference *found, struct diff_result *out, struct tetlod_error *error)
 {
     struct tetmesh *mesh = &sides[0].mesh;
-    uint8_t *asked = NULL;
+    struct difference_open open = {.limit = options->limit};
     double most;
     enum tetlod_status status = TETLOD_OK;
     if (found->cells && found->one_body && options->limited && options->norm == DIFF_MAX && !options->all_cells)
-        TETLOD_TRY_DONE(open_parts_find(found, sides[0].of_stream ? last : mesh, options->limit, mesh, &asked, &most,
-                                        error));
-    TETLOD_TRY_DONE(difference_measure(&out->difference, given, options->component, asked, options->threads, error));
-    if (asked)
-        open_parts_complete(&out->difference, asked, mesh->tet_count, most, found);
+        TETLOD_TRY_DONE(open_parts_find(found, sides[0].of_stream ? last : mesh, mesh, &open, &most, error));
+    TETLOD_TRY_DONE(difference_measure(&out->difference, given, options->component, &open, options->threads, error));
+    if (open.asked)
+        open_parts_complete(&out->difference, open.asked, mesh->tet_count, most, found);
     else if (!(out->difference.overlap > 0))
         status = tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the meshes do not overlap: are their units the same?");
     else
         set_squares(sides, options->component < 0 ? sides[0].components : 1, out);
 done:
-    free(asked);
+    free(open.asked);
     return status;
 }
 
@@ -269,6 +271,13 @@ done:
     return status;
 }
 
+static double first_error(const struct diff_side sides[2], const struct diff_options *options)
+{
+    double error = options->limited ? options->limit / 3 : options->width / 4;
+    bool by_parts = options->limited && options->norm == DIFF_MAX && !options->all_cells;
+    return by_parts ? larger(error, FIRST_ERROR * (sides[0].range[1] - sides[0].range[0])) : error;
+}
+
 /* How small the errors of the next forms are to be: so small that what is open now is decided, if the difference is
  * about in the middle of what is known of it, but not much smaller: that is known badly. */
 static double next_error(const struct diff_options *options, const struct diff_result *found, double last)
@@ -279,11 +288,20 @@ static double next_error(const struct diff_options *options, const struct diff_r
     return larger(smaller(last / 4, 0.4 * gap), last / 16);
 }
 
-/* Are only places open that boundaries have left? Then levels help that have kept theirs. */
-static bool is_open_at_boundary(const struct diff_options *options, const struct diff_result *found)
+/* Are only places open that boundaries have left? Then levels help that have kept theirs; or a smaller error, if what
+ * else is known of these places is within the goal. */
+static void aim(const struct diff_options *options, const struct diff_result *found, double *target, bool *kept)
 {
     double goal = options->limited ? options->limit : found->bounds[DIFF_MAX][0] + options->width;
-    return options->norm == DIFF_MAX && found->difference.inner <= goal;
+    double last = larger(found->used[0].error, found->used[1].error);
+    double spare = goal - (found->difference.shell - found->used[0].error - found->used[1].error);
+    *target = options->limited ? last : *target;
+    if (options->norm != DIFF_MAX || found->difference.inner > goal)
+        *target = next_error(options, found, *target);
+    else if (spare > 0)
+        *target = smaller(*target, 0.4 * spare);
+    else
+        *kept = true;
 }
 
 /* What boundaries have left of a tetrahedron differs by what is known of such places. */
@@ -298,7 +316,7 @@ enum tetlod_status diff_decide(struct diff_side sides[2], const struct diff_opti
                                struct tetlod_error *error)
 {
     bool one = are_one(sides), kept = false;
-    double target = options->limited ? options->limit / 3 : options->width / 4;
+    double target = first_error(sides, options);
     uint32_t used[2] = {TETLOD_NONE, TETLOD_NONE};
     *out = (struct diff_result){0};
     if (sides[0].components != sides[1].components)
@@ -317,8 +335,7 @@ enum tetlod_status diff_decide(struct diff_side sides[2], const struct diff_opti
         }
         if (out->verdict != DIFF_UNDECIDED || one || (used[0] == finest[0] && used[1] == finest[1]))
             break;
-        kept = kept || is_open_at_boundary(options, out);
-        target = is_open_at_boundary(options, out) ? target : next_error(options, out, target);
+        aim(options, out, &target, &kept);
     }
     complete_cells(&sides[0], &out->difference);
     if (!options->limited)

@@ -33,6 +33,8 @@ static const double ROUNDING = 1e-9;
 
 /* One thread's. */
 struct worker {
+    struct clipped part;       /* of the clipped tetrahedron, that is in the other one */
+    double errors[MAX_CLIP_CORNERS], values[MAX_CLIP_CORNERS]; /* at its corners: bounds, a component's difference */
     double *differences;       /* [4 * components] at the corners of the clipped tetrahedron */
     uint32_t *seen;            /* [tet of the second mesh] the last of the first that it was compared with, and 1 */
     uint32_t *front;           /* those that are to be compared */
@@ -46,7 +48,7 @@ struct worker {
 
 struct measuring {
     const struct difference_side *sides;
-    const uint8_t *asked;      /* of the first mesh's tetrahedra; NULL: all */
+    const struct difference_open *open;
     const double *values[2], *bounds[2];
     uint32_t stride, components;
     uint8_t *usable[2];        /* owned, [tet] */
@@ -57,6 +59,7 @@ struct measuring {
     struct bvh tree;           /* of it */
     uint32_t *neighbours;      /* owned, of it (adjacency.h) */
     uint8_t *near[2];          /* owned, [tet]: no further from it than it has moved; NULL: it has not */
+    enum difference_asked stage; /* what is compared now, where not all is */
     bool same;                 /* the meshes are: only tetrahedra of the same number overlap */
     bool pairing;              /* only which bodies overlap is asked */
     struct body_pairs pairs;   /* judged */
@@ -70,13 +73,13 @@ struct cell {
     struct measuring *measuring;
     struct worker *worker;
     uint32_t tets[2];
-    int clipped;            /* whose corners the pieces' weights are of */
+    int clipped;            /* whose corners the part's weights are of */
     double in[2][4][4];     /* weights of each one's corners in the other */
-    double volumes[2], slack, noise;
+    double volumes[2], covered, slack, noise; /* covered: of the first's volume, by all of the second mesh */
     double errors[4];       /* bounds at the corners of the clipped one */
-    double reach[2][4];     /* the greatest weights in the cell */
-    double share, integral, square, error_square;
+    double integral, square, error_square;
     bool near;              /* a boundary that has moved */
+    bool ends;              /* the second mesh does, or what is known of it: there may be other tetrahedra */
     double upper, lower;
     double weights[4];      /* where `lower` is */
 };
@@ -99,20 +102,27 @@ static bool is_in_both(const struct cell *cell, const double weights[4])
     return moved_boundary_leaves(&boundaries[0], place) && moved_boundary_leaves(&boundaries[1], place);
 }
 
-/* What the difference is at least: at a piece's corners, or further inside where a corner is not in both. */
-static void raise_lower(struct cell *cell, const double piece[4][4], const double d[4], const double errors[4])
+/* What the difference is at least: at a corner, or further inside where a corner is not in both. `most`: at any. */
+static void raise_lower(struct cell *cell, double most)
 {
     enum { STEPS = 4 };
-    double mean = (d[0] + d[1] + d[2] + d[3]) / 4, error = (errors[0] + errors[1] + errors[2] + errors[3]) / 4;
-    for (int i = 0; i < 4; i++)
+    const struct worker *worker = cell->worker;
+    const struct clipped *part = &worker->part;
+    double middle[4] = {0}, mean = 0, error = 0;
+    for (unsigned v = 0; v < part->count; v++) {
+        mean += worker->values[v] / part->count;
+        error += worker->errors[v] / part->count;
+        for (int c = 0; c < 4; c++)
+            middle[c] += part->weights[v][c] / part->count;
+    }
+    for (unsigned v = 0; v < part->count && most > cell->lower; v++)
         for (int step = 0; step <= (cell->near ? STEPS : 0); step++) {
-            double t = step / (double)STEPS, weights[4];
-            double lower = fabs(d[i] + t * (mean - d[i])) - (errors[i] + t * (error - errors[i]));
+            double t = step / (double)STEPS, weights[4], d = worker->values[v], own = worker->errors[v];
+            double lower = fabs(d + t * (mean - d)) - (own + t * (error - own));
             if (!(lower > cell->lower))
                 break;
             for (int c = 0; c < 4; c++)
-                weights[c] = piece[i][c] + t * ((piece[0][c] + piece[1][c] + piece[2][c] + piece[3][c]) / 4 -
-                                                piece[i][c]);
+                weights[c] = part->weights[v][c] + t * (middle[c] - part->weights[v][c]);
             if (!is_in_both(cell, weights))
                 continue;
             cell->lower = lower;
@@ -121,57 +131,46 @@ static void raise_lower(struct cell *cell, const double piece[4][4], const doubl
         }
 }
 
-/* One component's difference in a piece. */
-static void add_component(struct cell *cell, const double piece[4][4], const double errors[4], uint32_t c, double share)
+/* The integral of the square of what has these values at the corners, of a volume of 1. */
+static double square_of(const struct clipped *part, const double *values)
 {
-    const double *at = cell->worker->differences + 4 * (size_t)c;
-    double d[4], sum = 0, squares = 0, most = -INFINITY;
-    for (int i = 0; i < 4; i++) {
-        d[i] = piece[i][0] * at[0] + piece[i][1] * at[1] + piece[i][2] * at[2] + piece[i][3] * at[3];
-        sum += d[i];
-        squares += d[i] * d[i];
-        cell->upper = larger(cell->upper, fabs(d[i]) + errors[i]);
-        most = larger(most, fabs(d[i]) - errors[i]);
+    double square = 0;
+    for (unsigned i = 0; i < part->piece_count; i++) {
+        const uint16_t *v = part->pieces[i];
+        double a = values[v[0]], b = values[v[1]], c = values[v[2]], d = values[v[3]], sum = a + b + c + d;
+        square += part->shares[i] * (a * a + b * b + c * c + d * d + sum * sum) / 20;
+    }
+    return square;
+}
+
+static void add_component(struct cell *cell, uint32_t c)
+{
+    struct worker *worker = cell->worker;
+    const struct clipped *part = &worker->part;
+    const double *at = worker->differences + 4 * (size_t)c;
+    double most = -INFINITY;
+    for (unsigned v = 0; v < part->count; v++) {
+        double d = worker->values[v] = clip_value(at, part->weights[v]);
+        cell->upper = larger(cell->upper, fabs(d) + worker->errors[v]);
+        most = larger(most, fabs(d) - worker->errors[v]);
     }
     if (most > cell->lower)
-        raise_lower(cell, piece, d, errors);
-    cell->square += share * (squares + sum * sum) / 20;
-    cell->integral += c == 0 ? share * sum / 4 : 0;
+        raise_lower(cell, most);
+    cell->square += square_of(part, worker->values);
+    cell->integral += c == 0 ? clip_integral(part, worker->values) : 0;
 }
 
-static void add_piece(void *opaque, const double piece[4][4])
+static void add_part(struct cell *cell)
 {
-    struct cell *cell = opaque;
     const struct measuring *measuring = cell->measuring;
-    const double *e = cell->errors;
-    double share = clip_share(piece), errors[4] = {e[0], e[0], e[0], e[0]}, sum = 4 * e[0], squares = 4 * e[0] * e[0];
-    if (measuring->bounds[0] || measuring->bounds[1]) {
-        sum = squares = 0;
-        for (int i = 0; i < 4; i++) {
-            const double *w = piece[i];
-            errors[i] = larger(w[0] * e[0] + w[1] * e[1] + w[2] * e[2] + w[3] * e[3], 0);
-            sum += errors[i];
-            squares += errors[i] * errors[i];
-        }
-    }
-    cell->share += share;
-    cell->error_square += measuring->components * share * (squares + sum * sum) / 20;
-    for (uint32_t c = 0; c < measuring->components && !measuring->pairing; c++)
-        add_component(cell, piece, errors, c, share);
-}
-
-static void add_reach(void *opaque, const double piece[4][4])
-{
-    struct cell *cell = opaque;
-    int own = cell->clipped;
-    for (int i = 0; i < 4; i++)
-        for (int k = 0; k < 4; k++) {
-            double other = 0;
-            for (int c = 0; c < 4; c++)
-                other += piece[i][c] * cell->in[own][c][k];
-            cell->reach[own][k] = larger(cell->reach[own][k], piece[i][k]);
-            cell->reach[!own][k] = larger(cell->reach[!own][k], other);
-        }
+    struct worker *worker = cell->worker;
+    const bool varies = measuring->bounds[0] || measuring->bounds[1];
+    cell->integral = cell->square = cell->upper = 0;
+    for (unsigned v = 0; v < worker->part.count; v++)
+        worker->errors[v] = varies ? larger(clip_value(cell->errors, worker->part.weights[v]), 0) : cell->errors[0];
+    cell->error_square = measuring->components * square_of(&worker->part, worker->errors);
+    for (uint32_t c = 0; c < measuring->components; c++)
+        add_component(cell, c);
 }
 
 static const double *values_at(const struct measuring *measuring, int m, uint32_t tet, int k)
@@ -254,7 +253,7 @@ static void add_cell(const struct cell *cell)
 {
     const struct measuring *measuring = cell->measuring;
     struct difference_cell *out = &measuring->out->cells[cell->tets[0]];
-    double volume = cell->volumes[cell->clipped] * cell->share;
+    double volume = cell->volumes[cell->clipped] * cell->worker->part.share;
     double root = sqrt(cell->volumes[cell->clipped]), more = cell->noise * sqrt(volume * measuring->components);
     double own = root * sqrt(cell->square), by = root * sqrt(cell->error_square) + more;
     double low = larger(own - by, 0), high = own + by;
@@ -273,16 +272,23 @@ static void add_cell(const struct cell *cell)
 
 /* Is the cell more than a contact? In both tetrahedra it reaches inside from every face. That is asked only if it has
  * little of their volume. */
-static bool is_overlap(struct cell *cell, const double planes[][4], unsigned count)
+static bool is_overlap(const struct cell *cell, double volume)
 {
-    double least = 1, volume = cell->volumes[cell->clipped] * cell->share;
+    const struct clipped *part = &cell->worker->part;
+    const int own = cell->clipped;
+    double least = 1, reach[2][4] = {{0}};
     if (volume > (1e-7 + 16 * cell->slack) * larger(cell->volumes[0], cell->volumes[1]))
         return true;
-    memset(cell->reach, 0, sizeof cell->reach);
-    clip_tet(planes, count, add_reach, cell);
-    for (int m = 0; m < 2; m++)
-        for (int k = 0; k < 4; k++)
-            least = smaller(least, cell->reach[m][k]);
+    for (unsigned v = 0; v < part->count; v++)
+        for (int k = 0; k < 4; k++) {
+            double other = 0;
+            for (int c = 0; c < 4; c++)
+                other += part->weights[v][c] * cell->in[own][c][k];
+            reach[own][k] = larger(reach[own][k], part->weights[v][k]);
+            reach[!own][k] = larger(reach[!own][k], other);
+        }
+    for (int i = 0; i < 8; i++)
+        least = smaller(least, reach[i / 4][i % 4]);
     return least > THIN + (cell->slack < THIN ? 3 * cell->slack : 0);
 }
 
@@ -309,10 +315,68 @@ static bool is_near(const struct measuring *measuring, int m, uint32_t tet)
     return measuring->near[m] && measuring->near[m][tet];
 }
 
-/* Returns the cell's volume; 0 for a contact. */
-static double clip_cell(struct cell *cell)
+/* Is only asked whether a difference is above the limit? */
+static bool asks_limit(const struct measuring *measuring)
+{
+    return measuring->open->asked && !measuring->bodies[0];
+}
+
+/* Is the difference certainly within the limit, by its values at these corners of the cell, or of what holds it? */
+static bool is_within(struct cell *cell, const double (*corners)[4], unsigned count)
 {
     const struct measuring *measuring = cell->measuring;
+    const struct worker *worker = cell->worker;
+    struct difference_cell *out = &measuring->out->cells[cell->tets[0]];
+    double most = 0;
+    for (unsigned v = 0; v < count; v++) {
+        double largest = 0;
+        for (uint32_t c = 0; c < measuring->components; c++)
+            largest = larger(largest, fabs(clip_value(worker->differences + 4 * (size_t)c, corners[v])));
+        most = larger(most, largest + larger(clip_value(cell->errors, corners[v]), 0));
+    }
+    most += cell->noise;
+    if (most > measuring->open->limit)
+        return false;
+    out->upper = larger(out->upper, most);
+    out->left |= cell->near;
+    return true;
+}
+
+/* The same by the corners of each of the two tetrahedra. */
+static bool is_decided(struct cell *cell, const double slacks[2])
+{
+    static const double whole[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
+    const int own = cell->clipped;
+    for (int m = 1; m >= 0; m--) {
+        cell->clipped = m == 0 ? own : !own;
+        cell->slack = slacks[cell->clipped];
+        gather(cell);
+        if (is_within(cell, whole, 4))
+            return true;
+    }
+    return false;
+}
+
+/* Returns the cell's volume; 0 for a contact. */
+static double compare_cell(struct cell *cell)
+{
+    clip_pieces(&cell->worker->part);
+    const double volume = cell->volumes[cell->clipped] * cell->worker->part.share;
+    if (!is_overlap(cell, volume))
+        return 0;
+    if (!compares(cell, volume))
+        return volume;
+    cell->lower = cell->near ? cell->measuring->out->cells[cell->tets[0]].lower // to be asked of few places
+                             : -INFINITY;
+    memset(cell->weights, 0, sizeof cell->weights);
+    add_part(cell);
+    add_cell(cell);
+    return volume;
+}
+
+/* Clips the cell, and compares there, but for what is certainly within the limit that is open. False: a contact. */
+static bool clip_cell(struct cell *cell)
+{
     double planes[4][4];
     unsigned count = 0;
     int own = cell->clipped;
@@ -324,17 +388,14 @@ static double clip_cell(struct cell *cell)
         }
         count += least < 0;
     }
-    cell->share = cell->integral = cell->square = cell->error_square = cell->upper = 0;
-    cell->near = is_near(measuring, 0, cell->tets[0]) || is_near(measuring, 1, cell->tets[1]);
-    cell->lower = cell->near ? measuring->out->cells[cell->tets[0]].lower : -INFINITY; // to be asked of few places
-    memset(cell->weights, 0, sizeof cell->weights);
-    gather(cell);
-    clip_tet((const double(*)[4])planes, count, add_piece, cell);
-    if (!is_overlap(cell, (const double(*)[4])planes, count))
-        return 0;
-    if (compares(cell, cell->volumes[own] * cell->share))
-        add_cell(cell);
-    return cell->volumes[own] * cell->share;
+    clip_corners((const double(*)[4])planes, count, &cell->worker->part);
+    if (!asks_limit(cell->measuring) && !cell->measuring->pairing)
+        gather(cell); // else that is done
+    else if (asks_limit(cell->measuring) && is_within(cell, cell->worker->part.weights, cell->worker->part.count))
+        return cell->worker->part.count > 0;
+    const double volume = compare_cell(cell);
+    cell->covered += volume;
+    return volume > 0;
 }
 
 /* ---- all cells */
@@ -345,8 +406,8 @@ static double volume_of(const struct tetmesh *mesh, uint32_t tet)
                             mesh_corner(mesh, tet, 3))) / 6;
 }
 
-/* Returns what both cover; 0: they touch at most. */
-static double compare_pair(struct cell *cell, const struct weights_map *map)
+/* False: they touch at most. */
+static bool compare_pair(struct cell *cell, const struct weights_map *map)
 {
     struct measuring *measuring = cell->measuring;
     const struct tetmesh *a = measuring->sides[0].mesh, *b = measuring->sides[1].mesh;
@@ -354,15 +415,17 @@ static double compare_pair(struct cell *cell, const struct weights_map *map)
     cell->worker->seen[cell->tets[1]] = cell->tets[0] + 1;
     if (!measuring->usable[1][cell->tets[1]] || !weigh_corners(map, b, cell->tets[1], cell->in[1], &slacks[1]) ||
         !weigh_corners(&measuring->maps[cell->tets[1]], a, cell->tets[0], cell->in[0], &slacks[0]))
-        return 0;
+        return false;
     cell->volumes[1] = measuring->volumes[cell->tets[1]];
     cell->clipped = slacks[1] < slacks[0];
     cell->slack = slacks[cell->clipped];
+    cell->near = is_near(measuring, 0, cell->tets[0]) || is_near(measuring, 1, cell->tets[1]);
     if (cell->slack <= HOPELESS)
-        return clip_cell(cell);
+        return (asks_limit(measuring) && is_decided(cell, slacks)) || clip_cell(cell);
+    cell->ends = true;
     if (compares(cell, 0))
         add_hopeless(cell);
-    return 0;
+    return false;
 }
 
 static void compare_self(struct cell *cell)
@@ -371,6 +434,7 @@ static void compare_self(struct cell *cell)
     memcpy(cell->in[0], whole, sizeof whole);
     cell->tets[1] = cell->tets[0];
     cell->volumes[1] = cell->volumes[0];
+    cell->near = is_near(cell->measuring, 0, cell->tets[0]) || is_near(cell->measuring, 1, cell->tets[0]);
     cell->clipped = 0;
     cell->slack = 0;
     clip_cell(cell);
@@ -398,37 +462,46 @@ static uint32_t find_first(const struct measuring *measuring, uint32_t tet)
     return TETLOD_NONE;
 }
 
-static void add_to_front(struct worker *worker, uint32_t tet)
+static bool add_to_front(struct worker *worker, uint32_t tet)
 {
-    if (array_reserve((void **)&worker->front, &worker->front_capacity, worker->front_count + 1, sizeof tet))
-        worker->front[worker->front_count++] = tet;
-    // else it is found by the search, which takes longer
+    if (!array_reserve((void **)&worker->front, &worker->front_capacity, worker->front_count + 1, sizeof tet))
+        return false;
+    worker->front[worker->front_count++] = tet;
+    return true;
 }
 
-/* From a tetrahedron of the second mesh to those beside it, across the faces that the one of the first reaches behind.
- * Returns what they cover: if that is all of it, there are no others, because each place is covered once. */
-static double compare_front(struct cell *cell, const struct weights_map *map)
+/* To those beside a tetrahedron of the second mesh, across the faces that the one of the first reaches behind. */
+static void go_on(struct cell *cell, uint32_t tet)
+{
+    const struct measuring *measuring = cell->measuring;
+    for (int k = 0; k < 4; k++) {
+        uint32_t across = measuring->neighbours[4 * (size_t)tet + (size_t)k];
+        double least = smaller(smaller(cell->in[0][0][k], cell->in[0][1][k]),
+                               smaller(cell->in[0][2][k], cell->in[0][3][k]));
+        if (!(least < -THIN))
+            continue;
+        if (across == TETLOD_NONE || !measuring->usable[1][across / 4])
+            cell->ends = true;
+        else if (cell->worker->seen[across / 4] != cell->tets[0] + 1)
+            cell->ends |= !add_to_front(cell->worker, across / 4);
+    }
+}
+
+/* From one tetrahedron of the second mesh to the next. Returns whether there are no others, because each place is
+ * covered once: these cover all of the first's volume, or the second mesh did not end on the way. */
+static bool compare_front(struct cell *cell, const struct weights_map *map)
 {
     struct measuring *measuring = cell->measuring;
     struct worker *worker = cell->worker;
-    double covered = 0;
     uint32_t first = !measuring->bodies[0] ? find_first(measuring, cell->tets[0]) : TETLOD_NONE;
     worker->front_count = 0;
-    if (first != TETLOD_NONE)
-        add_to_front(worker, first);
+    cell->ends = first == TETLOD_NONE || !add_to_front(worker, first);
     while (worker->front_count) {
         uint32_t tet = cell->tets[1] = worker->front[--worker->front_count];
-        double volume = worker->seen[tet] == cell->tets[0] + 1 ? 0 : compare_pair(cell, map);
-        covered += volume;
-        for (int k = 0; k < 4 && volume > 0; k++) {
-            uint32_t across = measuring->neighbours[4 * (size_t)tet + (size_t)k];
-            double least = smaller(smaller(cell->in[0][0][k], cell->in[0][1][k]),
-                                   smaller(cell->in[0][2][k], cell->in[0][3][k]));
-            if (across != TETLOD_NONE && least < -THIN && worker->seen[across / 4] != cell->tets[0] + 1)
-                add_to_front(worker, across / 4);
-        }
+        if (worker->seen[tet] != cell->tets[0] + 1 && compare_pair(cell, map))
+            go_on(cell, tet);
     }
-    return covered;
+    return cell->covered >= cell->volumes[0] * (1 - COVERED) || (measuring->open->asked && !cell->ends);
 }
 
 static void compare_range(void *context, unsigned number, size_t begin, size_t end)
@@ -441,7 +514,9 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
         struct cell cell = {.measuring = measuring, .worker = worker, .tets = {(uint32_t)tet, 0}};
         struct reach reach;
         uint32_t first, last;
-        if (!measuring->usable[0][tet] || (measuring->asked && !measuring->asked[tet]))
+        const bool asked = !measuring->open->asked || measuring->pairing ||
+            measuring->open->asked[tet] == measuring->stage;
+        if (!measuring->usable[0][tet] || !asked)
             continue;
         cell.volumes[0] = volume_of(a, (uint32_t)tet);
         if (measuring->same) {
@@ -449,7 +524,7 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
             continue;
         }
         reach_set(&reach, a, (uint32_t)tet);
-        if (compare_front(&cell, &reach.map) >= cell.volumes[0] * (1 - COVERED))
+        if (compare_front(&cell, &reach.map))
             continue;
         out->left = true; // the rest may be in the second original
         struct bvh_walk walk = bvh_walk_begin(&measuring->tree);
@@ -464,11 +539,12 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
 
 /* ---- before and behind */
 
-static enum tetlod_status find_usable(struct measuring *measuring, int m, struct tetlod_error *error)
+static enum tetlod_status find_usable(struct measuring *measuring, int m, const uint32_t *neighbours,
+                                      struct tetlod_error *error)
 {
     const struct tetmesh *mesh = measuring->sides[m].mesh;
     struct sheets sheets;
-    TETLOD_TRY(sheets_find(&sheets, mesh, error));
+    TETLOD_TRY(sheets_find(&sheets, mesh, neighbours, error));
     measuring->usable[m] = sheets.promised;
     sheets.promised = NULL;
     sheets_fini(&sheets);
@@ -530,26 +606,26 @@ static enum tetlod_status find_near(struct measuring *measuring, int m, const ui
         return tetlodi_fail_nomem(error, "the overlay", side->mesh->tet_count);
     for (uint32_t t = 0; t < side->mesh->tet_count; t++) {
         double box[6];
+        if (m == 0 && measuring->open->asked && measuring->open->asked[t] == ASKED_NOT)
+            continue;
         tet_box(side->mesh, t, box);
         measuring->near[m][t] = !moved_boundary_leaves_box(&measuring->out->boundaries[m], box);
     }
     return TETLOD_OK;
 }
 
-/* Of the second mesh, from which the search goes on; of both, what is near a boundary that has moved. */
-static enum tetlod_status find_neighbours(struct measuring *measuring, int m, struct tetlod_error *error)
+/* Its neighbours, of which those of the second mesh lead the search on, and what they tell. */
+static enum tetlod_status prepare_side(struct measuring *measuring, int m, struct tetlod_error *error)
 {
     const struct tetmesh *mesh = measuring->sides[m].mesh;
-    bool moves = measuring->sides[m].moved > 0;
-    uint32_t *neighbours;
-    if (!moves && (m == 0 || measuring->same))
-        return TETLOD_OK;
-    neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     if (!neighbours)
         return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count * (uint64_t)16);
     enum tetlod_status status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL,
                                                 error);
-    if (status == TETLOD_OK && moves)
+    if (status == TETLOD_OK)
+        status = find_usable(measuring, m, neighbours, error);
+    if (status == TETLOD_OK && measuring->sides[m].moved > 0)
         status = find_near(measuring, m, neighbours, error);
     if (m == 1)
         measuring->neighbours = neighbours;
@@ -573,7 +649,7 @@ static enum tetlod_status prepare_search(struct measuring *measuring, struct tet
     return bvh_build(&measuring->tree, b->positions, b->corners, b->tet_count, 4, BVH_LEAF, error);
 }
 
-enum { PARTS = 5 };
+enum { PARTS = 3 };
 
 /* What is prepared at the same time. */
 struct preparation {
@@ -590,9 +666,7 @@ static void prepare_part(void *context, unsigned worker, size_t begin, size_t en
     for (size_t part = begin; part < end; part++) {
         struct tetlod_error *error = &preparation->errors[part];
         if (part < 2)
-            preparation->status[part] = find_usable(measuring, (int)part, error);
-        else if (part < 4)
-            preparation->status[part] = find_neighbours(measuring, (int)part - 2, error);
+            preparation->status[part] = prepare_side(measuring, (int)part, error);
         else if (!measuring->same)
             preparation->status[part] = prepare_search(measuring, error);
     }
@@ -672,9 +746,31 @@ static void compare_shell(struct measuring *measuring, unsigned threads)
     if (!moves)
         return;
     measuring->out->shell = furthest_of(sides);
-    if (known)
-        measuring->out->shell = smaller(measuring->out->shell, sides[0].error + sides[1].error +
-                                   boundary_shell_difference(given, measuring->stride, measuring->components, threads));
+    if (!known)
+        return;
+    // what is within the limit needs no more to be known of
+    const double errors = sides[0].error + sides[1].error;
+    double most = measuring->open->asked ? larger(measuring->open->limit * (1 - ROUNDING) - errors, 0) : 0;
+    most = boundary_shell_difference(given, measuring->stride, measuring->components, most, threads);
+    measuring->out->shell = smaller(measuring->out->shell, errors + most);
+}
+
+/* All that is asked, in two stages if the first may decide. */
+static void compare_all(struct measuring *measuring, unsigned threads)
+{
+    const size_t tets = measuring->sides[0].mesh->tet_count;
+    const bool staged = measuring->open->asked != NULL;
+    double lower = -INFINITY;
+    for (measuring->stage = staged ? ASKED_FIRST : ASKED_LAST; measuring->stage > ASKED_NOT; measuring->stage--) {
+        parallel_for(threads, tets, CHUNK, compare_range, measuring);
+        for (unsigned w = 0; w < threads; w++)
+            lower = larger(lower, measuring->workers[w].lower);
+        if (staged && measuring->stage == ASKED_FIRST && lower > measuring->open->limit) {
+            measuring->out->decided = true;
+            return;
+        }
+    }
+    compare_shell(measuring, threads);
 }
 
 static void add_up(struct measuring *measuring, unsigned threads)
@@ -747,9 +843,10 @@ static void begin(struct measuring *measuring, int component)
 }
 
 enum tetlod_status difference_measure(struct difference *out, const struct difference_side sides[2], int component,
-                                      const uint8_t *asked, unsigned threads, struct tetlod_error *error)
+                                      const struct difference_open *open, unsigned threads,
+                                      struct tetlod_error *error)
 {
-    struct measuring measuring = {.sides = sides, .asked = asked, .out = out};
+    struct measuring measuring = {.sides = sides, .open = open, .out = out};
     const struct tetmesh *a = sides[0].mesh;
     enum tetlod_status status = TETLOD_OK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
@@ -760,8 +857,7 @@ enum tetlod_status difference_measure(struct difference *out, const struct diffe
     TETLOD_TRY_DONE(prepare(&measuring, threads, error));
     TETLOD_TRY_DONE(prepare_workers(&measuring, threads, error));
     TETLOD_TRY_DONE(pair_bodies(&measuring, threads, error));
-    compare_shell(&measuring, threads);
-    parallel_for(threads, a->tet_count, CHUNK, compare_range, &measuring);
+    compare_all(&measuring, threads);
     add_up(&measuring, threads);
 done:
     release(&measuring, threads);

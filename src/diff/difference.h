@@ -52,14 +52,22 @@ struct difference {
     uint64_t left_out[2];          /* tetrahedra without a promise */
     struct moved_boundary boundaries[2];
     bool one_body;                 /* each of both */
+    bool decided;                  /* a difference is above the limit that was open: the rest was not compared */
 };
 
-/* `component`: one of the field's, or -1: all. Both fields have as many. `asked`: NULL, or which tetrahedra of the
- * first mesh are compared at all. The same on any number of threads. ERR_NOMEM. To be released, also after a
- * failure. */
+/* What is open: which tetrahedra of the first mesh are compared at all, to find out whether a difference is above the
+ * limit. Of pairs that certainly differ by less only that is found, not how much, nor their volume. */
+enum difference_asked { ASKED_NOT, ASKED_LAST, ASKED_FIRST };
+struct difference_open {
+    uint8_t *asked; /* [tet] when: not if those before have decided. NULL: all, with all that there is to know */
+    double limit;
+};
+
+/* `component`: one of the field's, or -1: all. Both fields have as many. The same on any number of threads. ERR_NOMEM.
+ * To be released, also after a failure. */
 TETLOD_CHECKED enum tetlod_status difference_measure(struct difference *out, const struct difference_side sides[2],
-                                                     int component, const uint8_t *asked, unsigned threads,
-                                                     struct tetlod_error *error);
+                                                     int component, const struct difference_open *open,
+                                                     unsigned threads, struct tetlod_error *error);
 void difference_fini(struct difference *difference);
 
 #endif

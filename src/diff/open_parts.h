@@ -5,11 +5,11 @@
 
 #include "src/diff/difference.h"
 
-/* Which tetrahedra of another level of the first mesh are to be compared, [tet] of it, to be freed. At each place of
- * the others the originals differ by no more than *out_most, which is within the limit. `found`: the difference, of
- * `mesh` and a second one. ERR_NOMEM. */
+/* Which tetrahedra of another level of the first mesh are to be compared for the limit of *out: `asked`, [tet] of it, to
+ * be freed. At each place of the others the originals differ by no more than *out_most, which is within the limit.
+ * `found`: the difference, of `mesh` and a second one. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status open_parts_find(const struct difference *found, const struct tetmesh *mesh,
-                                                  double limit, const struct tetmesh *finer, uint8_t **out,
+                                                  const struct tetmesh *finer, struct difference_open *out,
                                                   double *out_most, struct tetlod_error *error);
 
 /* Completes a difference of the open parts by what is known of the others, and of the whole. */

@@ -54,22 +54,31 @@ int sheets_promised(const double *positions, const uint32_t *corners, const uint
     return volume < 0 ? -1 : 1;
 }
 
-enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, struct tetlod_error *error)
+static enum tetlod_status find_promised(struct sheets *out, const struct tetmesh *mesh, const uint32_t *neighbours,
+                                        uint32_t *own, struct tetlod_error *error)
 {
-    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
-    enum tetlod_status status = TETLOD_OK;
-    *out = (struct sheets){.promised = array_new(mesh->tet_count, 1)};
-    if (!neighbours || !out->promised)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the sheets", 17 * (uint64_t)mesh->tet_count));
-    TETLOD_TRY_DONE(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
-    TETLOD_TRY_DONE(orient(&out->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count,
-                           neighbours, error));
+    const uint32_t vertices = mesh->vertex_count, tets = mesh->tet_count;
+    if (!neighbours)
+        TETLOD_TRY(adjacency_build(mesh->corners, tets, vertices, own, NULL, error));
+    neighbours = neighbours ? neighbours : own;
+    TETLOD_TRY(orient(&out->oriented, mesh->positions, mesh->corners, vertices, tets, neighbours, error));
     const uint32_t *corners = out->oriented.corners ? out->oriented.corners : mesh->corners;
     if (out->oriented.corners) // others are opposite the faces
-        TETLOD_TRY_DONE(adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
-    out->orientation = sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, out->promised);
-done:
-    free(neighbours);
+        TETLOD_TRY(adjacency_build(corners, tets, vertices, own, NULL, error));
+    neighbours = out->oriented.corners ? own : neighbours;
+    out->orientation = sheets_promised(mesh->positions, corners, neighbours, tets, out->promised);
+    return TETLOD_OK;
+}
+
+enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, const uint32_t *neighbours,
+                               struct tetlod_error *error)
+{
+    uint32_t *own = array_new(mesh->tet_count, 4 * sizeof *own);
+    *out = (struct sheets){.promised = array_new(mesh->tet_count, 1)};
+    enum tetlod_status status =
+        own && out->promised ? find_promised(out, mesh, neighbours, own, error)
+                             : tetlodi_fail_nomem(error, "the sheets", 17 * (uint64_t)mesh->tet_count);
+    free(own);
     if (status != TETLOD_OK)
         sheets_fini(out);
     return status;

@@ -25,9 +25,9 @@ struct sheets {
     int orientation;          /* of that */
 };
 
-/* On failure *out is empty. ERR_NOMEM. */
+/* `neighbours` as adjacency_build makes them, or NULL. On failure *out is empty. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh,
-                                              struct tetlod_error *error);
+                                              const uint32_t *neighbours, struct tetlod_error *error);
 void sheets_fini(struct sheets *sheets);
 
 /* The orientation of tetrahedron t, as it is numbered, where it is not inverted. */

@@ -143,27 +143,24 @@ static double value_at(const struct filling *filling, const struct point_field *
     return field->values[(size_t)field->components * vertex + component];
 }
 
-/* Adds what lies in a piece of the tetrahedron to the leaf. */
-static void add_piece(void *opaque, const double piece[4][4])
+/* Adds what lies in a part of the tetrahedron to the leaf. */
+static void add_part(struct filling *filling, const struct clipped *part)
 {
-    struct filling *filling = opaque;
     const struct tetmesh *mesh = filling->mesh;
-    const double volume = filling->volume * clip_share(piece);
     uint32_t at = 0;
-    filling->volumes[filling->leaf] += volume;
+    filling->volumes[filling->leaf] += filling->volume * part->share;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         for (uint32_t c = 0; c < mesh->fields[f].components; c++, at++) {
             struct sum *sum = &filling->leaves[((size_t)at << filling->sums->depth) + filling->leaf];
-            double corners[4];
+            double corners[4], values[MAX_CLIP_CORNERS];
             for (int i = 0; i < 4; i++)
                 corners[i] = value_at(filling, &mesh->fields[f], c, i);
-            for (int i = 0; i < 4; i++) {
-                double value = piece[i][0] * corners[0] + piece[i][1] * corners[1] + piece[i][2] * corners[2] +
-                               piece[i][3] * corners[3];
-                sum->least = smaller(sum->least, value);
-                sum->greatest = larger(sum->greatest, value);
-                sum->integral += volume * value / 4;
+            for (unsigned v = 0; v < part->count; v++) {
+                values[v] = clip_value(corners, part->weights[v]);
+                sum->least = smaller(sum->least, values[v]);
+                sum->greatest = larger(sum->greatest, values[v]);
             }
+            sum->integral += filling->volume * clip_integral(part, values);
         }
 }
 
@@ -171,6 +168,7 @@ static void add_piece(void *opaque, const double piece[4][4])
 static void add_to_leaf(struct filling *filling, const double box[2][3])
 {
     double planes[6][4];
+    struct clipped part;
     unsigned count = 0;
     for (int i = 0; i < 6; i++) {
         double *plane = planes[count], least = INFINITY;
@@ -181,7 +179,8 @@ static void add_to_leaf(struct filling *filling, const double box[2][3])
         }
         count += least < 0;
     }
-    clip_tet((const double(*)[4])planes, count, add_piece, filling);
+    clip_tet((const double(*)[4])planes, count, &part);
+    add_part(filling, &part);
 }
 
 /* Goes down to all leaves that hold a part of the tetrahedron. */

@@ -241,38 +241,21 @@ enum tetlod_status summary_of_mesh(struct tetlodi_summary *out, const struct tet
 
 /* ---- distributions */
 
-static void add_share(void *opaque, const double piece[4][4])
-{
-    *(double *)opaque += clip_share(piece);
-}
-
-/* The share of a tetrahedron where its interpolant is not above a threshold between its values. */
-static double share_below(const double values[4], double threshold)
-{
-    double plane[1][4], share = 0;
-    for (int c = 0; c < 4; c++)
-        plane[0][c] = threshold - values[c];
-    clip_tet((const double(*)[4])plane, 1, add_share, &share);
-    return fmin(share, 1);
-}
-
-/* `sums` has, of each threshold, the volume that is above the threshold before and not above this one, of whole
+/* Values in rising order. `sums` has, of each threshold, the volume that is above the threshold before and not above this one, of whole
  * tetrahedra, and then the volume of parts. */
 static void add_volumes(const double (*below)[2], uint32_t count, const double values[4], double volume,
                         long double (*sums)[2])
 {
-    double least = fmin(fmin(values[0], values[1]), fmin(values[2], values[3]));
-    double most = fmax(fmax(values[0], values[1]), fmax(values[2], values[3]));
     uint32_t first = 0, end = count;
     while (first < end) { // the first threshold that is not below the least value
         uint32_t middle = first + (end - first) / 2;
-        if (below[middle][0] < least)
+        if (below[middle][0] < values[0])
             first = middle + 1;
         else
             end = middle;
     }
-    for (; first < count && below[first][0] < most; first++)
-        sums[first][1] += volume * share_below(values, below[first][0]);
+    for (; first < count && below[first][0] < values[3]; first++)
+        sums[first][1] += volume * clip_share_below(values, below[first][0]);
     if (first < count)
         sums[first][0] += volume;
 }
@@ -286,6 +269,7 @@ static void fill_component(const struct tetmesh *mesh, const struct point_field 
         double values[4];
         for (int c = 0; c < 4; c++)
             values[c] = field->values[(size_t)field->components * mesh->corners[4 * (size_t)t + (size_t)c] + component];
+        clip_sort(values);
         add_volumes((const double(*)[2])below, count, values, volume_of(mesh, t), sums);
     }
     for (uint32_t k = 0; k < count; k++) {

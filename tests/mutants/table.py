@@ -224,11 +224,11 @@ mutant('exact: distances of another order', 'src/simplify/exact/cover.h',
 
 DIFF = 'cli/test_diff.py'
 mutant('diff: no bound above', 'src/diff/difference.c',
-       'larger(cell->upper, fabs(d[i]) + errors[i]);',
-       'larger(cell->upper, fabs(d[i]));',
+       'larger(cell->upper, fabs(d) + worker->errors[v]);',
+       'larger(cell->upper, fabs(d));',
        'what the levels are off widens the upper end', DIFF)
 mutant('diff: no bound below', 'src/diff/difference.c',
-       '- (errors[i] + t * (error - errors[i]));',
+       '- (own + t * (error - own));',
        ';',
        'and the lower one', DIFF)
 mutant('diff: a square without its bound', 'src/diff/difference.c',
@@ -248,8 +248,8 @@ mutant('diff: all bodies', 'src/diff/bodies.c',
        'return found;',
        'each body is compared with itself', DIFF)
 mutant('diff: half a search', 'src/diff/difference.c',
-       'cell.volumes[0] * (1 - COVERED)',
-       'cell.volumes[0] * 0',
+       'cell->volumes[0] * (1 - COVERED)',
+       'cell->volumes[0] * 0',
        'all that overlap are found', DIFF)
 mutant('diff: moved boundaries decide', 'src/diff/difference.c',
        'out->max[1] = larger(out->inner, out->shell);',
@@ -264,9 +264,25 @@ mutant('diff: partners are one place', 'src/diff/boundary_shell.c',
        'comparing.reach = 0;',
        'partners are apart', DIFF)
 mutant('diff: only what is deep is left open', 'src/diff/open_parts.c',
-       'found->cells[tree->order[i]].upper > limit &&',
-       'false &&',
+       'found->cells[t].upper > limit)',
+       'found->cells[t].upper > 2 * limit)',
        'what coarse levels leave open is compared again', DIFF)
+mutant('diff: moved boundaries are left out', 'src/diff/open_parts.c',
+       'm < 2 && found->shell > limit;',
+       'm < 0;',
+       'and what is near a boundary that has moved', DIFF)
+mutant('diff: pairs without their bounds', 'src/diff/difference.c',
+       'largest + larger(clip_value(cell->errors, corners[v]), 0));',
+       'largest);',
+       'a pair is within the limit with its bounds', DIFF)
+mutant('diff: the first stage is all', 'src/diff/difference.c',
+       'measuring->stage == ASKED_FIRST && lower > measuring->open->limit',
+       'measuring->stage == ASKED_FIRST',
+       'the rest is compared if the first stage has not decided', DIFF)
+mutant('diff: a mesh that ends', 'src/diff/difference.c',
+       'if (across == TETLOD_NONE || !measuring->usable[1][across / 4])',
+       'if (!measuring->usable[1][across / 4])',
+       'beyond a boundary there may be others', DIFF)
 
 # ---- the overlay, which checks it: what rules pairs out (8)
 
