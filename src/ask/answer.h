@@ -36,8 +36,8 @@ struct ask_interval {
 };
 
 /* Rounding is within the interval: 4e-12 of the sum of what is added. `volume`: that of what is asked about is no
- * larger, but for points and lines. ERR_ARGUMENT if the point, line, box or region holds nothing of the mesh; ERR_NOMEM.
- * Costs O(tets). */
+ * larger, but for points and lines. ERR_ARGUMENT if the point, line, box or region holds nothing of the mesh; or
+ * ERR_NOMEM. Costs O(tets). */
 TETLOD_CHECKED enum tetlod_status ask_answer(const struct ask_question *question, const struct ask_level *level,
                                              struct ask_interval *out, double *volume, struct tetlod_error *error);
 

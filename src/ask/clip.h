@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * The part of a tetrahedron in which linear functions are not negative: a convex solid. Each corner has three
- * neighbours. A function takes away the corners where it is negative, and each edge that it cuts gets a new one; the new
- * corners are joined along the faces that were there. What is joined to what depends on signs alone, so that rounding
- * moves corners by little, but never opens the solid: a cubic planar graph of which no two edges can be cut to part it
+ * neighbours. A function takes away the corners where it is negative, and each edge that it cuts gets a new one; the
+ * new corners are joined along the faces that were there. What is joined to what depends on signs alone, so that
+ * rounding moves corners by little, but never opens the solid: a cubic planar graph that no two edges hold together
  * remains one.
  */
 #ifndef TETLOD_CLIP_H
@@ -24,8 +24,8 @@ struct clipped {
     double shares[2 * MAX_CLIP_CORNERS], share;
 };
 
-/* The part where all `count` functions are at least 0; functions[k][c] is the value of function k at corner c. Empty: no
- * corners. The same functions give the same pieces, in the same order. clip_tet is both. */
+/* The part where all `count` functions are at least 0; functions[k][c] is the value of function k at corner c. Empty:
+ * no corners. The same functions give the same pieces, in the same order. clip_tet is both. */
 void clip_corners(const double functions[][4], unsigned count, struct clipped *out);
 void clip_pieces(struct clipped *out);
 void clip_tet(const double functions[][4], unsigned count, struct clipped *out);
@@ -46,7 +46,7 @@ static inline double clip_integral(const struct clipped *part, const double *val
     return sum;
 }
 
-/* The share of a tetrahedron where a linear function is at most a threshold: `values` at its corners, in rising order. */
+/* The share of a tetrahedron where a linear function is at most a threshold. `values`: at its corners, rising. */
 double clip_share_below(const double values[4], double threshold);
 void clip_sort(double values[4]);
 

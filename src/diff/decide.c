@@ -271,11 +271,16 @@ done:
     return status;
 }
 
+static double usual_error(const struct diff_options *options)
+{
+    return options->limited ? options->limit / 3 : options->width / 4;
+}
+
 static double first_error(const struct diff_side sides[2], const struct diff_options *options)
 {
-    double error = options->limited ? options->limit / 3 : options->width / 4;
+    double error = usual_error(options), range = sides[0].range[1] - sides[0].range[0];
     bool by_parts = options->limited && options->norm == DIFF_MAX && !options->all_cells;
-    return by_parts ? larger(error, FIRST_ERROR * (sides[0].range[1] - sides[0].range[0])) : error;
+    return by_parts && error < FIRST_ERROR / 4 * range ? FIRST_ERROR * range : error;
 }
 
 /* How small the errors of the next forms are to be: so small that what is open now is decided, if the difference is
@@ -285,7 +290,8 @@ static double next_error(const struct diff_options *options, const struct diff_r
     const double *bounds = found->bounds[options->norm];
     double most = options->norm == DIFF_MAX ? found->difference.inner : bounds[1];
     double gap = options->limited ? fabs((bounds[0] + most) / 2 - options->limit) : options->width;
-    return larger(smaller(last / 4, 0.4 * gap), last / 16);
+    double wanted = last > usual_error(options) ? usual_error(options) : 0.4 * gap;
+    return larger(smaller(last / 4, wanted), last / 16);
 }
 
 /* Are only places open that boundaries have left? Then levels help that have kept theirs; or a smaller error, if what

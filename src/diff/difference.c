@@ -6,11 +6,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/ask/clip.h"
-#include "src/diff/bodies.h"
-#include "src/diff/moved_boundary.h"
 #include "src/diff/boundary_shell.h"
-#include "src/measure/weights_map.h"
+#include "src/diff/overlap.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/bvh.h"
 #include "src/mesh/sheets.h"
@@ -19,426 +16,11 @@
 
 enum { CHUNK = 64 };
 
-/* A cell of less than this of the smaller tetrahedron is a sliver. */
-static const double SLIVER = 0.01;
-
-/* A pair whose weights may be wrong by more than this is not clipped. */
-static const double HOPELESS = 1e-4;
-
 /* A tetrahedron is covered if no more than this of it is left. */
 static const double COVERED = 1e-9;
 
 /* What rounding makes of sums and of their division: of the sums. */
 static const double ROUNDING = 1e-9;
-
-/* One thread's. */
-struct worker {
-    struct clipped part;       /* of the clipped tetrahedron, that is in the other one */
-    double errors[MAX_CLIP_CORNERS], values[MAX_CLIP_CORNERS]; /* at its corners: bounds, a component's difference */
-    double *differences;       /* [4 * components] at the corners of the clipped tetrahedron */
-    uint32_t *seen;            /* [tet of the second mesh] the last of the first that it was compared with, and 1 */
-    uint32_t *front;           /* those that are to be compared */
-    size_t front_count, front_capacity;
-    struct body_pairs pairs;
-    double lower, place[3];    /* the greatest lower end, and where */
-    size_t tet;                /* of the first mesh, that has it */
-    uint64_t apart;
-    bool no_memory;
-};
-
-struct measuring {
-    const struct difference_side *sides;
-    const struct difference_open *open;
-    const double *values[2], *bounds[2];
-    uint32_t stride, components;
-    uint8_t *usable[2];        /* owned, [tet] */
-    uint32_t *bodies[2];       /* owned, [tet]; NULL: each mesh is one body */
-    uint64_t *body_volumes[2]; /* owned, [body] */
-    double *volumes;           /* owned, [tet of the second mesh] */
-    struct weights_map *maps;  /* owned, [tet of the second mesh] */
-    struct bvh tree;           /* of it */
-    uint32_t *neighbours;      /* owned, of it (adjacency.h) */
-    uint8_t *near[2];          /* owned, [tet]: no further from it than it has moved; NULL: it has not */
-    enum difference_asked stage; /* what is compared now, where not all is */
-    bool same;                 /* the meshes are: only tetrahedra of the same number overlap */
-    bool pairing;              /* only which bodies overlap is asked */
-    struct body_pairs pairs;   /* judged */
-    double unit;               /* of volumes */
-    struct worker *workers;
-    struct difference *out;
-};
-
-/* Two tetrahedra that may overlap, and what has come together of their cell. */
-struct cell {
-    struct measuring *measuring;
-    struct worker *worker;
-    uint32_t tets[2];
-    int clipped;            /* whose corners the part's weights are of */
-    double in[2][4][4];     /* weights of each one's corners in the other */
-    double volumes[2], covered, slack, noise; /* covered: of the first's volume, by all of the second mesh */
-    double errors[4];       /* bounds at the corners of the clipped one */
-    double integral, square, error_square;
-    bool near;              /* a boundary that has moved */
-    bool ends;              /* the second mesh does, or what is known of it: there may be other tetrahedra */
-    double upper, lower;
-    double weights[4];      /* where `lower` is */
-};
-
-/* ---- a cell */
-
-/* Is a place of the cell, by its weights, one of both originals? */
-static bool is_in_both(const struct cell *cell, const double weights[4])
-{
-    const struct measuring *measuring = cell->measuring;
-    double place[3] = {0};
-    if (!cell->near)
-        return true;
-    for (int c = 0; c < 4; c++) {
-        const double *p = mesh_corner(measuring->sides[cell->clipped].mesh, cell->tets[cell->clipped], c);
-        for (int i = 0; i < 3; i++)
-            place[i] += weights[c] * p[i];
-    }
-    const struct moved_boundary *boundaries = measuring->out->boundaries;
-    return moved_boundary_leaves(&boundaries[0], place) && moved_boundary_leaves(&boundaries[1], place);
-}
-
-/* What the difference is at least: at a corner, or further inside where a corner is not in both. `most`: at any. */
-static void raise_lower(struct cell *cell, double most)
-{
-    enum { STEPS = 4 };
-    const struct worker *worker = cell->worker;
-    const struct clipped *part = &worker->part;
-    double middle[4] = {0}, mean = 0, error = 0;
-    for (unsigned v = 0; v < part->count; v++) {
-        mean += worker->values[v] / part->count;
-        error += worker->errors[v] / part->count;
-        for (int c = 0; c < 4; c++)
-            middle[c] += part->weights[v][c] / part->count;
-    }
-    for (unsigned v = 0; v < part->count && most > cell->lower; v++)
-        for (int step = 0; step <= (cell->near ? STEPS : 0); step++) {
-            double t = step / (double)STEPS, weights[4], d = worker->values[v], own = worker->errors[v];
-            double lower = fabs(d + t * (mean - d)) - (own + t * (error - own));
-            if (!(lower > cell->lower))
-                break;
-            for (int c = 0; c < 4; c++)
-                weights[c] = part->weights[v][c] + t * (middle[c] - part->weights[v][c]);
-            if (!is_in_both(cell, weights))
-                continue;
-            cell->lower = lower;
-            memcpy(cell->weights, weights, sizeof weights);
-            break;
-        }
-}
-
-/* The integral of the square of what has these values at the corners, of a volume of 1. */
-static double square_of(const struct clipped *part, const double *values)
-{
-    double square = 0;
-    for (unsigned i = 0; i < part->piece_count; i++) {
-        const uint16_t *v = part->pieces[i];
-        double a = values[v[0]], b = values[v[1]], c = values[v[2]], d = values[v[3]], sum = a + b + c + d;
-        square += part->shares[i] * (a * a + b * b + c * c + d * d + sum * sum) / 20;
-    }
-    return square;
-}
-
-static void add_component(struct cell *cell, uint32_t c)
-{
-    struct worker *worker = cell->worker;
-    const struct clipped *part = &worker->part;
-    const double *at = worker->differences + 4 * (size_t)c;
-    double most = -INFINITY;
-    for (unsigned v = 0; v < part->count; v++) {
-        double d = worker->values[v] = clip_value(at, part->weights[v]);
-        cell->upper = larger(cell->upper, fabs(d) + worker->errors[v]);
-        most = larger(most, fabs(d) - worker->errors[v]);
-    }
-    if (most > cell->lower)
-        raise_lower(cell, most);
-    cell->square += square_of(part, worker->values);
-    cell->integral += c == 0 ? clip_integral(part, worker->values) : 0;
-}
-
-static void add_part(struct cell *cell)
-{
-    const struct measuring *measuring = cell->measuring;
-    struct worker *worker = cell->worker;
-    const bool varies = measuring->bounds[0] || measuring->bounds[1];
-    cell->integral = cell->square = cell->upper = 0;
-    for (unsigned v = 0; v < worker->part.count; v++)
-        worker->errors[v] = varies ? larger(clip_value(cell->errors, worker->part.weights[v]), 0) : cell->errors[0];
-    cell->error_square = measuring->components * square_of(&worker->part, worker->errors);
-    for (uint32_t c = 0; c < measuring->components; c++)
-        add_component(cell, c);
-}
-
-static const double *values_at(const struct measuring *measuring, int m, uint32_t tet, int k)
-{
-    size_t vertex = measuring->sides[m].mesh->corners[4 * (size_t)tet + (size_t)k];
-    return measuring->values[m] + vertex * measuring->stride;
-}
-
-static double bound_at(const struct measuring *measuring, int m, uint32_t tet, int k)
-{
-    size_t vertex = measuring->sides[m].mesh->corners[4 * (size_t)tet + (size_t)k];
-    return measuring->bounds[m] ? measuring->bounds[m][vertex] : measuring->sides[m].error;
-}
-
-/* Differences and bounds at the corners of the clipped tetrahedron: the other one's functions are continued to there.
- * Values are taken less one of them, so that rounding is about what varies. */
-static void gather(struct cell *cell)
-{
-    const struct measuring *measuring = cell->measuring;
-    int own = cell->clipped, other = !own;
-    double size = 0;
-    for (int k = 0; k < 4; k++) {
-        cell->errors[k] = bound_at(measuring, own, cell->tets[own], k);
-        for (int j = 0; j < 4; j++)
-            cell->errors[k] += cell->in[own][k][j] * bound_at(measuring, other, cell->tets[other], j);
-        size = larger(size, bound_at(measuring, 0, cell->tets[0], k) + bound_at(measuring, 1, cell->tets[1], k));
-    }
-    for (uint32_t c = 0; c < measuring->components; c++) {
-        double base = measuring->same ? 0 : values_at(measuring, 0, cell->tets[0], 0)[c], v[2][4];
-        for (int m = 0; m < 2; m++)
-            for (int k = 0; k < 4; k++) {
-                v[m][k] = values_at(measuring, m, cell->tets[m], k)[c] - base;
-                size = larger(size, fabs(v[m][k]));
-            }
-        for (int k = 0; k < 4; k++) {
-            const double *in = cell->in[own][k];
-            double sum = in[0] * v[other][0] + in[1] * v[other][1] + in[2] * v[other][2] + in[3] * v[other][3];
-            sum = measuring->same ? v[other][k] : sum; // without rounding
-            cell->worker->differences[4 * c + (unsigned)k] = own ? sum - v[own][k] : v[own][k] - sum;
-        }
-    }
-    cell->noise = 32 * size * cell->slack;
-}
-
-/* Where weights mean nothing: the difference is no more than that of any two corners. */
-static void add_hopeless(struct cell *cell)
-{
-    const struct measuring *measuring = cell->measuring;
-    struct difference_cell *out = &measuring->out->cells[cell->tets[0]];
-    double most = 0, error = 0;
-    for (uint32_t c = 0; c < measuring->components; c++)
-        for (int i = 0; i < 16; i++)
-            most = larger(most, fabs(values_at(measuring, 0, cell->tets[0], i / 4)[c] -
-                                     values_at(measuring, 1, cell->tets[1], i % 4)[c]));
-    for (int m = 0; m < 2; m++)
-        for (int k = 0; k < 4; k++)
-            error = larger(error, bound_at(measuring, m, cell->tets[m], k));
-    most += 2 * error;
-    out->upper = larger(out->upper, most);
-    out->squares[1] += smaller(cell->volumes[0], cell->volumes[1]) * measuring->components * most * most;
-}
-
-static void keep_place(const struct cell *cell, double lower)
-{
-    struct worker *worker = cell->worker;
-    if (!(lower > worker->lower || (lower == worker->lower && cell->tets[0] < worker->tet)))
-        return;
-    worker->lower = lower;
-    worker->tet = cell->tets[0];
-    memset(worker->place, 0, sizeof worker->place);
-    for (int c = 0; c < 4; c++) {
-        const double *p = mesh_corner(cell->measuring->sides[cell->clipped].mesh, cell->tets[cell->clipped], c);
-        for (int i = 0; i < 3; i++)
-            worker->place[i] += cell->weights[c] * p[i];
-    }
-}
-
-/* What the cell's pieces have come to counts for the tetrahedron of the first mesh. */
-static void add_cell(const struct cell *cell)
-{
-    const struct measuring *measuring = cell->measuring;
-    struct difference_cell *out = &measuring->out->cells[cell->tets[0]];
-    double volume = cell->volumes[cell->clipped] * cell->worker->part.share;
-    double root = sqrt(cell->volumes[cell->clipped]), more = cell->noise * sqrt(volume * measuring->components);
-    double own = root * sqrt(cell->square), by = root * sqrt(cell->error_square) + more;
-    double low = larger(own - by, 0), high = own + by;
-    out->volume += volume;
-    out->integral += cell->volumes[cell->clipped] * cell->integral;
-    out->squares[0] += low * low;
-    out->squares[1] += high * high;
-    out->upper = larger(out->upper, cell->upper + cell->noise);
-    out->left |= cell->near;
-    if (volume < SLIVER * smaller(cell->volumes[0], cell->volumes[1]))
-        return;
-    double lower = cell->lower - cell->noise;
-    out->lower = larger(out->lower, lower);
-    keep_place(cell, lower);
-}
-
-/* Is the cell more than a contact? In both tetrahedra it reaches inside from every face. That is asked only if it has
- * little of their volume. */
-static bool is_overlap(const struct cell *cell, double volume)
-{
-    const struct clipped *part = &cell->worker->part;
-    const int own = cell->clipped;
-    double least = 1, reach[2][4] = {{0}};
-    if (volume > (1e-7 + 16 * cell->slack) * larger(cell->volumes[0], cell->volumes[1]))
-        return true;
-    for (unsigned v = 0; v < part->count; v++)
-        for (int k = 0; k < 4; k++) {
-            double other = 0;
-            for (int c = 0; c < 4; c++)
-                other += part->weights[v][c] * cell->in[own][c][k];
-            reach[own][k] = larger(reach[own][k], part->weights[v][k]);
-            reach[!own][k] = larger(reach[!own][k], other);
-        }
-    for (int i = 0; i < 8; i++)
-        least = smaller(least, reach[i / 4][i % 4]);
-    return least > THIN + (cell->slack < THIN ? 3 * cell->slack : 0);
-}
-
-/* Of bodies that are not each other's nothing is compared. False: so it is. */
-static bool compares(const struct cell *cell, double volume)
-{
-    const struct measuring *measuring = cell->measuring;
-    struct worker *worker = cell->worker;
-    if (!measuring->bodies[0])
-        return true;
-    uint32_t a = measuring->bodies[0][cell->tets[0]], b = measuring->bodies[1][cell->tets[1]];
-    uint64_t units = (uint64_t)(volume / measuring->unit);
-    if (measuring->pairing) {
-        worker->no_memory |= !body_pairs_add(&worker->pairs, a, b, units);
-        return false;
-    }
-    bool kept = body_pairs_kept(&measuring->pairs, a, b);
-    worker->apart += kept ? 0 : units;
-    return kept;
-}
-
-static bool is_near(const struct measuring *measuring, int m, uint32_t tet)
-{
-    return measuring->near[m] && measuring->near[m][tet];
-}
-
-/* Is only asked whether a difference is above the limit? */
-static bool asks_limit(const struct measuring *measuring)
-{
-    return measuring->open->asked && !measuring->bodies[0];
-}
-
-/* Is the difference certainly within the limit, by its values at these corners of the cell, or of what holds it? */
-static bool is_within(struct cell *cell, const double (*corners)[4], unsigned count)
-{
-    const struct measuring *measuring = cell->measuring;
-    const struct worker *worker = cell->worker;
-    struct difference_cell *out = &measuring->out->cells[cell->tets[0]];
-    double most = 0;
-    for (unsigned v = 0; v < count; v++) {
-        double largest = 0;
-        for (uint32_t c = 0; c < measuring->components; c++)
-            largest = larger(largest, fabs(clip_value(worker->differences + 4 * (size_t)c, corners[v])));
-        most = larger(most, largest + larger(clip_value(cell->errors, corners[v]), 0));
-    }
-    most += cell->noise;
-    if (most > measuring->open->limit)
-        return false;
-    out->upper = larger(out->upper, most);
-    out->left |= cell->near;
-    return true;
-}
-
-/* The same by the corners of each of the two tetrahedra. */
-static bool is_decided(struct cell *cell, const double slacks[2])
-{
-    static const double whole[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
-    const int own = cell->clipped;
-    for (int m = 1; m >= 0; m--) {
-        cell->clipped = m == 0 ? own : !own;
-        cell->slack = slacks[cell->clipped];
-        gather(cell);
-        if (is_within(cell, whole, 4))
-            return true;
-    }
-    return false;
-}
-
-/* Returns the cell's volume; 0 for a contact. */
-static double compare_cell(struct cell *cell)
-{
-    clip_pieces(&cell->worker->part);
-    const double volume = cell->volumes[cell->clipped] * cell->worker->part.share;
-    if (!is_overlap(cell, volume))
-        return 0;
-    if (!compares(cell, volume))
-        return volume;
-    cell->lower = cell->near ? cell->measuring->out->cells[cell->tets[0]].lower // to be asked of few places
-                             : -INFINITY;
-    memset(cell->weights, 0, sizeof cell->weights);
-    add_part(cell);
-    add_cell(cell);
-    return volume;
-}
-
-/* Clips the cell, and compares there, but for what is certainly within the limit that is open. False: a contact. */
-static bool clip_cell(struct cell *cell)
-{
-    double planes[4][4];
-    unsigned count = 0;
-    int own = cell->clipped;
-    for (int k = 0; k < 4; k++) {
-        double least = 1;
-        for (int c = 0; c < 4; c++) {
-            planes[count][c] = cell->in[own][c][k] + 2 * cell->slack;
-            least = smaller(least, planes[count][c]);
-        }
-        count += least < 0;
-    }
-    clip_corners((const double(*)[4])planes, count, &cell->worker->part);
-    if (!asks_limit(cell->measuring) && !cell->measuring->pairing)
-        gather(cell); // else that is done
-    else if (asks_limit(cell->measuring) && is_within(cell, cell->worker->part.weights, cell->worker->part.count))
-        return cell->worker->part.count > 0;
-    const double volume = compare_cell(cell);
-    cell->covered += volume;
-    return volume > 0;
-}
-
-/* ---- all cells */
-
-static double volume_of(const struct tetmesh *mesh, uint32_t tet)
-{
-    return fabs(tet_volume6(mesh_corner(mesh, tet, 0), mesh_corner(mesh, tet, 1), mesh_corner(mesh, tet, 2),
-                            mesh_corner(mesh, tet, 3))) / 6;
-}
-
-/* False: they touch at most. */
-static bool compare_pair(struct cell *cell, const struct weights_map *map)
-{
-    struct measuring *measuring = cell->measuring;
-    const struct tetmesh *a = measuring->sides[0].mesh, *b = measuring->sides[1].mesh;
-    double slacks[2];
-    cell->worker->seen[cell->tets[1]] = cell->tets[0] + 1;
-    if (!measuring->usable[1][cell->tets[1]] || !weigh_corners(map, b, cell->tets[1], cell->in[1], &slacks[1]) ||
-        !weigh_corners(&measuring->maps[cell->tets[1]], a, cell->tets[0], cell->in[0], &slacks[0]))
-        return false;
-    cell->volumes[1] = measuring->volumes[cell->tets[1]];
-    cell->clipped = slacks[1] < slacks[0];
-    cell->slack = slacks[cell->clipped];
-    cell->near = is_near(measuring, 0, cell->tets[0]) || is_near(measuring, 1, cell->tets[1]);
-    if (cell->slack <= HOPELESS)
-        return (asks_limit(measuring) && is_decided(cell, slacks)) || clip_cell(cell);
-    cell->ends = true;
-    if (compares(cell, 0))
-        add_hopeless(cell);
-    return false;
-}
-
-static void compare_self(struct cell *cell)
-{
-    static const double whole[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
-    memcpy(cell->in[0], whole, sizeof whole);
-    cell->tets[1] = cell->tets[0];
-    cell->volumes[1] = cell->volumes[0];
-    cell->near = is_near(cell->measuring, 0, cell->tets[0]) || is_near(cell->measuring, 1, cell->tets[0]);
-    cell->clipped = 0;
-    cell->slack = 0;
-    clip_cell(cell);
-}
 
 /* A tetrahedron of the second mesh that holds a place inside one of the first, which is on no face but by accident. */
 static uint32_t find_first(const struct measuring *measuring, uint32_t tet)
@@ -462,7 +44,7 @@ static uint32_t find_first(const struct measuring *measuring, uint32_t tet)
     return TETLOD_NONE;
 }
 
-static bool add_to_front(struct worker *worker, uint32_t tet)
+static bool add_to_front(struct overlap_worker *worker, uint32_t tet)
 {
     if (!array_reserve((void **)&worker->front, &worker->front_capacity, worker->front_count + 1, sizeof tet))
         return false;
@@ -471,7 +53,7 @@ static bool add_to_front(struct worker *worker, uint32_t tet)
 }
 
 /* To those beside a tetrahedron of the second mesh, across the faces that the one of the first reaches behind. */
-static void go_on(struct cell *cell, uint32_t tet)
+static void go_on(struct overlap *cell, uint32_t tet)
 {
     const struct measuring *measuring = cell->measuring;
     for (int k = 0; k < 4; k++) {
@@ -489,16 +71,16 @@ static void go_on(struct cell *cell, uint32_t tet)
 
 /* From one tetrahedron of the second mesh to the next. Returns whether there are no others, because each place is
  * covered once: these cover all of the first's volume, or the second mesh did not end on the way. */
-static bool compare_front(struct cell *cell, const struct weights_map *map)
+static bool compare_front(struct overlap *cell, const struct weights_map *map)
 {
     struct measuring *measuring = cell->measuring;
-    struct worker *worker = cell->worker;
+    struct overlap_worker *worker = cell->worker;
     uint32_t first = !measuring->bodies[0] ? find_first(measuring, cell->tets[0]) : TETLOD_NONE;
     worker->front_count = 0;
     cell->ends = first == TETLOD_NONE || !add_to_front(worker, first);
     while (worker->front_count) {
         uint32_t tet = cell->tets[1] = worker->front[--worker->front_count];
-        if (worker->seen[tet] != cell->tets[0] + 1 && compare_pair(cell, map))
+        if (worker->seen[tet] != cell->tets[0] + 1 && overlap_compare(cell, map))
             go_on(cell, tet);
     }
     return cell->covered >= cell->volumes[0] * (1 - COVERED) || (measuring->open->asked && !cell->ends);
@@ -509,18 +91,18 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
     struct measuring *measuring = context;
     const struct tetmesh *a = measuring->sides[0].mesh;
     for (size_t tet = begin; tet < end; tet++) {
-        struct worker *worker = &measuring->workers[number];
+        struct overlap_worker *worker = &measuring->workers[number];
         struct difference_cell *out = &measuring->out->cells[tet];
-        struct cell cell = {.measuring = measuring, .worker = worker, .tets = {(uint32_t)tet, 0}};
+        struct overlap cell = {.measuring = measuring, .worker = worker, .tets = {(uint32_t)tet, 0}};
         struct reach reach;
         uint32_t first, last;
         const bool asked = !measuring->open->asked || measuring->pairing ||
             measuring->open->asked[tet] == measuring->stage;
         if (!measuring->usable[0][tet] || !asked)
             continue;
-        cell.volumes[0] = volume_of(a, (uint32_t)tet);
+        cell.volumes[0] = overlap_volume(a, (uint32_t)tet);
         if (measuring->same) {
-            compare_self(&cell);
+            overlap_compare_self(&cell);
             continue;
         }
         reach_set(&reach, a, (uint32_t)tet);
@@ -532,7 +114,7 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
             for (uint32_t i = first; i < last; i++) {
                 cell.tets[1] = measuring->tree.order[i];
                 if (worker->seen[cell.tets[1]] != tet + 1)
-                    compare_pair(&cell, &reach.map);
+                    overlap_compare(&cell, &reach.map);
             }
     }
 }
@@ -550,7 +132,7 @@ static enum tetlod_status find_usable(struct measuring *measuring, int m, const 
     sheets_fini(&sheets);
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         measuring->out->left_out[m] += !measuring->usable[m][t];
-        measuring->out->volumes[m] += measuring->usable[m][t] ? volume_of(mesh, t) : 0;
+        measuring->out->volumes[m] += measuring->usable[m][t] ? overlap_volume(mesh, t) : 0;
     }
     return TETLOD_OK;
 }
@@ -585,7 +167,8 @@ static enum tetlod_status find_bodies(struct measuring *measuring, struct tetlod
             return tetlodi_fail_nomem(error, "the bodies", mesh->vertex_count * (uint64_t)12);
         for (uint32_t t = 0; t < mesh->tet_count; t++)
             if (measuring->usable[m][t])
-                measuring->body_volumes[m][measuring->bodies[m][t]] += (uint64_t)(volume_of(mesh, t) / measuring->unit);
+                measuring->body_volumes[m][measuring->bodies[m][t]] +=
+                    (uint64_t)(overlap_volume(mesh, t) / measuring->unit);
     }
     if (counts[0] != 1 || counts[1] != 1)
         return TETLOD_OK;
@@ -644,7 +227,7 @@ static enum tetlod_status prepare_search(struct measuring *measuring, struct tet
         return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)sizeof *measuring->maps);
     for (uint32_t t = 0; t < b->tet_count; t++) {
         make_map(b, t, &measuring->maps[t]);
-        measuring->volumes[t] = volume_of(b, t);
+        measuring->volumes[t] = overlap_volume(b, t);
     }
     return bvh_build(&measuring->tree, b->positions, b->corners, b->tet_count, 4, BVH_LEAF, error);
 }
@@ -696,7 +279,8 @@ static enum tetlod_status prepare_workers(struct measuring *measuring, unsigned 
         if (!measuring->workers[w].differences || !measuring->workers[w].seen)
             return tetlodi_fail_nomem(error, "the overlay", measuring->components * (uint64_t)32 + tets * (uint64_t)4);
     }
-    return measuring->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the overlay", threads * sizeof(struct worker));
+    return measuring->workers ? TETLOD_OK
+                              : tetlodi_fail_nomem(error, "the overlay", threads * sizeof *measuring->workers);
 }
 
 /* Which bodies are each other's. */
@@ -785,7 +369,7 @@ static void add_up(struct measuring *measuring, unsigned threads)
             out->squares[end] += cell->squares[end];
     }
     for (unsigned w = 0; w < threads; w++) {
-        const struct worker *worker = &measuring->workers[w];
+        const struct overlap_worker *worker = &measuring->workers[w];
         out->apart += (double)worker->apart * measuring->unit;
         if (worker->lower < out->max[0] || (worker->lower == out->max[0] && worker->tet > tet))
             continue;

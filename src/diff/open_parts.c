@@ -50,7 +50,8 @@ static void open_tets_fini(struct open_tets *open)
 }
 
 /* Not, if all of a finer tetrahedron is in those whose differences are within the limit, and out of reach of the
- * boundaries, but where what these have left is within it, too. First, if it is in one whose difference may be great. */
+ * boundaries, but where what these have left is within it, too. First, if it is in one whose difference may be great.
+ */
 static enum difference_asked asked_of(const struct difference *found, const struct tetmesh *mesh,
                                       const struct open_tets *open, double limit, const struct tetmesh *finer,
                                       uint32_t tet)

@@ -5,8 +5,8 @@
 
 #include "src/diff/difference.h"
 
-/* Which tetrahedra of another level of the first mesh are to be compared for the limit of *out: `asked`, [tet] of it, to
- * be freed. At each place of the others the originals differ by no more than *out_most, which is within the limit.
+/* Which tetrahedra of another level of the first mesh are to be compared for the limit of *out: `asked`, [tet] of it,
+ * to be freed. At each place of the others the originals differ by no more than *out_most, which is within the limit.
  * `found`: the difference, of `mesh` and a second one. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status open_parts_find(const struct difference *found, const struct tetmesh *mesh,
                                                   const struct tetmesh *finer, struct difference_open *out,

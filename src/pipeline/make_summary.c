@@ -241,8 +241,8 @@ enum tetlod_status summary_of_mesh(struct tetlodi_summary *out, const struct tet
 
 /* ---- distributions */
 
-/* Values in rising order. `sums` has, of each threshold, the volume that is above the threshold before and not above this one, of whole
- * tetrahedra, and then the volume of parts. */
+/* Values in rising order. `sums` has, of each threshold, the volume that is above the threshold before and not above
+ * this one, of whole tetrahedra, and then the volume of parts. */
 static void add_volumes(const double (*below)[2], uint32_t count, const double values[4], double volume,
                         long double (*sums)[2])
 {

@@ -223,23 +223,23 @@ mutant('exact: distances of another order', 'src/simplify/exact/cover.h',
 # ---- differences of two results (14)
 
 DIFF = 'cli/test_diff.py'
-mutant('diff: no bound above', 'src/diff/difference.c',
+mutant('diff: no bound above', 'src/diff/overlap.c',
        'larger(cell->upper, fabs(d) + worker->errors[v]);',
        'larger(cell->upper, fabs(d));',
        'what the levels are off widens the upper end', DIFF)
-mutant('diff: no bound below', 'src/diff/difference.c',
+mutant('diff: no bound below', 'src/diff/overlap.c',
        '- (own + t * (error - own));',
        ';',
        'and the lower one', DIFF)
-mutant('diff: a square without its bound', 'src/diff/difference.c',
+mutant('diff: a square without its bound', 'src/diff/overlap.c',
        'high = own + by;',
        'high = own;',
        'the same of the mean square', DIFF)
-mutant('diff: a square with all of it', 'src/diff/difference.c',
+mutant('diff: a square with all of it', 'src/diff/overlap.c',
        'low = larger(own - by, 0)',
        'low = own',
        'the same from below', DIFF)
-mutant('diff: slivers count', 'src/diff/difference.c',
+mutant('diff: slivers count', 'src/diff/overlap.c',
        'if (volume < SLIVER *',
        'if (volume < 0 *',
        'rounding puts one sheet over another', DIFF)
@@ -271,7 +271,7 @@ mutant('diff: moved boundaries are left out', 'src/diff/open_parts.c',
        'm < 2 && found->shell > limit;',
        'm < 0;',
        'and what is near a boundary that has moved', DIFF)
-mutant('diff: pairs without their bounds', 'src/diff/difference.c',
+mutant('diff: pairs without their bounds', 'src/diff/overlap.c',
        'largest + larger(clip_value(cell->errors, corners[v]), 0));',
        'largest);',
        'a pair is within the limit with its bounds', DIFF)
