@@ -449,28 +449,62 @@ static double shift_of(const struct pass *pass, int function)
     return function == LOWER ? -pass->level->error : pass->level->error;
 }
 
-/* What blocks say as they are. */
-static void search_blocks(const struct pass *pass, const long double wanted[2], struct search *search)
+/* A block of which some may be asked about, and its values. */
+struct spread {
+    double least, most, volume, expected; /* expected: of the volume */
+    bool inside;
+};
+
+/* How much of a block's box is in the question's. */
+static double share_asked(const struct ask_question *question, const struct ask_block *block)
 {
-    enum { MAX_HALVINGS = 16 };
-    const struct ask_blocks *blocks = pass->level->blocks;
-    double shift = shift_of(pass, search->function);
-    for (int k = 0; k < MAX_HALVINGS; k++) {
-        double middle = search->low + (search->high - search->low) / 2;
-        long double least = 0, most = 0;
-        for (uint32_t b = 0; b < blocks->count; b++) {
-            struct ask_block_values values = values_of(pass, b);
-            enum block_place place = place_of(pass->question, &blocks->blocks[b]);
-            most += place != OUTSIDE && values.least + shift <= middle ? blocks->blocks[b].volume : 0;
-            least += place == INSIDE && values.most + shift <= middle ? blocks->blocks[b].volume : 0;
-        }
-        if (most < wanted[LOWER])
-            search->low = middle;
-        else if (least >= wanted[UPPER])
-            search->high = middle;
-        else
-            return;
+    double share = 1;
+    for (int i = 0; i < 3 && question->in_box; i++) {
+        double low = larger(block->box[i], question->box[0][i]), high = smaller(block->box[i + 3], question->box[1][i]);
+        double size = block->box[i + 3] - block->box[i];
+        share *= size > 0 ? larger(high - low, 0) / size : 1;
     }
+    return share;
+}
+
+/* What blocks say as they are: bounds, and in *guess where the threshold is expected, if values are even in each. */
+static enum tetlod_status search_blocks(const struct pass *pass, const long double wanted[2], struct search *search,
+                                        double *guess, struct tetlod_error *error)
+{
+    enum { HALVINGS = 16 };
+    const struct ask_blocks *blocks = pass->level->blocks;
+    const double shift = shift_of(pass, search->function);
+    struct spread *spreads = array_new(blocks->count, sizeof *spreads);
+    double low = search->low, high = search->high;
+    size_t count = 0;
+    if (!spreads)
+        return tetlodi_fail_nomem(error, "the search for a quantile", blocks->count * (uint64_t)sizeof *spreads);
+    for (uint32_t b = 0; b < blocks->count; b++) {
+        struct ask_block_values values = values_of(pass, b);
+        enum block_place place = place_of(pass->question, &blocks->blocks[b]);
+        if (place != OUTSIDE)
+            spreads[count++] = (struct spread){values.least + shift, values.most + shift, blocks->blocks[b].volume,
+                                               share_asked(pass->question, &blocks->blocks[b]), place == INSIDE};
+    }
+    for (int k = 0; k < HALVINGS; k++) {
+        double middle = low + (high - low) / 2, sums[3] = {0, 0, 0}; // of what is below: at least, at most, expected
+        for (size_t i = 0; i < count; i++) {
+            const struct spread *s = &spreads[i];
+            const double share = (middle - s->least) / (s->most - s->least);
+            sums[0] += s->most <= middle && s->inside ? s->volume : 0;
+            sums[1] += s->least <= middle ? s->volume : 0;
+            sums[2] += s->volume * s->expected * (s->most <= middle ? 1 : share > 0 ? share : 0);
+        }
+        if (sums[1] < (1 - ROUNDING) * (double)wanted[LOWER])
+            search->low = larger(search->low, middle);
+        else if (sums[0] * (1 - ROUNDING) >= (double)wanted[UPPER])
+            search->high = smaller(search->high, middle);
+        low = sums[2] < (double)wanted[LOWER] ? middle : low;
+        high = sums[2] < (double)wanted[LOWER] ? high : middle;
+    }
+    *guess = low + (high - low) / 2;
+    free(spreads);
+    return TETLOD_OK;
 }
 
 static bool add_portion(struct search *search, double volume, const double values[4])
@@ -534,20 +568,6 @@ static bool add_block_portions(struct pass *pass, struct search *search, uint32_
     return room;
 }
 
-static enum tetlod_status search_begin(struct pass *pass, int function, const long double wanted[2],
-                                       struct search *search, struct tetlod_error *error)
-{
-    *search = (struct search){.function = function, .at_low = NAN, .at_high = NAN,
-                              .low = fmin(pass->least[function], pass->level->range[0]),
-                              .high = fmax(pass->most[function], pass->level->range[1])};
-    if (has_sums(pass))
-        search_blocks(pass, wanted, search);
-    for (uint32_t b = 0; b < pass->level->blocks->count; b++)
-        if (!add_block_portions(pass, search, b))
-            return tetlodi_fail_nomem(error, "the search for a quantile", 2 * search->count * sizeof *search->portions);
-    return TETLOD_OK;
-}
-
 /* The volume of what is known to be on either side of a threshold, and of the shares of the rest. */
 static long double volume_at_most(const struct search *search, double threshold)
 {
@@ -555,6 +575,43 @@ static long double volume_at_most(const struct search *search, double threshold)
     for (size_t i = 0; i < search->count; i++)
         volume += search->portions[i].volume * clip_share_below(search->portions[i].values, threshold);
     return volume;
+}
+
+/* What is asked about between two thresholds. */
+static enum tetlod_status list_portions(struct pass *pass, double low, double high, struct search *search,
+                                        struct tetlod_error *error)
+{
+    search->low = low;
+    search->high = high;
+    search->below = 0;
+    search->count = 0;
+    for (uint32_t b = 0; b < pass->level->blocks->count; b++)
+        if (!add_block_portions(pass, search, b))
+            return tetlodi_fail_nomem(error, "the search for a quantile", 2 * search->count * sizeof *search->portions);
+    return TETLOD_OK;
+}
+
+/* Few tetrahedra pass through thresholds near the one that is expected. If it is not there, it is in the bounds. */
+static enum tetlod_status search_begin(struct pass *pass, int function, const long double wanted[2],
+                                       struct search *search, struct tetlod_error *error)
+{
+    static const double NEAR = 1.0 / 64; // of the way between the bounds
+    *search = (struct search){.function = function, .at_low = NAN, .at_high = NAN,
+                              .low = fmin(pass->least[function], pass->level->range[0]),
+                              .high = fmax(pass->most[function], pass->level->range[1])};
+    double guess = NAN;
+    if (has_sums(pass))
+        TETLOD_TRY(search_blocks(pass, wanted, search, &guess, error));
+    const double low = search->low, high = search->high, near = NEAR * (high - low);
+    if (guess - near > low && guess + near < high) {
+        TETLOD_TRY(list_portions(pass, guess - near, guess + near, search, error));
+        search->at_low = volume_at_most(search, search->low);
+        search->at_high = volume_at_most(search, search->high);
+        if (search->at_low < wanted[LOWER] && search->at_high >= wanted[UPPER])
+            return TETLOD_OK;
+    }
+    search->at_low = search->at_high = NAN;
+    return list_portions(pass, low, high, search, error);
 }
 
 /* Leaves out what is below `low` or above `high` as a whole. */
