@@ -191,8 +191,25 @@ static bool take_function(struct text *text, enum ask_function *out)
     return false;
 }
 
+/* What is often asked for, and what no bound of values says anything of. */
+static enum tetlod_status refuse_unprovable(struct text *text)
+{
+    static const char *const words[] = {"gradient", "grad",    "curl",       "divergence", "div",     "laplacian",
+                                        "area",     "surface", "isosurface", "length",     "curvature"};
+    const struct text start = *text;
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+        if (take_word(text, words[i]) && take_sign(text, "("))
+            return tetlodi_fail(text->error, TETLOD_ERR_ARGUMENT, "%s(...) cannot be proved: a level's values are within "
+                                "a bound of the original's, which says nothing of slopes, nor of areas of isosurfaces; "
+                                "ask for means, integrals, extremes, volumes, quantiles or values", words[i]);
+        *text = start;
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status parse_place(struct text *text, struct ask_question *out)
 {
+    TETLOD_TRY(refuse_unprovable(text));
     TETLOD_TRY(parse_quantity(text, &out->quantity));
     if (take_word(text, "at")) {
         out->function = ASK_AT;

@@ -301,6 +301,8 @@ def predicates():
 def refusals():
     stream = path('plain.tetlod')
     for question, code, words in (
+            ('gradient(heat)', 2, ('gradient', 'cannot be proved', 'slopes')),
+            ('area(heat)', 2, ('cannot be proved', 'isosurfaces')),
             ('heat at (0x1,0,0)', 2, ('a number',)), ('mean(heat', 2, ('character 10', "')'")), ('median(heat)', 2,
                                                         ('functions are', 'quantile')), ('mean(cold)', 3,
                                                                                          ("no field 'cold'",)),
