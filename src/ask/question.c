@@ -199,9 +199,10 @@ static enum tetlod_status refuse_unprovable(struct text *text)
     const struct text start = *text;
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
         if (take_word(text, words[i]) && take_sign(text, "("))
-            return tetlodi_fail(text->error, TETLOD_ERR_ARGUMENT, "%s(...) cannot be proved: a level's values are within "
-                                "a bound of the original's, which says nothing of slopes, nor of areas of isosurfaces; "
-                                "ask for means, integrals, extremes, volumes, quantiles or values", words[i]);
+            return tetlodi_fail(text->error, TETLOD_ERR_ARGUMENT,
+                                "%s(...) cannot be proved: a level's values are within a bound of the original's, "
+                                "which says nothing of slopes, nor of areas of isosurfaces; ask for means, "
+                                "integrals, extremes, volumes, quantiles or values", words[i]);
         *text = start;
     }
     return TETLOD_OK;

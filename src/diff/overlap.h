@@ -7,7 +7,7 @@
 
 #include "src/ask/clip.h"
 #include "src/diff/bodies.h"
-#include "src/diff/difference.h"
+#include "src/diff/difference_data.h"
 #include "src/measure/weights_map.h"
 
 /* One thread's. */
