@@ -124,7 +124,8 @@ def one(seed, folder):
     samples = np.concatenate([points, points[tets].mean(axis=1)])[inside]
     for name in names:
         scale, of = np.ptp(values[name]), [level['errors'][name]['max'] for level in index['levels']]
-        bounds = np.where(part == FINE, of[fine], of[min(max(coarse, root), fine)]) * scale
+        outside = max(coarse, root) if fine > root else coarse  # a level before those in pages is taken from all
+        bounds = np.where(part == FINE, of[fine], of[min(outside, fine)]) * scale
         wanted = np.concatenate([values[name], values[name][tets].mean(axis=1)])[inside]
         excess, lost = worst_excess(mesh, name, bounds, samples, wanted)
         if excess > 1e-9 * scale or lost:
