@@ -92,6 +92,12 @@ static double left_at(const struct cell_run *run, double limit)
     return left / before;
 }
 
+static double limit_after(const struct cell_run *run, double limit)
+{
+    bool named;
+    return next_limit(limit, run->options->max_error, run->bands == BANDS_FINE ? 0 : INFINITY, &named);
+}
+
 /* The first limit, by a trial: what is below it leaves nearly all. */
 static enum tetlod_status try_limits(struct cell_run *run)
 {
@@ -102,24 +108,24 @@ static enum tetlod_status try_limits(struct cell_run *run)
     enum tetlod_status status = cells_contract(run, tried, count);
     run->tries = false;
     cells_leave_store(run);
-    bool named;
     run->to = FIRST_LIMIT;
     while (status == TETLOD_OK && run->to < run->options->max_error && left_at(run, run->to) > LEFT)
-        run->to = next_limit(run->to, run->options->max_error, INFINITY, &named);
+        run->to = limit_after(run, run->to);
     cells_free(run);
     return status;
 }
 
-/* Every named error becomes a level. Where few tetrahedra go from one to the next, one is left out. */
+/* Every error that a band may end at becomes a level. Where few tetrahedra go from one to the next, one is left out. */
 static enum tetlod_status choose_limit(struct cell_run *run)
 {
-    bool named;
     if (!(run->from > 0))
         TETLOD_TRY(try_limits(run));
     else
-        run->to = next_limit(run->from, run->options->max_error, INFINITY, &named);
+        run->to = limit_after(run, run->from);
+    if (run->from > 0 && run->bands == BANDS_COARSE)
+        run->to = limit_after(run, run->to);
     if (run->from > 0 && run->left > NO_PROGRESS)
-        run->to = next_limit(run->to, run->options->max_error, INFINITY, &named);
+        run->to = limit_after(run, run->to);
     run->to = fmin(run->to, run->options->max_error);
     return TETLOD_OK;
 }
@@ -494,6 +500,7 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
     struct cell_run run = {.mesh = mesh,
                       .options = options,
                       .cell_tets = cell_tets,
+                      .bands = choice->bands,
                       .spools = choice->spools,
                       .share = choice->share,
                       .log = out,

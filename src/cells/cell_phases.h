@@ -20,8 +20,14 @@ struct cell_groups {
 /* Why a mesh cannot be contracted cell by cell with these options, or NULL. */
 const char *cells_wrong(const struct simplify_options *options);
 
+/* How far the limits of phases are apart: from each named error (1, 2, 5 of every decade) to the next, which leaves
+ * about half of the tetrahedra; with those between (1.5, 3, 7); or every second named one. With more phases fewer
+ * tetrahedra are left in the end, and parts of the mesh need more pages. */
+enum cell_bands { BANDS_MEDIUM, BANDS_FINE, BANDS_COARSE, BANDS_COUNT };
+
 struct cell_choice {
     uint32_t tets; /* of a cell, about */
+    enum cell_bands bands;
     bool spools;   /* cells that are contracted wait in a temporary file */
     const struct work_share *share; /* programs that contract them together, or NULL */
 };

@@ -343,17 +343,29 @@ static double of_measured(const struct measured *measured, enum tetlod_measure m
     return measure == TETLOD_RMS ? measured->rms : measured->sampled;
 }
 
-/* Is the stored error between the two, or what it is for the sake of the next finer level? */
+/* Of the next finer level of which it is known. */
+static double finer_error(const struct tetlod_info *info, uint32_t k, uint32_t field, enum tetlod_measure measure)
+{
+    double error = stored_error(info, ++k, field, measure);
+    while (isnan(error))
+        error = stored_error(info, ++k, field, measure);
+    return error;
+}
+
+/* Is the stored error between the two, or what it is for the sake of the next finer level? In pages some are not known
+ * (SPEC 7.6). */
 static enum tetlod_status check_between(const struct against *a, uint32_t k, uint32_t f, enum tetlod_measure measure,
                                         const struct measured *least, const struct measured *most)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure);
+    double stored = stored_error(info, k, f, measure), finer = finer_error(info, k, f, measure);
     const double *range = info->fields[f].range;
     double low = range_fraction(range, of_measured(least, measure)),
            high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
+    if (isnan(stored) && info->page_count > 0)
+        return TETLOD_OK;
     // of a range without scale it is 0 or the whole, by the last bit of a number that has few
     if (range[1] > range[0] && !range_has_scale(range) && (stored == 0 || stored == 1))
         return TETLOD_OK;

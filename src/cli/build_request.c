@@ -83,6 +83,10 @@ const char build_help[] =
     "      --paged[=TETS]      contract cells of about that many tetrahedra (default 100000, at least\n"
     "                          100) one by one, threads taking cells, and store their records in pages; a\n"
     "                          mesh of less than five cells is built as ever\n"
+    "      --bands BANDS       with --paged: fine, medium (default) or coarse: a level in pages for all\n"
+    "                          of 1, 1.5, 2, 3, 5, 7 of each decade of errors, for 1, 2 and 5, or for\n"
+    "                          every second of these. Fine leaves fewer tetrahedra and takes longer; with\n"
+    "                          coarse, boxes need fewer bytes\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order, and\n"
     "                          cells that are split as they were, for tetlod extract --cells original\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
@@ -345,13 +349,31 @@ static bool stream_option(struct build_request *request, int option, const char 
 
 /* ---- a series in time, and the run */
 
+/* Of pages, or of the steps of a series. */
+static bool take_bands(struct build_request *request, const char *value)
+{
+    static const char *const names[BANDS_COUNT] = {"medium", "fine", "coarse"};
+    for (int i = 0; i < BANDS_COUNT; i++)
+        if (strcmp(value, names[i]) == 0) {
+            request->build.bands = (enum cell_bands)i;
+            return true;
+        }
+    if (!strpbrk(value, "0123456789")) {
+        cli_usage("build",
+                  "--bands takes fine, medium or coarse, or falling errors of a series, such as 5%%,1%%; not '%s'",
+                  value);
+        return false;
+    }
+    return series_input_parse_bands(&request->series, &command_build, value);
+}
+
 static bool series_option(struct build_request *request, int option, const char *value)
 {
     switch (option) {
     case TIMES:
         return series_input_parse_times(&request->series, &command_build, value);
     case BANDS:
-        return series_input_parse_bands(&request->series, &command_build, value);
+        return take_bands(request, value);
     default:
         return series_input_parse_range(&request->series, &command_build, value);
     }

@@ -87,6 +87,8 @@ static enum tetlod_status measure_parts(struct sweep *sweep)
     measure_levels_restrict(sweep->measure, sweep->mine + PART_SAMPLES, sweep->mine[PART_BOUNDS]);
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
         double domain = levels->domains[mark];
+        if (!levels->asked[mark])
+            continue;
         advance(sweep, mark);
         TETLOD_TRY(measure_levels_next(sweep->measure, sweep->scratch, &domain, sweep->error));
         TETLOD_TRY(keep_level(sweep, domain));
@@ -132,13 +134,21 @@ static enum tetlod_status do_parts(void *opaque)
 
 /* ---- what they have come to */
 
+static uint32_t asked_count(const struct shared_levels *levels)
+{
+    uint32_t count = 0;
+    for (uint32_t mark = 0; mark < levels->log->mark_count; mark++)
+        count += levels->asked[mark];
+    return count;
+}
+
 static enum tetlod_status get_part(struct sweep *sweep, uint32_t part)
 {
     const struct work_share *share = sweep->levels->share;
     struct buffer *at = &sweep->parts[part];
     size_t level = part == PART_BOUNDS ? sizeof(double) : measure_levels_part_size(sweep->measure, part - PART_SAMPLES);
     TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
-    return at->size == level * sweep->levels->log->mark_count
+    return at->size == level * asked_count(sweep->levels)
                ? TETLOD_OK
                : tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");
 }
@@ -147,12 +157,16 @@ static enum tetlod_status join_levels(struct sweep *sweep, struct measured *meas
 {
     for (uint32_t part = 0; part < STAGE_PARTS; part++)
         TETLOD_TRY(get_part(sweep, part));
+    size_t row = 0; // of the marks that are asked for
     for (uint32_t mark = 0; mark < sweep->levels->log->mark_count; mark++) {
-        memcpy(&domains[mark], sweep->parts[PART_BOUNDS].bytes + mark * sizeof *domains, sizeof *domains);
+        if (!sweep->levels->asked[mark])
+            continue;
+        memcpy(&domains[mark], sweep->parts[PART_BOUNDS].bytes + row * sizeof *domains, sizeof *domains);
         for (uint32_t part = 0; part < MEASURE_PARTS; part++)
             measure_levels_unpack(sweep->measure, part, sweep->parts[part + PART_SAMPLES].bytes +
-                                                            mark * measure_levels_part_size(sweep->measure, part));
+                                                            row * measure_levels_part_size(sweep->measure, part));
         measure_levels_result(sweep->measure, measured + (size_t)mark * sweep->levels->original->field_count);
+        row++;
     }
     return TETLOD_OK;
 }
@@ -184,11 +198,12 @@ static void pass_log(struct channel *channel, struct contraction_log *log)
 
 /* All that measuring some of the samples takes. */
 static void pass_levels(struct channel *channel, struct tetmesh *original, struct tetmesh *mesh,
-                        struct contraction_log *log, double **domains)
+                        struct contraction_log *log, bool **asked, double **domains)
 {
     mesh_pass(channel, original, NULL);
     mesh_pass(channel, mesh, original);
     pass_log(channel, log);
+    CHANNEL_ARRAY(channel, *asked, log->mark_count);
     CHANNEL_ARRAY(channel, *domains, log->mark_count);
 }
 
@@ -198,9 +213,10 @@ static enum tetlod_status call_helpers(const struct shared_levels *levels, struc
     enum work_call call = CALL_SAMPLES;
     struct tetmesh original = *levels->original, mesh = *levels->mesh; // what is sent is only read
     struct contraction_log log = *levels->log;
+    bool *asked = (bool *)(uintptr_t)levels->asked;
     double *domains = (double *)(uintptr_t)levels->domains;
     TETLOD_TRY(levels->share->call(levels->share->opaque, &call, error));
-    pass_levels(&channel, &original, &mesh, &log, &domains);
+    pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
     return TETLOD_OK;
 }
 
@@ -222,10 +238,11 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
 {
     struct tetmesh original = {0}, mesh = {0};
     struct contraction_log log = {0};
+    bool *asked = NULL;
     double *domains = NULL;
     struct channel channel = {share, TETLOD_OK};
-    pass_levels(&channel, &original, &mesh, &log, &domains);
-    const struct shared_levels levels = {&original, &mesh, &log, domains, threads, share, NULL, NULL};
+    pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
+    const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
                           .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
                           .scratch = array_zero(original.field_count, sizeof *sweep.scratch),
@@ -237,6 +254,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     end_sweep(&sweep);
     free_parts(&sweep);
     free(sweep.scratch);
+    free(asked);
     free(domains);
     log_fini(&log);
     mesh_return_borrowed(&mesh, &original);

@@ -10,6 +10,7 @@
 struct shared_levels {
     const struct tetmesh *original, *mesh; /* as of measure_levels_new, and the mesh that was contracted */
     const struct contraction_log *log;
+    const bool *asked;                     /* [mark] it is measured; the last one is */
     const double *domains;                 /* [mark] what the domain error is known to be at least */
     unsigned threads;
     const struct work_share *share;
@@ -17,9 +18,9 @@ struct shared_levels {
     void *progress_opaque;
 };
 
-/* Measures each mark's level, bit for bit as measure_levels_next does: measured [mark][field], domains [mark]. Of
- * members that do not write these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the share fails
- * with. */
+/* Measures the level of each mark that is asked for, bit for bit as measure_levels_next does: measured [mark][field],
+ * domains [mark]. Of members that do not write these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what
+ * the share fails with. */
 TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured,
                                                  double *domains, struct tetlod_error *error);
 

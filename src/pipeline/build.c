@@ -26,6 +26,7 @@
 #include "src/pipeline/precision.h"
 #include "src/pipeline/make_box_sums.h"
 #include "src/pipeline/make_summary.h"
+#include "src/simplify/ladder.h"
 #include "src/util/array.h"
 #include "src/util/json_text.h"
 #include "src/util/parallel.h"
@@ -60,6 +61,8 @@ struct build {
     struct overlay_levels *overlay;     /* if it is asked for */
     struct field_cost cost;
     double *exact;                      /* [field] its answer at the current mark */
+    bool *asked;                        /* [mark] it is measured (list_asked) */
+    double diagonal;                    /* that the stream knows */
     struct tetlod_error *error;
 };
 
@@ -139,7 +142,7 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    const struct cell_choice cells = {options->paged, options->spools, options->share};
+    const struct cell_choice cells = {options->paged, options->bands, options->spools, options->share};
     const char *wrong = options->paged ? build_against_pages(options) : NULL;
     enum tetlod_status status;
     if (wrong)
@@ -189,29 +192,40 @@ static double *tail_errors(const struct build *build)
     return build->errors + (size_t)build->log.mark_count * build->mesh->field_count * TETLOD_MEASURES;
 }
 
+/* The next finer mark that is measured, or NULL: its errors of a field. */
+static const double *finer_measured(const struct build *build, uint32_t mark, uint32_t field)
+{
+    while (mark > 0 && !build->asked[mark - 1])
+        mark--;
+    return mark ? build->errors + ((size_t)(mark - 1) * build->mesh->field_count + field) * TETLOD_MEASURES : NULL;
+}
+
 /* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger
- * error. */
+ * error. `measured` NULL: it is not measured. */
 static void file_errors(const struct build *build, uint32_t mark, const struct measured *measured)
 {
     uint32_t fields = build->mesh->field_count;
     for (uint32_t f = 0; f < fields; f++) {
         double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES;
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL, *range = build->ranges[f];
+        const double *known = finer_measured(build, mark, f);
         if (!mark && build->precision.tail)
-            finer = tail_errors(build) + (size_t)f * TETLOD_MEASURES;
+            finer = known = tail_errors(build) + (size_t)f * TETLOD_MEASURES;
         mark_errors(build, mark, f, errors);
-        errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
-        errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
-        if (build->precision.tail) { // what has not been contracted is not measured
+        errors[TETLOD_SAMPLED] = measured ? range_fraction(range, measured[f].sampled) : NAN;
+        errors[TETLOD_RMS] = measured ? range_fraction(range, measured[f].rms) : NAN;
+        if (measured && build->precision.tail) { // what has not been contracted is not measured
             errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED],
                                             range_fraction(range, build->precision.rounding[f]));
             errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], range_fraction(range, build->precision.rounding_rms[f]));
         }
         // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
-        if (!isnan(errors[TETLOD_MAX]))
+        if (measured && !isnan(errors[TETLOD_MAX]))
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
-        for (int m = 0; m < TETLOD_MEASURES && finer; m++)
-            errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
+        for (int m = 0; m < TETLOD_MEASURES; m++) {
+            const double *than = m == TETLOD_SAMPLED || m == TETLOD_RMS ? known : finer;
+            errors[m] = isnan(errors[m]) || !than ? errors[m] : larger(errors[m], than[m]);
+        }
     }
 }
 
@@ -248,20 +262,19 @@ static void copy_components(struct build *build)
 /* How far from the level's boundary the certified error need not hold at the same position (PROOF.md, 5): a point that
  * is further inside than the boundary moved is its own partner. Fields that are not controlled are certified nowhere;
  * the exact and the measured limit leave rounding out. */
-static double unproved_reach(const struct build *build, uint32_t mark, double diagonal)
+static double unproved_reach(const struct build *build, uint32_t mark)
 {
     const struct build_options *options = build->options;
     double moved = build->log.marks[mark].moved;
     if (options->certify_all || options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
         return INFINITY;
-    return moved > BOUNDARY_KEPT * diagonal ? (moved + build->rounded_by) * (1 + 1e-9) : 0;
+    return moved > BOUNDARY_KEPT * build->diagonal ? (moved + build->rounded_by) * (1 + 1e-9) : 0;
 }
 
 /* The exact maximum of the current level, of the fields that are asked about, as far as it is above what finer ones
  * have come to and what the level is certified for in any case (less a hair, which taking fractions of the range may
  * add). */
-static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark,
-                                     double diagonal)
+static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
         const double *range = build->ranges[f];
@@ -275,7 +288,7 @@ static enum tetlod_status find_exact(struct build *build, const struct coarsenin
         bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
         build->exact[f] = asked ? finer * (range[1] - range[0]) : INFINITY;
     }
-    return overlay_levels_next(build->overlay, coarsening, unproved_reach(build, mark, diagonal), build->exact,
+    return overlay_levels_next(build->overlay, coarsening, unproved_reach(build, mark), build->exact,
                                build->error);
 }
 
@@ -295,31 +308,64 @@ static void raise_max(const struct build *build, uint32_t mark)
     }
 }
 
-/* The level of a mark, which has been measured. */
-static void file_level(struct build *build, uint32_t mark, const struct measured *measured, double domain,
-                       double diagonal)
+/* The levels of a mark that has been measured, and of those before it that have not: their boundary has moved less. */
+static void file_levels(struct build *build, uint32_t mark, const struct measured *measured, double domain)
 {
-    file_errors(build, mark, measured);
-    if (build->overlay)
-        raise_max(build, mark);
-    build->levels[build->log.mark_count - 1 - mark] = (struct tetlodi_write_level){
-        build->log.marks[mark].contractions, diagonal > 0 ? domain / diagonal : 0,
-        build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
+    uint32_t first = mark;
+    while (first > 0 && !build->asked[first - 1])
+        first--;
+    for (; first <= mark; first++) {
+        file_errors(build, first, first == mark ? measured : NULL);
+        if (build->overlay)
+            raise_max(build, first);
+        build->levels[build->log.mark_count - 1 - first] = (struct tetlodi_write_level){
+            build->log.marks[first].contractions, build->diagonal > 0 ? domain / build->diagonal : 0,
+            build->errors + (size_t)first * build->mesh->field_count * TETLOD_MEASURES};
+    }
 }
 
 static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening,
                                        struct measure_levels *measure,
-                                       uint32_t mark, struct measured *measured, double diagonal)
+                                       uint32_t mark, struct measured *measured)
 {
     const struct log_mark *at = &build->log.marks[mark];
     double domain = at->moved + build->rounded_by;
     if (mark)
         coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads);
     if (build->overlay)
-        TETLOD_TRY(find_exact(build, coarsening, mark, diagonal));
+        TETLOD_TRY(find_exact(build, coarsening, mark));
     TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));
-    file_level(build, mark, measured, domain, diagonal);
+    file_levels(build, mark, measured, domain);
     return TETLOD_OK;
+}
+
+/* Is a mark's level the coarsest one within an error that has a name, of some field? */
+static bool is_named(const struct build *build, uint32_t mark)
+{
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        double own[TETLOD_MEASURES], coarser[TETLOD_MEASURES];
+        bool named;
+        mark_errors(build, mark, f, own);
+        mark_errors(build, mark + 1, f, coarser);
+        double name = FIRST_LIMIT;
+        while (name < 1 && name * (1 + LIMIT_TIE) < own[TETLOD_MAX])
+            name = next_limit(name, 1, INFINITY, &named);
+        if (name * (1 + LIMIT_TIE) < coarser[TETLOD_MAX])
+            return true;
+    }
+    return false;
+}
+
+/* Which marks are measured: all, but in pages those where users look, with the finest and the coarsest, if what was
+ * measured is not all that is known of a field. */
+static void list_asked(const struct build *build)
+{
+    uint32_t marks = build->log.mark_count;
+    bool all = !build->groups.count || build_asks_overlay(build->options);
+    for (uint32_t f = 0; f < build->mesh->field_count; f++)
+        all |= !is_controlled(build, f);
+    for (uint32_t mark = 0; mark < marks; mark++)
+        build->asked[mark] = all || !mark || mark + 1 == marks || is_named(build, mark);
 }
 
 /* The tail is the rounded mesh: its errors are what was measured, and what rounding came to over the overlay. */
@@ -335,7 +381,7 @@ static void file_tail(const struct build *build, const struct measured *measured
 
 /* The last level: of a lossless stream nothing is left of any error. Else its positions are rounded, and it is measured
  * as the others are. */
-static enum tetlod_status measure_tail(struct build *build, struct measured *measured, double diagonal)
+static enum tetlod_status measure_tail(struct build *build, struct measured *measured)
 {
     uint32_t fields = build->mesh->field_count;
     struct coarsening exact = {0};
@@ -349,7 +395,7 @@ static enum tetlod_status measure_tail(struct build *build, struct measured *mea
     TETLOD_TRY_DONE(coarsening_init(&exact, &build->rounded, NULL, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &exact, build->options->threads, build->error));
     TETLOD_TRY_DONE(measure_levels_next(measure, measured, &domain, build->error));
-    build->levels[build->log.mark_count].domain_error = diagonal > 0 ? domain / diagonal : 0;
+    build->levels[build->log.mark_count].domain_error = build->diagonal > 0 ? domain / build->diagonal : 0;
     file_tail(build, measured);
 done:
     measure_levels_free(measure);
@@ -372,7 +418,7 @@ static bool measure_progress(void *opaque, double done)
 }
 
 /* One level after the other. */
-static enum tetlod_status measure_alone(struct build *build, struct measured *measured, double diagonal)
+static enum tetlod_status measure_alone(struct build *build, struct measured *measured)
 {
     uint32_t marks = build->log.mark_count;
     struct coarsening coarsening = {0};
@@ -384,7 +430,8 @@ static enum tetlod_status measure_alone(struct build *build, struct measured *me
         TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads,
                                            build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
-        TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
+        if (build->asked[mark])
+            TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured));
         if (!measure_progress(build, (mark + 1.0) / marks))
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
@@ -396,13 +443,13 @@ done:
 }
 
 /* The same with other programs, samples by parts. */
-static enum tetlod_status measure_together(struct build *build, double diagonal)
+static enum tetlod_status measure_together(struct build *build)
 {
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
     struct measured *measured = array_new((size_t)marks * fields, sizeof *measured);
     double *domains = array_new(marks, sizeof *domains);
-    const struct shared_levels levels = {build->original, build->mesh, &build->log, domains, build->options->threads,
-                                         build->options->share, measure_progress, build};
+    const struct shared_levels levels = {build->original, build->mesh, &build->log, build->asked, domains,
+                                         build->options->threads, build->options->share, measure_progress, build};
     enum tetlod_status status = measured && domains
                                     ? TETLOD_OK
                                     : tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
@@ -411,7 +458,8 @@ static enum tetlod_status measure_together(struct build *build, double diagonal)
     if (status == TETLOD_OK)
         status = measure_shared(&levels, measured, domains, build->error);
     for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_writes(build->options); mark++)
-        file_level(build, mark, measured + (size_t)mark * fields, domains[mark], diagonal);
+        if (build->asked[mark])
+            file_levels(build, mark, measured + (size_t)mark * fields, domains[mark]);
     free(measured);
     free(domains);
     return status;
@@ -423,23 +471,26 @@ static enum tetlod_status measure_marks(struct build *build)
     bool shares = build->options->share && !build_asks_overlay(build->options);
     struct measured *measured = array_new(fields, sizeof *measured);
     build->exact = array_new(fields, sizeof *build->exact);
+    build->asked = array_new(marks, sizeof *build->asked);
     // the stream knows the rounded one's
-    double diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh));
+    build->diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh));
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
-    if (!measured || !build->exact || !build->levels || !build->errors)
+    if (!measured || !build->exact || !build->asked || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
     if (build->precision.tail && build_writes(build->options))
-        TETLOD_TRY_DONE(measure_tail(build, measured, diagonal));
+        TETLOD_TRY_DONE(measure_tail(build, measured));
+    list_asked(build);
     if (shares)
-        TETLOD_TRY_DONE(measure_together(build, diagonal));
+        TETLOD_TRY_DONE(measure_together(build));
     else if (build_writes(build->options))
-        TETLOD_TRY_DONE(measure_alone(build, measured, diagonal));
+        TETLOD_TRY_DONE(measure_alone(build, measured));
     if (build->precision.tail && build_writes(build->options))
         match_tail(build);
 done:
     free(build->exact);
+    free(build->asked);
     free(measured);
     return status;
 }

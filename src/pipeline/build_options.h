@@ -4,6 +4,7 @@
 #define TETLOD_BUILD_OPTIONS_H
 
 #include "format/write/write_input.h"
+#include "src/cells/cell_phases.h"
 #include "src/mesh/tetmesh.h"
 #include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
@@ -70,6 +71,7 @@ struct build_options {
     int compression;         /* effort, 1 .. 22 */
     bool keep_order;         /* store the mesh's own numbering */
     uint32_t paged;          /* tetrahedra of a cell: contracted by cells, stored in pages (cell_phases.h); 0: as one */
+    enum cell_bands bands;   /* of a paged build */
     bool spools;             /* of a paged build: cells wait in a temporary file, and arrays need not be resident */
     const struct work_share *share; /* of a paged build: programs that make it together, or NULL */
     struct quantise_options quantise;

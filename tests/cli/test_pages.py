@@ -163,6 +163,31 @@ def boxes_and_cut_files():
     return None if read('cut.vtu') == read('uncut.vtu') else 'another level'
 
 
+def bands():
+    """Fine ones are more levels in pages than medium ones, the default, and those more than coarse ones."""
+    groups = {}
+    for name in ('fine', 'medium', 'coarse'):
+        stream = build('cube.vtu', name + '.tetlod', '--paged=100', '--bands', name)
+        must('verify', name + '.tetlod', '--against', 'cube.vtu')
+        groups[name] = len(stream['levels']) - stream['first_paged_level']
+    good = groups['fine'] > groups['medium'] > groups['coarse'] and read('medium.tetlod') == read('cube.tetlod')
+    return None if good else groups
+
+
+def measured_where_users_look():
+    """Of the finest level, the coarsest, and the coarsest within an error that has a name; of others only what is proved
+    is known."""
+    stream = info('cube.tetlod')
+    errors = [level['errors'][stream['fields'][0]['name']] for level in stream['levels']]
+    names = [digit / 10 ** power for power in range(7) for digit in (1, 2, 5)]
+    for k, error in enumerate(errors[:-2]):
+        coarser = errors[k - 1]['max'] if k else 9
+        named = not k or any(error['max'] <= name * (1 + 1e-9) < coarser for name in names)
+        if ('sampled' in error, 'rms' in error) != (named, named):
+            return k, error
+    return None if sum('rms' in error for error in errors) < len(errors) else 'all are measured'
+
+
 def volume(points, tets):
     a, b, c, d = (points[tets[:, i]] for i in range(4))
     return numpy.einsum('ij,ij->i', b - a, numpy.cross(c - a, d - a)) / 6
@@ -233,6 +258,8 @@ case('the original comes back, in its order', original_comes_back)
 case('regions, values of cells, exact sums', parts_of_cells)
 must('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
 case('boxes, and files that are cut off', boxes_and_cut_files)
+case('levels are measured where users look', measured_where_users_look)
+case('bands', bands)
 if numpy and not SANITIZED:  # Python alone
     case('any closed set of pages is a mesh', closed_sets)
 RING = 'build', 'ring.vtu', '-o', 'no.tetlod'
@@ -241,5 +268,6 @@ fails('so is another metric', 2, ['--paged', '--metric'], *RING, '--paged', '--m
 fails('and levels that keep features', 2, ['--paged', '--keep-features'], *RING, '--paged', '--keep-features', '0.1')
 must('sample', 'wake', '--steps', '2', '--size', '6', '-o', 'wake.pvd')
 fails('and a series', 2, ['--paged', 'series'], 'build', 'wake.pvd', '-o', 'no.tetlod', '--paged')
+fails('bands of another name', 2, ['--bands', 'medium', 'wide'], *RING, '--paged', '--bands', 'wide')
 fails('cells of too few tetrahedra', 2, ['paged'], *RING, '--paged=5')
 finish()
