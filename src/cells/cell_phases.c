@@ -95,7 +95,7 @@ static double left_at(const struct cell_run *run, double limit)
 static double limit_after(const struct cell_run *run, double limit)
 {
     bool named;
-    return next_limit(limit, run->options->max_error, run->bands == BANDS_FINE ? 0 : INFINITY, &named);
+    return next_limit(limit, run->options->max_error, run->fine ? 0 : INFINITY, &named);
 }
 
 /* The first limit, by a trial: what is below it leaves nearly all. */
@@ -122,7 +122,7 @@ static enum tetlod_status choose_limit(struct cell_run *run)
         TETLOD_TRY(try_limits(run));
     else
         run->to = limit_after(run, run->from);
-    if (run->from > 0 && run->bands == BANDS_COARSE)
+    if (run->from > 0 && run->coarse)
         run->to = limit_after(run, run->to);
     if (run->from > 0 && run->left > NO_PROGRESS)
         run->to = limit_after(run, run->to);
@@ -500,7 +500,8 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
     struct cell_run run = {.mesh = mesh,
                       .options = options,
                       .cell_tets = cell_tets,
-                      .bands = choice->bands,
+                      .fine = choice->bands == BANDS_FINE,
+                      .coarse = choice->bands == BANDS_COARSE,
                       .spools = choice->spools,
                       .share = choice->share,
                       .log = out,

@@ -6,18 +6,19 @@
 #include <stdatomic.h>
 
 #include "src/cells/cell.h"
-#include "src/cells/cell_phases.h"
 #include "src/cells/cell_store.h"
 #include "src/cells/partition.h"
 #include "src/simplify/simplify_options.h"
 #include "src/util/parallel.h"
 #include "src/util/work_share.h"
 
+struct cell_groups;
+
 struct cell_run {
     const struct tetmesh *mesh;
     const struct simplify_options *options;
     uint32_t cell_tets;
-    enum cell_bands bands;
+    bool fine, coarse; /* bands (cell_phases.h) */
     struct pool *pool;
     uint32_t **numbers; /* [worker, and one more] scratch of piece_part */
     struct piece_whole whole;

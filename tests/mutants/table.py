@@ -341,8 +341,8 @@ mutant('max below sampled', 'src/pipeline/build.c',
        'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',
        'max is never below what was measured', ATTACK)
 mutant('finer levels may be worse', 'src/pipeline/build.c',
-       'errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);',
-       'errors[m] = finer[m] < 0 ? 0 : errors[m];', 'a level promises for all finer ones', ATTACK)
+       'errors[m] = isnan(errors[m]) || !than ? errors[m] : larger(errors[m], than[m]);',
+       'errors[m] = than && than[m] < 0 ? 0 : errors[m];', 'a level promises for all finer ones', ATTACK)
 mutant('domain error without rounding', 'src/pipeline/build.c', 'double domain = at->moved + build->rounded_by;',
        'double domain = at->moved;', 'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
 mutant('no exact maximum', 'src/pipeline/build.c',
