@@ -294,7 +294,7 @@ static bool parse_collated(const char *name, struct collated *out)
     out->last = out->count - 1;
     if (*at && (!number_behind(&at, "_", &out->first) || !number_behind(&at, "-", &out->last) || *at))
         return false;
-    snprintf(out->name, sizeof out->name, "%s", name);
+    snprintf(out->name, sizeof out->name, "%.47s", name);
     return out->first <= out->last && out->last < out->count;
 }
 
