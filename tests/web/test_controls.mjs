@@ -113,6 +113,31 @@ async function back_undoes() {
   await becomes('edges', true);
 }
 
+// Steps back in a row, and one while a turn of the camera is not written yet: each is shown as soon as the address
+// says it, when nothing can have been written over it.
+async function back_is_followed_at_once() {
+  await leave();
+  await open('&error=0.05');
+  for (const surface of ['glass', 'off']) {
+    await page.locator('#surface').selectOption(surface);
+    await until((wanted) => location.hash.includes(`surface=${wanted}`), surface);
+  }
+  const seen = await page.evaluate(async () => {
+    const { scene, state } = window.tetlod;
+    const seen = [];
+    scene.turn(20, 0);
+    for (let steps = 0; steps < 2; steps++) {
+      await new Promise((resolve) => {
+        addEventListener('popstate', resolve, { once: true });
+        history.back();
+      });
+      seen.push([location.hash.match(/surface=(\w+)/)?.[1] ?? 'solid', window.tetlod.state.surface]);
+    }
+    return seen;
+  });
+  assert.deepEqual(seen, ['glass', 'solid'].map((surface) => [surface, surface]));
+}
+
 // What is no number leaves what was there, and the text says what that is.
 async function numbers_that_are_none_change_nothing() {
   await open('&slices=x@0.25&isosurfaces=0.5');
@@ -741,6 +766,7 @@ await run([
   received_is_told,
   units_are_typed,
   back_undoes,
+  back_is_followed_at_once,
   numbers_that_are_none_change_nothing,
   slow_frames_have_a_number,
   slow_motion_is_coarser,

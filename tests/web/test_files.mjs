@@ -43,6 +43,11 @@ async function a_file_that_is_dropped_on_the_catalogue() {
   await page.dispatchEvent('body', 'drop', { dataTransfer: given });
   await showsAll(page);
   assert.equal(await page.locator('#name').innerText(), 'mine');
+  await page.waitForFunction(() => location.hash.includes('error=0')); // what was chosen is a step of its own
+  await page.evaluate(() => history.back());
+  await page.waitForFunction(() => window.tetlod.state.error > 0);
+  await page.evaluate(() => history.back());
+  await page.locator('section').first().waitFor();
   await page.context().close();
 }
 

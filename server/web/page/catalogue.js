@@ -337,12 +337,14 @@ function tableOf(found) {
   );
 }
 
-// The viewer in place of the catalogue: a page that is gone to cannot be given a file.
+// The viewer in place of the catalogue: a page that is gone to cannot be given a file. Its own steps back stay in it.
+let shown = location.pathname;
+addEventListener('popstate', () => location.pathname !== shown && location.reload());
 takeDropped(async (file) => {
   globalThis.tetlodFile = file;
   const page = new DOMParser().parseFromString(await (await fetch('view.html')).text(), 'text/html');
   history.pushState(null, '', 'view.html');
-  addEventListener('popstate', () => location.reload());
+  shown = location.pathname;
   document.head.replaceChildren(...page.head.querySelectorAll('title, meta, link[rel=stylesheet], link[rel=icon]'));
   document.body.replaceWith(document.adoptNode(page.body));
   await import('./view.js');

@@ -152,29 +152,35 @@ function listen() {
 
 // ---- from the controls
 
-// What somebody chose is a step back of the browser's; how it is turned, and the time, are part of the last one. What
-// the browser goes back or forward to is no new step, which would end the way forward.
-let returning = false;
-function followHash() {
-  returning = true;
-  viewer.fragment = location.hash;
-  returning = false;
-}
+// What somebody chose is a step back of the browser's; how it is turned, and the time, are part of the last one.
 const remember = (() => {
   const passing = ['camera', 'step', 'second'];
   let timer = 0;
   let chosen = false;
-  return ({ changed }) => {
-    chosen ||= !returning && [...changed].some((key) => !passing.includes(key));
-    clearTimeout(timer);
-    timer = setTimeout(() => {
-      const { fragment } = viewer;
-      if (fragment !== location.hash)
-        history[chosen ? 'pushState' : 'replaceState'](null, '', location.pathname + location.search + fragment);
-      chosen = false;
-    }, 250);
+  const write = () => {
+    const { fragment } = viewer;
+    if (fragment !== location.hash)
+      history[chosen ? 'pushState' : 'replaceState'](null, '', location.pathname + location.search + fragment);
+    chosen = false;
   };
+  const change = ({ changed }) => {
+    chosen ||= [...changed].some((key) => !passing.includes(key));
+    clearTimeout(timer);
+    timer = setTimeout(write, 250);
+  };
+  const forget = () => {
+    clearTimeout(timer);
+    chosen = false;
+  };
+  return { change, forget };
 })();
+
+// What the browser goes back or forward to is no new step, which would end the way forward. The state is that of the
+// address at once (which 'hashchange' would tell a task later): nothing is written over the step that was gone to.
+function followHash() {
+  viewer.fragment = location.hash;
+  remember.forget();
+}
 
 function watch() {
   viewer.follow();
@@ -185,8 +191,8 @@ function watch() {
   });
   store.watch(['slices', 'clip'], () => handles?.update());
   store.watch(['axes'], (state) => axes.show(state.axes));
-  store.addEventListener('change', remember);
-  addEventListener('hashchange', followHash);
+  store.addEventListener('change', remember.change);
+  addEventListener('popstate', followHash);
   themes.addEventListener('change', () => viewer.repaint());
 }
 
