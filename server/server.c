@@ -42,7 +42,7 @@ enum { MAX_LISTENERS = 16, MAX_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTO
 static const double KEEPER_SECONDS = 0.25, MAX_SECONDS = 1e9;
 
 /* Threads that have not ended so long after the drain are left alone. */
-static const double LAST_SECONDS = 0.75;
+static const double LAST_SECONDS = 0.6;
 
 struct server {
     struct server_options options;
@@ -61,12 +61,24 @@ struct server {
     pthread_mutex_t lock;
     pthread_cond_t changed, stop;
     bool stopping, rescan, scanned_out; /* under the lock */
+    atomic_llong quiet_until;           /* seconds: lost answers are told of again */
 };
 
 static void say(struct server *server, const char *level, const char *message)
 {
     if (server->options.log)
         server->options.log(server->options.log_opaque, level, message);
+}
+
+/* Counts a lost answer, and says why now and then: where one is lost, many are. */
+static void note_lost(void *opaque, const char *why)
+{
+    enum { QUIET_SECONDS = 10 };
+    struct server *server = opaque;
+    long long now = (long long)monotonic_seconds(), until = atomic_load(&server->quiet_until);
+    metrics_count(server->site.metrics, METRIC_ANSWERS_LOST);
+    if (now >= until && atomic_compare_exchange_strong(&server->quiet_until, &until, now + QUIET_SECONDS))
+        say(server, "warning", why);
 }
 
 /* ---- the acceptor ---- */
@@ -102,8 +114,10 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
     int on = 1, unsent = UNSENT, fd = accept4(listener->fd, &address.any, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd < 0) {
         bool scarce = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
-        if (scarce)
+        if (scarce) {
+            note_lost(server, "a connection waits: no descriptor or memory is left for it (ulimit -n, LimitNOFILE)");
             nanosleep(&(struct timespec){0, 50 * 1000 * 1000}, NULL);
+        }
         return false;
     }
     if (!gate_enter(server->gate, fd, &address.any, listener->reach, monotonic_seconds())) {
@@ -379,6 +393,8 @@ static enum tetlod_status start_http(struct server *server, struct tetlod_error 
         .answer = answer_request,
         .finished = finish_request,
         .opaque = &server->site,
+        .lost = note_lost,
+        .lost_of = server,
         .gate = server->gate,
         .proxies = server->proxies,
         .threads = server->options.threads,

@@ -30,6 +30,9 @@ static const struct {
     [METRIC_CONNECTIONS_EXPIRED] = {"tetlod_connections_expired_total", "Connections closed because no request came"},
     [METRIC_CONNECTIONS_LEFT] = {"tetlod_connections_left_total",
                                  "Connections closed by clients that waited for an answer"},
+    [METRIC_ANSWERS_LOST] = {"tetlod_answers_lost_total",
+                             "Connections that waited or were closed, and answers not made or cut short, for want of "
+                             "memory, descriptors or a file's bytes"},
     [METRIC_WRONG_TOKENS] = {"tetlod_wrong_tokens_total", "Requests with a wrong token"},
 };
 

@@ -14,7 +14,8 @@ void metrics_free(struct metrics *metrics);
 void metrics_request(struct metrics *metrics, const char *route, unsigned status, double seconds, uint64_t bytes);
 
 enum metrics_counter { METRIC_LEVELS_MADE, METRIC_STREAMS_DECODED, METRIC_CONNECTIONS, METRIC_CONNECTIONS_REFUSED,
-                       METRIC_CONNECTIONS_EXPIRED, METRIC_CONNECTIONS_LEFT, METRIC_WRONG_TOKENS, METRIC_COUNTERS };
+                       METRIC_CONNECTIONS_EXPIRED, METRIC_CONNECTIONS_LEFT, METRIC_ANSWERS_LOST, METRIC_WRONG_TOKENS,
+                       METRIC_COUNTERS };
 
 void metrics_count(struct metrics *metrics, enum metrics_counter counter);
 

@@ -35,6 +35,7 @@
 struct http {
     struct http_options options;
     struct MHD_Daemon *daemon;
+    struct MHD_Response *spare; /* for requests for whose answer there is no memory */
     uint32_t id_base; /* of this process's request ids */
     atomic_uint_fast64_t next_id;
 };
@@ -45,6 +46,9 @@ enum {
     MAX_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
     PIECE = 65536, // bytes of a body that are made at a time; every connection with such a body has room for one
 };
+
+static const char no_memory[] = "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"the server is out of "
+                                "memory; try later\"}";
 
 /* Where a request is between its thread and whoever wakes it. */
 enum state { RUNNING, SUSPENDED, WOKEN };
@@ -135,7 +139,7 @@ static void *on_target(void *opaque, const char *target, struct MHD_Connection *
     size_t size = strlen(target) + 1;
     struct call *call = array_zero(1, sizeof *call + size);
     if (!call)
-        return NULL; // the handler closes the connection
+        return NULL; // the handler says so
     memcpy(call->target, target, size);
     hide_parameters(target);
     if (client)
@@ -304,6 +308,12 @@ static void release_borrowed(void *opaque)
     free(borrowed);
 }
 
+/* Tells of what does not get its answer. */
+static void lose(const struct http *http, const char *why)
+{
+    http->options.lost(http->options.lost_of, why);
+}
+
 /* Lets go of the thread until the request's waiter is woken, which may have happened already. */
 static void suspend(struct call *call)
 {
@@ -353,6 +363,8 @@ static ssize_t read_pieces(void *opaque, uint64_t position, char *out, size_t mo
     ptrdiff_t got = pieces->read(pieces->owner, pieces->offset + position, some, (unsigned char *)out);
     if (got == 0)
         suspend(pieces->call);
+    if (got < 0)
+        lose(pieces->call->http, "an answer broke off: its bytes could not be read");
     return got < 0 ? MHD_CONTENT_READER_END_WITH_ERROR : (ssize_t)got;
 }
 
@@ -446,6 +458,15 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
     return added;
 }
 
+/* Says that there is no memory, with what was made for it when there was some. */
+static enum MHD_Result queue_spare(struct http *http, struct MHD_Connection *connection)
+{
+    enum MHD_Result result = MHD_queue_response(connection, 503, http->spare);
+    lose(http, result == MHD_YES ? "a request was answered with 503: there is no memory for its answer"
+                                 : "a connection was closed: there is no memory for an answer");
+    return result;
+}
+
 static enum MHD_Result queue(struct call *call, struct response *response)
 {
     call->status = response->status;
@@ -461,7 +482,11 @@ static enum MHD_Result queue(struct call *call, struct response *response)
     if (made)
         MHD_destroy_response(made);
     response_release(response);
-    return result;
+    if (result == MHD_YES)
+        return MHD_YES;
+    call->status = 503;
+    call->bytes = call->request.method == METHOD_HEAD ? 0 : sizeof no_memory - 1;
+    return queue_spare(call->http, call->connection);
 }
 
 static enum MHD_Result answer(struct call *call)
@@ -482,9 +507,9 @@ static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connectio
                                   const char *version, const char *upload, size_t *upload_size, void **context)
 {
     struct call *call = *context;
-    (void)opaque, (void)connection, (void)url, (void)upload;
+    (void)url, (void)upload;
     if (!call)
-        return MHD_NO;
+        return queue_spare(opaque, connection);
     if (!call->headers_seen) {
         take_headers(call, method, version);
         bool refused = call->request.refused || call->request.method == METHOD_OTHER;
@@ -556,6 +581,30 @@ static void on_connection(void *opaque, struct MHD_Connection *connection, void 
 
 /* ---- life ---- */
 
+static struct MHD_Response *make_spare(void)
+{
+    struct MHD_Response *made = MHD_create_response_from_buffer(sizeof no_memory - 1, (void *)(uintptr_t)no_memory,
+                                                                MHD_RESPMEM_PERSISTENT);
+    if (made && MHD_add_response_header(made, "Content-Type", "application/problem+json") == MHD_YES &&
+        MHD_add_response_header(made, "Cache-Control", "no-store") == MHD_YES &&
+        MHD_add_response_header(made, "Retry-After", "1") == MHD_YES)
+        return made;
+    if (made)
+        MHD_destroy_response(made);
+    return NULL;
+}
+
+void http_stop(struct http *http)
+{
+    if (!http)
+        return;
+    if (http->daemon)
+        MHD_stop_daemon(http->daemon);
+    if (http->spare)
+        MHD_destroy_response(http->spare);
+    free(http);
+}
+
 enum tetlod_status http_start(struct http **out, const struct http_options *options, struct tetlod_error *error)
 {
     *out = NULL;
@@ -563,6 +612,7 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
     if (!http)
         return tetlodi_fail_nomem(error, "the server", sizeof *http);
     http->options = *options;
+    http->spare = make_spare();
     if (getrandom(&http->id_base, sizeof http->id_base, GRND_NONBLOCK) < 0)
         http->id_base = (uint32_t)getpid();
     unsigned per_thread = (unsigned)options->connections + 1; // any thread may get them all: the gate counts
@@ -577,8 +627,8 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
         options->idle_seconds, MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes,
         http, MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);
-    if (!http->daemon) {
-        free(http);
+    if (!http->daemon || !http->spare) {
+        http_stop(http);
         return tetlodi_fail(error, TETLOD_ERR_NOMEM,
                             "cannot start the HTTP threads (limits on threads or descriptors?)");
     }
@@ -589,17 +639,9 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
 void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size)
 {
     if (MHD_add_connection(http->daemon, fd, address, address_size) != MHD_YES) {
+        lose(http, "a connection was closed: there is no memory for it");
         struct peer *peer = gate_peer(http->options.gate, fd); // the library has closed fd
         if (peer)
             gate_leave(http->options.gate, peer);
     }
-}
-
-void http_stop(struct http *http)
-{
-    if (!http)
-        return;
-    if (http->daemon)
-        MHD_stop_daemon(http->daemon);
-    free(http);
 }

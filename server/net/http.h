@@ -17,6 +17,9 @@ struct http_options {
     enum outcome (*answer)(void *opaque, struct request *request, struct response *response);
     void (*finished)(void *opaque, const struct finished *finished); /* once for each answer */
     void *opaque;
+    /* Called for what does not get its answer, or not all of it, through no fault of the client's. */
+    void (*lost)(void *lost_of, const char *why);
+    void *lost_of;
     struct gate *gate; /* borrowed */
     const struct proxies *proxies; /* borrowed */
     unsigned threads;

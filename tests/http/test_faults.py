@@ -3,13 +3,14 @@
 that change."""
 import os
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import time
 
-from served import ROOT, SCRATCH, TETLOD, Server, eventually, preloaded, run
+from served import ROOT, SCRATCH, TETLOD, Server, answers, eventually, preloaded, run
 
 MADE = os.path.join(SCRATCH, 'fin.tetlod')
 
@@ -86,6 +87,56 @@ def test_folder_that_goes_away_for_a_while():
         eventually(lambda: server.get('/v1/meshes/fin')[0] == 200)
 
 
+def lost(body):
+    return int(re.search(rb'^tetlod_answers_lost_total (\d+)$', body, re.M)[1])
+
+
+NO_MEMORY = r'''
+#include <stdlib.h>
+#include <unistd.h>
+static int full(const char *what) { return access(getenv(what), F_OK) == 0; }
+int MHD_add_connection(void *daemon, int fd, const void *address, unsigned size)
+{
+    int (*real)(void *, int, const void *, unsigned) = dlsym(RTLD_NEXT, "MHD_add_connection");
+    return full("NO_CONNECTION") ? close(fd) : real(daemon, fd, address, size);
+}
+void *MHD_create_response_from_buffer(size_t size, void *bytes, int mode)
+{
+    void *(*real)(size_t, void *, int) = dlsym(RTLD_NEXT, "MHD_create_response_from_buffer");
+    return full("NO_BODY") ? NULL : real(size, bytes, mode);
+}
+void *MHD_create_response_from_buffer_with_free_callback_cls(size_t size, void *bytes, void *free, void *of)
+{
+    void *(*real)(size_t, void *, void *, void *) =
+        dlsym(RTLD_NEXT, "MHD_create_response_from_buffer_with_free_callback_cls");
+    return full("NO_BODY") ? NULL : real(size, bytes, free, of);
+}
+'''
+
+
+def test_no_memory_for_an_answer():
+    """The client gets a refusal that was made when there was memory; what cannot be answered is counted and said."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    folder = folder_of('lost', 'fin')
+    flags = {name: os.path.join(SCRATCH, name) for name in ('NO_CONNECTION', 'NO_BODY')}
+    with Server(folder, environment=dict(flags, LD_PRELOAD=preloaded('no_memory', NO_MEMORY))) as server:
+        ask = b'GET /v1/meshes/fin HTTP/1.1\r\nHost: localhost\r\n\r\n'
+        last = ask.replace(b'\r\n\r\n', b'\r\nConnection: close\r\n\r\n')
+        with open(flags['NO_BODY'], 'w'):
+            refusals = answers(server.raw(ask + ask.replace(b'GET', b'HEAD') + last))
+        os.unlink(flags['NO_BODY'])
+        assert [status for status, _, _ in refusals] == [503] * 3, refusals
+        assert all(headers['retry-after'] == '1' for _, headers, _ in refusals), refusals
+        with open(flags['NO_CONNECTION'], 'w'):
+            assert [server.raw(last) for _ in range(20)] == [b''] * 20
+        os.unlink(flags['NO_CONNECTION'])
+        assert server.get('/v1/meshes/fin')[0] == 200
+        metrics = server.get('/metrics')[2]
+        assert lost(metrics) == 23 and b'status="503"} 3' in metrics, metrics
+        assert 0 < server.messages().count('there is no memory for') < 12, server.messages()
+
+
 def test_descriptors_run_out():
     """What is served stays when a scan finds no descriptor; new files are taken up later."""
     folder = folder_of('scarce', 'a', 'b')
@@ -94,7 +145,12 @@ def test_descriptors_run_out():
         soft, hard = resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE, (before - 1, hard))
         eventually(lambda: 'Too many open files' in server.messages())
+        waiting = server.connect()
+        waiting.sendall(b'GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n')
+        eventually(lambda: 'a connection waits' in server.messages())
         resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE, (soft, hard))
+        with waiting, waiting.makefile('rb') as answer:  # it was not refused, and the wait was counted
+            assert answers(body := answer.read())[0][0] == 200 and lost(body) > 0, body
         for name in 'ab':
             assert server.get('/v1/meshes/' + name)[0] == 200
         shutil.copy(MADE, os.path.join(folder, 'c.tetlod'))
@@ -385,6 +441,6 @@ def test_stop_while_scanning():
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '--field', 'Pressure', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while,
-     test_descriptors_run_out, test_more_files_than_descriptors, test_written_over_with_the_same_size_and_time,
-     test_written_over_between_look_and_read, test_a_folder_that_hangs, test_a_file_that_hangs,
-     test_a_clock_that_was_set, test_stop_while_scanning])
+     test_no_memory_for_an_answer, test_descriptors_run_out, test_more_files_than_descriptors,
+     test_written_over_with_the_same_size_and_time, test_written_over_between_look_and_read,
+     test_a_folder_that_hangs, test_a_file_that_hangs, test_a_clock_that_was_set, test_stop_while_scanning])
