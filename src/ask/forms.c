@@ -91,7 +91,7 @@ enum tetlod_status forms_none(const struct forms *forms, struct tetlod_error *er
 {
     if (forms->finest == TETLOD_NONE || forms->finest + 1 < forms->info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
-                            "it is cut off, and no level that is here certifies an answer");
+                            "no level of the bytes that are here certifies an answer");
     return tetlodi_fail(error, TETLOD_ERR_FIELD, "no level certifies an answer: build it with --field %.100s or "
                         "--certify-all, and without --position-bits",
                         forms->field == TETLOD_NONE ? "" : forms->info->fields[forms->field].name);

@@ -35,7 +35,8 @@ static const char help[] =
     "                     no difference in it is above; 'difference least', which one in it is not below;\n"
     "                     'covered', the share of it that B covers; 'where', 1 where the largest\n"
     "                     difference may be\n"
-    "      --time T       in series the steps whose times are nearest to T; T,U: to T in A and to U in B\n"
+    "      --time T       in series the steps whose times are nearest to T; T,U: to T in A and to U in B.\n"
+    "                     A mesh file with one time is taken as it is\n"
     "      --step N       the same by number, from 0; N,M. Of a mesh file with several times, too\n"
     "      --threads N    up to 64; 0 (default): all cores\n"
     "      --json         as JSON\n"
@@ -68,23 +69,26 @@ static enum tetlod_status open_one(const struct request *request, int m, struct 
                                    struct tetlod_error *error)
 {
     const struct step_option *step = &request->steps[m];
-    struct io_read_options options = {0};
+    struct io_read_options options = {.any_values = true};
+    struct io_report report = {0};
     char number[24];
     enum tetlod_status status = stream_input_open(&operands->streams[m], request->places[m], request->threads, error);
     if (status == TETLOD_OK || status != TETLOD_ERR_NOT_TETLOD || web_source_is(request->places[m]))
         return status;
-    if (step->given && step->selection.by_time)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: of a mesh file choose the step by its number: --step",
-                            request->places[m]);
     snprintf(number, sizeof number, "%llu", (unsigned long long)step->selection.step);
-    options.time = step->given ? number : NULL;
-    return io_read(&operands->meshes[m], request->places[m], &options, NULL, error);
+    options.time = step->given && !step->selection.by_time ? number : NULL;
+    TETLOD_TRY(io_read(&operands->meshes[m], request->places[m], &options, &report, error));
+    if (report.steps > 1 && step->given && step->selection.by_time)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: of a mesh file with several times choose one by its "
+                            "number: --step", request->places[m]);
+    return TETLOD_OK;
 }
 
 /* A copy of a mesh with one of its fields. */
 static enum tetlod_status copy_mesh(const struct tetmesh *from, uint32_t field, struct tetmesh *out,
                                     struct tetlod_error *error)
 {
+    TETLOD_TRY(tetmesh_validate_field(from, field, error));
     const struct point_field *source = &from->fields[field];
     size_t positions = from->vertex_count * 3 * sizeof(double), corners = from->tet_count * 4 * sizeof(uint32_t);
     *out = (struct tetmesh){.vertex_count = from->vertex_count, .tet_count = from->tet_count,

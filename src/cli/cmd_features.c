@@ -138,6 +138,7 @@ static enum tetlod_status find_in_mesh(struct request *request, const struct tet
     uint32_t field = tetmesh_find_field(mesh, quantity->name);
     if (field == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.100s' at its points", quantity->name);
+    TETLOD_TRY(tetmesh_validate_field(mesh, field, error));
     const struct feature_values values = {mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count,
                                           mesh->fields[field].components, mesh->fields[field].values};
     return features_of_mesh(&values, &request->features, answer, error);
@@ -213,7 +214,7 @@ static int of_mesh(struct request *request)
     struct tetlod_error error = {0}, inner = {0};
     struct feature_answer answer = {0};
     struct tetmesh mesh = {0};
-    const struct io_read_options options = {.time = request->step_text};
+    const struct io_read_options options = {.time = request->step_text, .any_values = true};
     if (io_read(&mesh, request->input, &options, NULL, &error) != TETLOD_OK)
         return cli_fail(&error);
     enum tetlod_status status = find_in_mesh(request, &mesh, &answer, &inner);
@@ -239,6 +240,18 @@ static bool take_step(struct request *request, int option, const char *value)
     return cli_parse_count(&command_features, "step", value, 0, UINT32_MAX, &request->step.step);
 }
 
+/* Nothing has more than the range: whoever writes 2 means 2 %. */
+static bool take_persistence(const char *value, double *out)
+{
+    if (!cli_parse_fraction(&command_features, "persistence", value, out))
+        return false;
+    if (*out <= 1)
+        return true;
+    cli_usage("features", "--persistence is a fraction of the range, 0 to 1, or a percentage such as 2%%, not '%s'",
+              value);
+    return false;
+}
+
 static bool take_option(struct request *request, int option, const char *value)
 {
     struct feature_request *features = &request->features;
@@ -256,7 +269,7 @@ static bool take_option(struct request *request, int option, const char *value)
         features->absolute = option == 'P';
         return features->absolute
                    ? cli_parse_number(&command_features, "abs-persistence", value, 0, &features->persistence)
-                   : cli_parse_fraction(&command_features, "persistence", value, &features->persistence);
+                   : take_persistence(value, &features->persistence);
     case 'a':
         features->has_above = true;
         return cli_parse_number(&command_features, "above", value, -INFINITY, &features->above);

@@ -71,7 +71,8 @@ static enum tetlod_status check_choices(const struct io_read_options *options, c
         return tetlodi_fail(error, TETLOD_ERR_MESH, "has no blocks with names; leave --block %.60s out",
                             options->block);
     if (options->time && !report->steps && strcmp(options->time, "last") != 0 && strcmp(options->time, "0") != 0)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no steps in time; leave --time %.40s out", options->time);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no steps in time, of which %.40s could be chosen",
+                            options->time);
     return TETLOD_OK;
 }
 
@@ -121,7 +122,7 @@ static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_optio
     report->nan_cells = count_nan_cells(mesh);
     if (options->nan_fill)
         TETLOD_TRY(nan_fill(mesh, options->nan_fill, &report->nan_filled, error));
-    return tetmesh_validate_values(mesh, error);
+    return options->any_values ? tetmesh_validate_positions(mesh, error) : tetmesh_validate_values(mesh, error);
 }
 
 enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,

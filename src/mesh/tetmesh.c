@@ -191,21 +191,31 @@ static size_t find_infinite(const double *values, size_t count)
     return i;
 }
 
-enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct tetlod_error *error)
+enum tetlod_status tetmesh_validate_positions(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     size_t count = 3 * (size_t)mesh->vertex_count, i = find_infinite(mesh->positions, count);
     if (i < count)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,
                             "xyz"[i % 3]);
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        const struct point_field *field = &mesh->fields[f];
-        count = (size_t)mesh->vertex_count * field->components;
-        i = find_infinite(field->values, count);
-        if (i < count)
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number%s",
-                                field->name, i / field->components,
-                                isnan(field->values[i]) ? " but NaN; --nan-fill gives such points one" : "");
-    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetmesh_validate_field(const struct tetmesh *mesh, uint32_t number, struct tetlod_error *error)
+{
+    const struct point_field *field = &mesh->fields[number];
+    size_t count = (size_t)mesh->vertex_count * field->components, i = find_infinite(field->values, count);
+    if (i < count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number%s%s",
+                            field->name, i / field->components, isnan(field->values[i]) ? " but NaN" : "",
+                            isnan(field->values[i]) ? "; --nan-fill of build or convert gives such points one" : "");
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    TETLOD_TRY(tetmesh_validate_positions(mesh, error));
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        TETLOD_TRY(tetmesh_validate_field(mesh, f, error));
     return TETLOD_OK;
 }
 

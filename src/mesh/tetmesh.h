@@ -91,6 +91,10 @@ TETLOD_CHECKED enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, s
 /* Its two halves: tetrahedra and their corners, then coordinates and values. */
 TETLOD_CHECKED enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct tetlod_error *error);
+/* The parts of the latter. */
+TETLOD_CHECKED enum tetlod_status tetmesh_validate_positions(const struct tetmesh *mesh, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status tetmesh_validate_field(const struct tetmesh *mesh, uint32_t number,
+                                                         struct tetlod_error *error);
 
 /* The first corner that is not a number of one of so many points, or `count`. */
 size_t tetmesh_find_outside(const uint32_t *corners, size_t count, uint32_t vertex_count);

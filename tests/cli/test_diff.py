@@ -285,11 +285,17 @@ def refusals():
             (("no field 'g'",), 3, ('--field', 'g')), (('components 0 to 2',), 3, ('--field', 'v:3')),
             (('lengths of vectors',), 2, ('--field', 'v:mag')), (('2%',), 2, ('--field', 'f', '--limit', 'x')),
             (('max or rms',), 2, ('--field', 'f', '--norm', 'l1')),
-            (('by its number',), 2, ('--field', 'f', '--time', '1'))):
+            (('no steps in time',), 3, ('--field', 'f', '--step', '1'))):
         fails('refused: ' + ' '.join(arguments), code, words, 'diff', *files, *arguments)
     write_mesh('other.vtu', *[read_arrays('cube.vtu')[i] for i in (0, 1)], {'v': read_arrays('cube.vtu')[0][:, 0]})
     fails('other components', 3, ('3 components in the first, 1 in the second',), 'diff', files[0], path('other.vtu'),
           '--field', 'v')
+    points, tets = read_arrays('cube.vtu')
+    write_mesh('hole.vtu', points, tets, {'f': points[:, 0], 'hole': np.where(points[:, 0] > 0.5, np.nan, 1)})
+    found = diff(path('hole.vtu'), path('hole.vtu'), '--field', 'f', '--limit', '1%')
+    report('NaN in a field that is not compared is nothing to it', found[0] == 0, found)
+    fails('NaN in one that is', 3, ('field hole', '--nan-fill of build'), 'diff', path('hole.vtu'), path('hole.vtu'),
+          '--field', 'hole')
 
 
 def read_arrays(name):
@@ -308,6 +314,10 @@ def series():
     report('a step is the same as itself', same[0] == 0, same)
     found = diff(stream, path('wake_3.vtu'), '--field', 'Pressure', '--step', '3,0', '--limit', '1%')
     report('a step is its mesh', found[0] == 0, found)
+    found = diff(stream, path('wake_3.vtu'), '--field', 'Pressure', '--time', '0.75', '--limit', '1%')
+    report('a time is of the series where the other is the mesh of one', found[0] == 0, found)
+    fails('a time of a mesh file that has several', 2, ('wake.pvd', 'by its number'), 'diff', stream,
+          path('wake.pvd'), '--field', 'Pressure', '--time', '0.75')
     truth = np.abs(np.subtract(*(values_of('wake_%d.vtu' % i, 'Pressure') for i in (1, 3)))).max()
     for chosen in (('--step', '1,3'), ('--time', '0.26,0.74')):
         code, found = diff(stream, stream, '--field', 'Pressure', *chosen, '--within', '0')

@@ -71,6 +71,11 @@ def vectors():
             feature['upper'] += 1e-12
         wrong.append(matches(proven, points, true))
     report('components and lengths of a vector', not any(wrong) and proven, wrong)
+    field[0, 1] = np.nan
+    write_vectors('hole.vtk', points, tets, field)
+    report('NaN in another field is nothing to it', answer('hole.vtk', '--field', 'p') ==
+           answer('vectors.vtk', '--field', 'p'))
+    fails('NaN in the field', 3, ('field v', 'point 0'), 'features', 'hole.vtk', '--field', '|v|')
 
 
 def outputs():
@@ -159,7 +164,9 @@ def refusals():
                                                   '--level', '999'), ('a format', 2, ('.vtu or .csv', ), 'plain.tetlod',
                                                                       '--field', 'p', '-o', 'a.txt'),
                                           ('level and error', 2, ('one is enough', ), 'plain.tetlod', '--field', 'p',
-                                           '--level', '3', '--error', '1%')):
+                                           '--level', '3', '--error', '1%'), ('more than the range', 2, ('2%',
+                                                                               'not \'2\''), 'plain.tetlod',
+                                                         '--field', 'p', '--persistence', '2')):
         fails('refused: ' + name, code, words, 'features', *arguments)
 
 

@@ -2,6 +2,7 @@
 // What is certain of a picture: answers and features in the worker as the program gives them, the panel, marks.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
+import { countWords } from '../../server/web/page/certain.js';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
 import { TETLOD, blockStream, program } from './hosts.mjs';
 import { run } from './tap.mjs';
@@ -60,6 +61,16 @@ async function a_coarse_picture_answers_by_its_own_level() {
   await assert.rejects(inPage('ask', 'mean(push:0)'), /'push' is not loaded/);
 }
 
+function counts_are_said_in_words() {
+  const words = (proven, possible, bounded) => countWords({
+    features: Array.from({ length: proven + possible }, (_, i) => ({ kind: 'minimum', proven: i < proven })),
+    bounded: { minimum: bounded },
+  }, 'minimum');
+  assert.deepEqual([words(1, 0, true), words(1, 0, false), words(0, 0, true), words(1, 2, true), words(2, 3, false)],
+                   ['1 minimum', 'at least 1 minimum', '0 minima', 'at least 1 and at most 3 minima',
+                    'at least 2 minima']);
+}
+
 async function the_panel_loads_it_when_it_is_opened() {
   const loaded = [];
   const listen = (request) => loaded.push(new URL(request.url()).pathname);
@@ -110,6 +121,7 @@ async function marks_are_solid_where_it_is_proven() {
 await run([
   answers_are_those_of_the_program,
   a_coarse_picture_answers_by_its_own_level,
+  counts_are_said_in_words,
   the_panel_loads_it_when_it_is_opened,
   marks_are_solid_where_it_is_proven,
 ]);

@@ -7,7 +7,7 @@ import re
 # What the library and the program advise, and what does the same here
 ADVICE = (
     (re.compile(r'; tetlod_build_defaults sets what is usual'), ''),
-    (re.compile(r'--nan-fill gives such points one'), 'numpy.nan_to_num gives such points one'),
+    (re.compile(r'--nan-fill of build or convert gives such points one'), 'numpy.nan_to_num gives such points one'),
     (re.compile(r" \(--json, --all and --quiet take no value\)"), ''),
     (re.compile(r"; 'tetlod [a-z ]+' lists [^;]*"), ''),
 )

@@ -36,9 +36,10 @@ export function intervalWords({ lower, upper }, unit = '') {
 export function countWords({ features, bounded }, kind) {
   const of = features.filter((feature) => feature.kind === kind);
   const proven = of.filter((feature) => feature.proven).length;
-  const names = kind === 'maximum' ? 'maxima' : 'minima';
-  if (bounded[kind] && of.length === proven) return `${count(proven)} ${names}`;
-  return `at least ${count(proven)}${bounded[kind] ? ` and at most ${count(of.length)}` : ''} ${names}`;
+  const least = count(proven);
+  const open = bounded[kind] && of.length > proven ? ` and at most ${count(of.length)}` : '';
+  const name = proven === 1 && !open ? kind : kind.replace(/um$/, 'a');
+  return `${bounded[kind] && !open ? '' : 'at least '}${least}${open} ${name}`;
 }
 
 export class Certain {

@@ -19,6 +19,7 @@ struct io_read_options {
     enum cell_data cell_data; /* AVERAGE: every cell field also becomes a point field */
     double weld;          /* tolerance, with `welds`: points are welded also where the file is one block */
     bool welds, subdivide, drop_degenerate;
+    bool any_values;      /* values of points may be infinite or NaN: who reads checks the fields that are used */
     bool keep_cells;      /* the mesh has the cells, too, that were split (originals.h) */
     const char *output;   /* the file that will be written: a file that a file names may not be it; or NULL */
     bool follow;          /* files that a file names may be outside its folder */
