@@ -54,6 +54,20 @@ async function every_control_is_reached_by_tab() {
   await page.context().close();
 }
 
+// What is removed by keyboard takes its button along, but not the focus.
+async function what_is_removed_leaves_the_focus_near() {
+  const page = await open(`${viewer}&pins=0.5,0.3,0.1&line=0,0.1,0.2,1,0.9,0.8`);
+  await page.locator('#line-drawing .line').waitFor({ state: 'attached' });
+  const names = ['Remove slice 1', 'Remove isosurface 1', 'Remove clip 1', 'Remove probe 1'];
+  for (const button of [page.locator('#line-close'), ...names.map((name) => page.getByRole('button', { name }))]) {
+    await button.focus();
+    await page.keyboard.press('Enter');
+    await button.waitFor({ state: 'hidden' });
+    await page.waitForFunction(() => document.activeElement !== document.body);
+  }
+  await page.context().close();
+}
+
 // Of all text against what is behind it, as WCAG 2 computes it: 4.5, or 3 where letters are large.
 const contrasts = () => {
   const canvas = new OffscreenCanvas(1, 1);
@@ -394,9 +408,10 @@ async function levels_jump_where_motion_is_unwanted() {
 }
 
 await run([
-  every_control_is_reached_by_tab, text_has_contrast, letters_are_large_enough, letters_of_saved_pictures,
-  letters_of_the_element, a_screen_reader_is_told_everything, a_small_screen_is_enough, figures_do_not_overlap,
-  the_picture_keeps_most_of_the_screen, layers_are_above_the_fold, levels_jump_where_motion_is_unwanted
+  every_control_is_reached_by_tab, what_is_removed_leaves_the_focus_near, text_has_contrast, letters_are_large_enough,
+  letters_of_saved_pictures, letters_of_the_element, a_screen_reader_is_told_everything, a_small_screen_is_enough,
+  figures_do_not_overlap, the_picture_keeps_most_of_the_screen, layers_are_above_the_fold,
+  levels_jump_where_motion_is_unwanted
 ]);
 await browser.close();
 await server.stop();

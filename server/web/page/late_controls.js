@@ -157,8 +157,24 @@ function bindLarge({ viewer }) {
   tell();
 }
 
+// When a button goes with what it removes, the focus goes to the control before it: without a pointer one would begin
+// at the top of the page again.
+function keepFocus() {
+  const isSeen = (control) => control.checkVisibility({ visibilityProperty: true });
+  const keep = ({ target }) => {
+    const gone = target.closest('button');
+    if (!gone || gone !== document.activeElement) return;
+    const all = [...document.querySelectorAll('a[href], button, input, select, summary, [tabindex="0"]')];
+    const before = all.slice(0, all.indexOf(gone)).reverse();
+    const move = () => isSeen(gone) || before.find((control) => !control.disabled && isSeen(control))?.focus();
+    requestAnimationFrame(() => requestAnimationFrame(move)); // what follows the state does so in the next frame
+  };
+  document.addEventListener('click', keep, { capture: true });
+}
+
 /** What the panel's `controls` leave to others. */
 export function bindLate(controls) {
+  keepFocus();
   bindVectors(controls);
   bindThreshold(controls);
   bindBox(controls);
