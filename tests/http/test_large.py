@@ -195,13 +195,13 @@ def test_five_gigabytes():
         assert size > 5 << 30
         shift = total - size  # ends where the stream ends
         assert server.get(records, Range='bytes=%d-%d' % (CROSSES - shift - 5, CROSSES - shift + 4))[2] == b'0123456789'
-        with server.connect() as reader:  # the whole, of which the client goes away after a while
-            reader.sendall(b'GET %sstream HTTP/1.1\r\nHost: localhost\r\n\r\n' % base.encode())
-            received = b''
-            while len(received) < len(front) + 3000000:
-                received += reader.recv(1 << 20)
-            head, _, body = received.partition(b'\r\n\r\n')
-            assert b'Content-Length: %d' % total in head and body[:len(front)] == front and body.endswith(bytes(1000))
+        reader = server.connect()  # the whole, whose client stops reading after a while
+        reader.sendall(b'GET %sstream HTTP/1.1\r\nHost: localhost\r\n\r\n' % base.encode())
+        received = b''
+        while len(received) < len(front) + 3000000:
+            received += reader.recv(1 << 20)
+        head, _, body = received.partition(b'\r\n\r\n')
+        assert b'Content-Length: %d' % total in head and body[:len(front)] == front and body.endswith(bytes(1000))
         with open(path, 'r+b') as file:  # a file is checked as far as it is read, again once it was changed
             file.seek(CROSSES)
             file.write(b'6')
@@ -210,7 +210,12 @@ def test_five_gigabytes():
         status, head, body = server.get(base + 'stream',
                                         Range='bytes=%d-%d' % (CROSSES - (1 << 20), CROSSES - (1 << 20)))
         assert status == 503 and head['retry-after'] and b'damaged or is being written' in body, (status, body)
-        assert server.get('/healthz')[0] == 200
+        os.truncate(path, len(front))
+        with reader:
+            while reader.recv(1 << 20):
+                pass
+        assert 'an answer broke off' in server.messages()
+        assert b'\ntetlod_answers_lost_total 1\n' in server.get('/metrics')[2]
     os.unlink(path)
 
 
