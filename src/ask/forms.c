@@ -89,12 +89,21 @@ static enum tetlod_status list(struct forms *forms, struct tetlod_error *error)
 
 enum tetlod_status forms_none(const struct forms *forms, struct tetlod_error *error)
 {
-    if (forms->finest == TETLOD_NONE || forms->finest + 1 < forms->info->level_count)
+    const struct tetlod_info *info = forms->info;
+    const char *name = forms->field == TETLOD_NONE ? "" : info->fields[forms->field].name;
+    bool bounded = forms->field == TETLOD_NONE;
+    if (forms->finest == TETLOD_NONE || forms->finest + 1 < info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
                             "no level of the bytes that are here certifies an answer");
-    return tetlodi_fail(error, TETLOD_ERR_FIELD, "no level certifies an answer: build it with --field %.100s or "
-                        "--certify-all, and without --position-bits",
-                        forms->field == TETLOD_NONE ? "" : forms->info->fields[forms->field].name);
+    for (uint32_t i = 0; i < (forms->series ? tetlod_series_info(forms->series)->band_count : info->level_count); i++)
+        bounded |= !isinf(forms->series ? error_of_band(forms, i) : error_of_level(forms, i));
+    if (!bounded)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                            "no level certifies %.100s: build it with --field %.100s or --certify-all", name, name);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD,
+                        "the boundary of its levels has moved, and none certifies this answer: build it without "
+                        "--position-bits, and take the whole stream, or build it with --domain-error 0, or, for means, "
+                        "integrals, volumes and quantiles, with --summary");
 }
 
 static enum tetlod_status find_field(struct forms *forms, const char *name, struct tetlod_error *error)

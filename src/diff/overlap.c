@@ -312,9 +312,9 @@ static bool clip_cell(struct overlap *cell)
         count += least < 0;
     }
     clip_corners((const double(*)[4])planes, count, &cell->worker->part);
-    if (!asks_limit(cell->measuring) && !cell->measuring->pairing)
+    if (cell->measuring->same || (!asks_limit(cell->measuring) && !cell->measuring->pairing))
         gather(cell); // else that is done
-    else if (asks_limit(cell->measuring) && is_within(cell, cell->worker->part.weights, cell->worker->part.count))
+    if (asks_limit(cell->measuring) && is_within(cell, cell->worker->part.weights, cell->worker->part.count))
         return cell->worker->part.count > 0;
     const double volume = compare_cell(cell);
     cell->covered += volume;

@@ -324,6 +324,13 @@ def series():
         report('steps differ by what their meshes do: %s' % chosen[0],
                found['max']['lower'] - 1e-6 <= truth <= found['max']['upper'] + 1e-6 and
                np.ptp(list(found['max'].values())) < 1e-4, (found, truth))
+    tally = Tally()
+    for factor in (0.6, 0.8, 0.95, 1.05, 1.3):
+        code, found = diff(stream, stream, '--field', 'Pressure', '--step', '1,3', '--limit', '%.9g' % (factor * truth))
+        check_interval(tally, factor, found['max'], truth, 1e-6)
+        if code != (0 if factor > 1 else 4):
+            tally.wrong.append((factor, found))
+    report('limits about the difference of steps, which share each level', not tally.wrong, tally.wrong[:2])
     values = [values_of('wake_%d.vtu' % i, 'Pressure') for i in range(5)]
     for step, within in ((0, '20%'), (3, '5%'), (4, '0')):
         asked = json.loads(must('ask', stream, 'max(Pressure)', '--step', str(step), '--within', within,
