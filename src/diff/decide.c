@@ -171,13 +171,17 @@ static void set_squares(const struct diff_side sides[2], uint32_t components, st
     out->bounds[DIFF_RMS][1] = smaller(out->l2[1] / sqrt(volumes[0]), furthest * sqrt(components));
 }
 
-static void set_max(const struct diff_side sides[2], struct diff_result *out)
+/* No mean is above the largest, which is of one component. */
+static void set_max(const struct diff_side sides[2], uint32_t components, struct diff_result *out)
 {
     const struct difference *found = &out->difference;
     double furthest = furthest_of(sides);
-    double *bounds = out->bounds[DIFF_MAX];
+    double *bounds = out->bounds[DIFF_MAX], *rms = out->bounds[DIFF_RMS];
     bounds[0] = found->max[0];
     bounds[1] = smaller(found->max[1], larger(furthest, bounds[0]));
+    double most = sqrt(components) * bounds[1];
+    rms[1] = larger(smaller(rms[1], most), rms[0]);
+    out->l2[1] = larger(smaller(out->l2[1], most * sqrt(found->overlap + out->swept)), out->l2[0]);
 }
 
 static enum diff_verdict judge(const struct diff_options *options, const double bounds[2])
@@ -219,6 +223,7 @@ static enum tetlod_status compare(struct diff_side sides[2], const struct differ
                                   const struct diff_options *options, const struct tetmesh *last,
                                   const struct difference *found, struct diff_result *out, struct tetlod_error *error)
 {
+    uint32_t components = options->component < 0 ? sides[0].components : 1;
     struct tetmesh *mesh = &sides[0].mesh;
     struct difference_open open = {.limit = options->limit};
     double most;
@@ -231,7 +236,9 @@ static enum tetlod_status compare(struct diff_side sides[2], const struct differ
     else if (!(out->difference.overlap > 0))
         status = tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the meshes do not overlap: are their units the same?");
     else
-        set_squares(sides, options->component < 0 ? sides[0].components : 1, out);
+        set_squares(sides, components, out);
+    if (status == TETLOD_OK)
+        set_max(sides, components, out);
 done:
     free(open.asked);
     return status;
@@ -262,7 +269,6 @@ static enum tetlod_status measure(struct diff_side sides[2], const uint32_t form
         TETLOD_TRY_DONE(note_used(&sides[m], m, forms[m], &taking.given[m], out, error));
     }
     TETLOD_TRY_DONE(compare(sides, taking.given, options, &last[0], &found, out, error));
-    set_max(sides, out);
     out->verdict = judge(options, out->bounds[options->norm]);
 done:
     tetmesh_fini(&last[0]);

@@ -57,6 +57,8 @@ def check_pair(tally, name, pair, files):
             if code != {'within': 0, 'beyond': 4, 'undecided': 5}[found['verdict']] or \
                     found['verdict'] not in (wanted, 'undecided'):
                 tally.wrong.append((name, norm, factor, code, found['verdict']))
+            if found['rms']['upper'] > found['max']['upper'] * (1 + 1e-9) + slack:
+                tally.wrong.append((name, 'a mean above the largest', found['rms'], found['max']))
             tally.decided += found['verdict'] == wanted
             for one in truth:
                 check_interval(tally, (name, norm, factor, one), found[one], truth[one], slack)
