@@ -40,7 +40,7 @@ static const double MEMORY_SHARE = 0.25;
  * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
  * than a share of a small limit cannot be spared for that. Less than WINDOW bytes of files are never taken: where a
  * limit is too small for the rest, the program would only read the same pages again and again. */
-static const double MIN_LEFT = 0.1, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
+static const double MIN_LEFT = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
 enum { LOOK_AGAIN = 250000, BETWEEN = 5 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
 struct region {
