@@ -665,7 +665,8 @@ endef
 .PHONY: install uninstall
 pc = { printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\n' '$(PREFIX)' '$(libdir)' '$(includedir)'; \
     printf 'Name: %s\nDescription: levels of detail for tetrahedral volumes%s\n' $(1) '$(2)'; \
-    printf 'Version: %s\n' '$(VERSION)'; printf 'Libs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' $(1) '$(3)'; } \
+    printf 'Version: %s\n' '$(VERSION)'; \
+    printf 'Libs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' $(1) '$(3)'; } \
     > $(DESTDIR)$(libdir)/pkgconfig/$(1).pc
 install_library = $(INSTALL) -m 644 $(1).a $(DESTDIR)$(libdir)/; $(INSTALL) -m 644 $(1).so.$(VERSION) \
     $(DESTDIR)$(libdir)/; \
