@@ -70,7 +70,7 @@ const CLAUSES = [
   [/not a tetlod stream|format \d|old layout|needs features|header|content id|disagree about sizes/, '3.1'],
   [/follow the end|cut off/, '3'],
   [/more than their bytes can hold|more levels than go|go with the stream's bytes|memory/, '2.3'],
-  [/levels that do not lead|more than a stream can hold|bounds that|less (or more )?than it should/, '3.2'],
+  [/levels that do not lead|more than a stream can hold|invalid bounds|less (or more )?than it should/, '3.2'],
   [/numbers of an unknown kind/, '5.2'],
   [/fields of one name|field without|field of too many|exact tail/, '3.3'],
   [/levels that do not grow|domain error|errors that grow|tail with a mesh/, '3.4'],
