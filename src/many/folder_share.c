@@ -62,9 +62,15 @@ static void file_of(const struct folder_share *share, char out[4096], const char
     snprintf(out, 4096, "%s/%s", share->folder, name);
 }
 
+static void stage_path(const struct folder_share *share, uint32_t stage, char out[4096], const char *name)
+{
+    snprintf(out, 4096, "%s/stage-%u/%s", share->folder, stage, name);
+}
+
+/* A file of the current stage. */
 static void path_of(const struct folder_share *share, char out[4096], const char *name)
 {
-    snprintf(out, 4096, "%s/stage-%u/%s", share->folder, share->stage, name);
+    stage_path(share, share->stage, out, name);
 }
 
 static void part_path(const struct folder_share *share, char out[4096], uint32_t part, const char *suffix)
@@ -194,7 +200,7 @@ static enum tetlod_status agree(const struct folder_share *share, struct tetlod_
     size_t size;
     path_of(share, path, "parts");
     snprintf(text, sizeof text, "%u\n", share->parts);
-    if (access(path, F_OK) != 0)
+    if (!is_there(path))
         TETLOD_TRY(file_write(path, text, strlen(text), error));
     TETLOD_TRY(file_read(path, &bytes, &size, error));
     bool same = size == strlen(text) && memcmp(bytes, text, size) == 0;
@@ -245,10 +251,10 @@ static enum tetlod_status end_hearing(struct folder_share *share, struct tetlod_
     return share->cut_off ? tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not as it was written", path) : TETLOD_OK;
 }
 
-static enum tetlod_status make_stage(const struct folder_share *share, struct tetlod_error *error)
+static enum tetlod_status make_stage(const struct folder_share *share, uint32_t stage, struct tetlod_error *error)
 {
     char path[4096];
-    path_of(share, path, "");
+    stage_path(share, stage, path, "");
     return mkdir(path, 0777) == 0 || errno == EEXIST ? TETLOD_OK : fail_at(error, path, "make the folder");
 }
 
@@ -266,7 +272,7 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->parts = parts;
     share->next = 0;
     pthread_mutex_unlock(&share->lock);
-    TETLOD_TRY(make_stage(share, error));
+    TETLOD_TRY(make_stage(share, share->stage, error));
     TETLOD_TRY(agree(share, error));
     return share->leads ? publish(share, input, error) : end_hearing(share, error);
 }
@@ -400,35 +406,32 @@ static void end(void *opaque)
 
 /* ---- calls */
 
+/* Helpers are called for the next stage. */
 static enum tetlod_status begin_call(struct folder_share *share, struct tetlod_error *error)
 {
     char path[4096];
     file_of(share, path, "helped");
     share->passes |= is_there(path);
-    share->stage++;
-    path_of(share, path, "call");
-    enum tetlod_status status = make_stage(share, error);
-    if (status == TETLOD_OK && share->passes && !is_there(path)) // else another leader has called
-        status = file_output_open(&share->call, path, error);
-    share->stage--;
-    return status;
+    stage_path(share, share->stage + 1, path, "call");
+    TETLOD_TRY(make_stage(share, share->stage + 1, error));
+    if (share->passes && !is_there(path)) // else another leader has called
+        return file_output_open(&share->call, path, error);
+    return TETLOD_OK;
 }
 
-/* The next stage that helpers are called for; false: there is none yet. */
+/* The call for the next stage that helpers are called for, which is then the next one; false: there is none yet. */
 static bool find_call(struct folder_share *share, char path[4096])
 {
-    const uint32_t before = share->stage;
-    bool found = false, begun = true;
-    while (begun && !found) {
-        share->stage++;
-        path_of(share, path, "call");
-        found = is_there(path);
-        path_of(share, path, "");
-        begun = is_there(path);
+    for (uint32_t stage = share->stage + 1;; stage++) {
+        stage_path(share, stage, path, "call");
+        if (is_there(path)) {
+            share->stage = stage - 1;
+            return true;
+        }
+        stage_path(share, stage, path, "");
+        if (!is_there(path))
+            return false;
     }
-    path_of(share, path, "call");
-    share->stage = found ? share->stage - 1 : before;
-    return found;
 }
 
 /* Waits until the leader calls, has ended or has died. False: there is nothing more to hear. */
