@@ -167,8 +167,9 @@ static enum tetlod_status give_back(struct tetlod_cursor *cursor, const uint8_t 
         tetlodi_move_log(cursor, &moves);
         memcpy(cursor->choice->has, next, pages);
         settle_pages(cursor);
-        status = tetlodi_cursor_go_to(cursor, level < cursor->decoded ? level : cursor->decoded, error);
-        cursor->level = level < cursor->decoded ? level : cursor->decoded;
+        level = level < cursor->decoded ? level : cursor->decoded;
+        status = tetlodi_cursor_go_to(cursor, level, error);
+        cursor->level = level;
     }
     tetlodi_moves_fini(&moves);
     free(going.up);
