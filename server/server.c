@@ -61,7 +61,7 @@ struct server {
     pthread_mutex_t lock;
     pthread_cond_t changed, stop;
     bool stopping, rescan, scanned_out; /* under the lock */
-    atomic_llong quiet_until;           /* seconds: lost answers are told of again */
+    atomic_llong quiet_until;           /* seconds: when the next lost answer is logged */
 };
 
 static void say(struct server *server, const char *level, const char *message)

@@ -23,8 +23,8 @@ struct catalogue_options {
     void *log_opaque;
 };
 
-/* Every path must exist, and a path that is a file must be a stream; a folder's files that are no streams are logged and left
- * out. */
+/* Every path must exist, and a path that is a file must be a stream; files of a folder that are not
+ * streams are logged and left out. */
 TETLOD_CHECKED enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue_options *options,
                                                  struct tetlod_error *error);
 void catalogue_close(struct catalogue *catalogue);

@@ -93,7 +93,8 @@ static double share_of(const double (*weights)[4], const uint16_t piece[4])
                 d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]));
 }
 
-/* Goes around a face. Its triangles with corner 0 are pieces, if that is none of the face's: its faces come first. */
+/* Goes around a face. Each of its triangles forms a piece with corner 0, unless that is a corner of the face: the faces
+ * of corner 0 come first. */
 static void add_face(struct clipped *solid, unsigned first, unsigned slot, uint8_t *visited)
 {
     unsigned from = first, at = solid->beside[first][slot];

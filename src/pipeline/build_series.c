@@ -17,8 +17,8 @@
 enum { MIN_KEYS = 16, BATCH_COMPONENTS = 32 };
 
 /* Bytes. A component that drives takes DRIVING_BYTES a vertex (its values here, in the working mesh and in the log, U,
- * L, the prediction) and STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the current
- * frame take ENCODING_BYTES a vertex. The last two are measured. */
+ * L, the prediction) and STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the
+ * current frame take ENCODING_BYTES a vertex. The last two are measured. */
 enum { DRIVING_BYTES = 56, STAR_BYTES = 3 << 10, ENCODING_BYTES = 400 };
 
 /* ---- values */

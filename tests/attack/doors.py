@@ -83,8 +83,8 @@ class Case:
                     '<PointData><DataArray type="Float64" Name="heat" format="ascii">%s</DataArray></PointData>'
                     '<CellData>%s</CellData>'
                     '</Piece></UnstructuredGrid></VTKFile>' % (' '.join(map(repr, values)), arrays))
-        sets = ''.join('<DataSet timestep="%r" file="%s_%d.vtu"/>' % (time, name, number) for number,
-                       time in enumerate(times))
+        sets = ''.join('<DataSet timestep="%r" file="%s_%d.vtu"/>' % (time, name, number)
+                       for number, time in enumerate(times))
         with open(self.path(name + '.pvd'), 'w') as file:
             file.write('<VTKFile type="Collection"><Collection>%s</Collection></VTKFile>' % sets)
 

@@ -31,8 +31,8 @@ def build(mesh, *options):
 
 
 def level(index, limits):
-    return next(one for one in index['levels'] if all(one['errors'][name]['max'] <= limit for name,
-                                                      limit in limits.items()))
+    return next(one for one in index['levels'] if all(one['errors'][name]['max'] <= limit
+                                                      for name, limit in limits.items()))
 
 
 def controlled(index, error):

@@ -34,8 +34,8 @@ def arrays():
     with open(path('out.vtk'), 'rb') as file:
         text = file.read()
     points, tets = (int(re.search(rb'\n%s (\d+)' % key, text).group(1)) for key in (b'POINTS', b'CELL_TYPES'))
-    fields = sum(int(a) * int(b) for a,
-                 b in re.findall(rb'\n\S+ (\d+) (\d+) (?:double|float|int|vtktypeint64)\n', text))
+    fields = sum(int(a) * int(b)
+                 for a, b in re.findall(rb'\n\S+ (\d+) (\d+) (?:double|float|int|vtktypeint64)\n', text))
     return 24 * points + 16 * tets + 8 * fields
 
 

@@ -158,8 +158,8 @@ def surface_case(extension):
         return 'volume %g' % volume
     at = {tuple(a): h for a, h in zip(points, fields['heat'])}
     if extension == '.vtp':
-        return None if all(at[tuple(a)] == h for a,
-                           h in zip(p, arrays_of(surface.GetPointData())['heat'])) else 'values'
+        return None if all(at[tuple(a)] == h
+                           for a, h in zip(p, arrays_of(surface.GetPointData())['heat'])) else 'values'
     blob = open(path('out.glb'), 'rb').read()
     size = struct.unpack_from('<I', blob, 12)[0]
     scene = json.loads(blob[20:20 + size])
@@ -167,8 +167,8 @@ def surface_case(extension):
     view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes'][attribute]]
                                 ['bufferView']]
     heat = np.frombuffer(blob, '<f4', view['byteLength'] // 4, 28 + size + view['byteOffset'])
-    good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h for a,
-                                                                                h in zip(p, heat))
+    good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h
+                                                                                for a, h in zip(p, heat))
     return None if good else 'values'
 
 
@@ -221,8 +221,8 @@ def abaqus_parts_case():
     """Two parts, the second one turned and shifted in the assembly, its elements in a file that is included; then one
     of them twice."""
     points, tets, _, _ = tet_mesh(30)
-    rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist()))) for i,
-                                         v in enumerate(values + start))
+    rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist())))
+                                         for i, v in enumerate(values + start))
     os.makedirs(path('more'), exist_ok=True)
     write('more/tets.inc', '*ELEMENT, TYPE=C3D4\n' + rows(tets, 1))
     write('nodes.inc', rows(points, 0.0))

@@ -27,8 +27,8 @@ def sample():
 
 
 def tetgen(mesh):
-    rows = ['%d %r %r %r %r' % (i, *map(float, p), float(s)) for i,
-            (p, s) in enumerate(zip(mesh.points, mesh.point_data['heat']))]
+    rows = ['%d %r %r %r %r' % (i, *map(float, p), float(s))
+            for i, (p, s) in enumerate(zip(mesh.points, mesh.point_data['heat']))]
     write('in.node', '%d 3 1 0\n%s\n' % (len(rows), '\n'.join(rows)))
     tets = mesh.cells_dict['tetra']
     write('in.ele', '%d 4 0\n%s\n' % (len(tets), '\n'.join('%d %d %d %d %d' % (i, *t) for i, t in enumerate(tets))))

@@ -194,8 +194,8 @@ def test_bodies_that_overlap():
         for body in (0.25, 0.75):
             parts = [{'points': mesh['points'], 'tets': mesh['tets'][mesh['cell']['Body'][:, 0] == body],
                       'point': mesh['point'],
-                      'cell': {name: cell[mesh['cell']['Body'][:, 0] == body] for name,
-                               cell in mesh['cell'].items()}} for mesh in (answer, fine)]
+                      'cell': {name: cell[mesh['cell']['Body'][:, 0] == body]
+                               for name, cell in mesh['cell'].items()}} for mesh in (answer, fine)]
             used = np.unique(parts[1]['tets'])
             parts[1]['points'], parts[1]['point'] = fine['points'][used], {'f': fine['point']['f'][used]}
             worst = max(worst, check_bounds(parts[0], parts[1], 'f', 1)[TRANSITION])

@@ -92,8 +92,8 @@ def plot_case():
     if [kind for kind, _ in curves] != ['rms', 'sampled'] * 2 or len(promises) != 2 or '>5 %<' not in picture:
         return picture
     for (_, rms), (_, sampled), promise in zip(curves[::2], curves[1::2], promises):
-        if not len(rms) == len(sampled) == STEPS or not all(r[1] > s[1] >= promise - 0.02 and r[0] == s[0] for r,
-                                                            s in zip(rms, sampled)):
+        if not len(rms) == len(sampled) == STEPS or not all(r[1] > s[1] >= promise - 0.02 and r[0] == s[0]
+                                                            for r, s in zip(rms, sampled)):
             return rms, sampled, promise
     return None
 

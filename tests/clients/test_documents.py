@@ -156,8 +156,8 @@ def test_lines():
         path for path in glob.glob(os.path.join(ROOT, '**/*.md'), recursive=True)
         if 'node_modules' not in path and '/build/' not in path[len(ROOT):]
     ]
-    long = ['%s:%d' % (os.path.relpath(path, ROOT), number) for path in pages for number,
-            line in enumerate(open(path, encoding='utf-8'), 1)
+    long = ['%s:%d' % (os.path.relpath(path, ROOT), number) for path in pages
+            for number, line in enumerate(open(path, encoding='utf-8'), 1)
             if len(line) > 300 and not line.startswith('|') and not path.endswith('PROOF.md')]
     assert len(pages) > 15 and not long, long
 

@@ -303,8 +303,8 @@ def test_series():
         for stream, far in zip(streams, (-1e300, times[-1] + 2)):
             raises(ValueError, 'the nearest is', stream.at, far)
             if choice != {'error': 1.0}:
-                options = [word for name,
-                           value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
+                options = [word
+                           for name, value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
                 command('extract', path, '--time', repr(time), *options, '-o', os.path.join(SCRATCH, 'step.vtu'))
                 points, tets, fields = read_vtu('step.vtu')
                 assert (np.array_equal(points, a.points) and np.array_equal(tets, a.tets)

@@ -80,8 +80,8 @@ def answer_of_path(where, path, status):
         return any_refusal(where, status)
     answer = resolve(answers[str(status)])
     if status in (206, 304):
-        whole = {name: {**resolve(header), 'required': False} for name,
-                 header in resolve(answers['200']).get('headers', {}).items()}
+        whole = {name: {**resolve(header), 'required': False}
+                 for name, header in resolve(answers['200']).get('headers', {}).items()}
         answer = {**answer, 'headers': {**whole, **answer['headers']}}
     return answer
 

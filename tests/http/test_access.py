@@ -247,8 +247,8 @@ def test_wrong_tokens_cost_time():
             found = [one.result() for one in waiting]
             took = time.monotonic() - started
         refused = [status for status, _, _ in found if status == 401]
-        assert {status for status, _, _ in found} <= {401, 429} and all(head['retry-after'] for status, head,
-                                                                        _ in found if status == 429)
+        assert {status for status, _, _ in found} <= {401, 429} and all(head['retry-after']
+                                                                        for status, head, _ in found if status == 429)
         assert len(refused) <= 8 * (1 + took) and took >= 1, (len(refused), took)
         assert server.get('/v1/meshes')[0] == 401  # it tried none: at once, even if others of its address wait
         eventually(lambda: server.get('/v1/meshes', Authorization='Bearer ' + SECRET)[0] == 200)

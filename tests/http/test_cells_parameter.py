@@ -131,8 +131,8 @@ def by_corners(data):
     columns = {
         cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())
     }
-    return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()} for i,
-            row in enumerate(rows)}
+    return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()}
+            for i, row in enumerate(rows)}
 
 
 def test_in_boxes():

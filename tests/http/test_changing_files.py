@@ -71,8 +71,8 @@ def learn(streams):
             made = {path: still.get('/v1/meshes/%s/%s/%s' % (name, about['cid'], path)) for path in MADE}
             assert made[MADE[0]][0] == 200, made[MADE[0]]
             GOOD[about['cid']] = {'data': data, 'ends': [level['bytes'] for level in about['levels']],
-                                  'made': {path: hashlib.sha256(body).digest() for path,
-                                           (status, _, body) in made.items() if status == 200}}
+                                  'made': {path: hashlib.sha256(body).digest()
+                                           for path, (status, _, body) in made.items() if status == 200}}
 
 
 def expected(cid, seed):
@@ -258,8 +258,8 @@ def test_a_day():
         counts = {name: sum(counts[name] for counts, _ in results) for name in results[0][0]}
         wrong = [one for _, some in results for one in some]
         print('# %d changes, %s, %d wrong' % (CHANGES,
-                                              ', '.join('%d %s' % (count, name) for name,
-                                                        count in counts.items()), len(wrong)))
+                                              ', '.join('%d %s' % (count, name)
+                                                        for name, count in counts.items()), len(wrong)))
         assert not wrong, wrong[:5]
         assert counts['complete'] > CHANGES and counts['refused'], counts
         for name in 'abc':  # all is well again with good files

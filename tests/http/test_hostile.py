@@ -168,8 +168,8 @@ def judge(guarded, received, whole):
         found = answers(received)
     except AssertionError as wrong:
         return repr(wrong), []
-    if guarded and any(status in (200, 206) and body and not body.startswith(b'{"status"') for status, _,
-                       body in found):
+    if guarded and any(status in (200, 206) and body and not body.startswith(b'{"status"')
+                       for status, _, body in found):
         return 'an answer without the token', []
     unknown = [status for status, _, _ in found if status not in KNOWN]
     return ('a status of none: %s' % unknown if unknown else None), [status for status, _, _ in found]

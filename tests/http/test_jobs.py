@@ -25,8 +25,8 @@ def region(number):
 
 
 def gauges(server):
-    return {name.decode(): float(value) for name,
-            value in re.findall(rb'^(tetlod_\w+) ([0-9.]+)$', server.get('/metrics')[2], re.M)}
+    return {name.decode(): float(value)
+            for name, value in re.findall(rb'^(tetlod_\w+) ([0-9.]+)$', server.get('/metrics')[2], re.M)}
 
 
 def ask(server, count, first=0, **more):

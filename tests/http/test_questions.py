@@ -24,8 +24,8 @@ QUESTIONS = ('mean(Pressure)', 'volume(Pressure > 3)', 'quantile(Pressure, 0.9)'
 
 
 def path(question, form=urllib.parse.quote, **more):
-    return '/v1/meshes/fin/ask?' + '&'.join('%s=%s' % (name, form(text)) for name,
-                                            text in {'q': question, **more}.items())
+    return '/v1/meshes/fin/ask?' + '&'.join('%s=%s' % (name, form(text))
+                                            for name, text in {'q': question, **more}.items())
 
 
 def answer(text):

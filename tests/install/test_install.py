@@ -84,8 +84,8 @@ def check_cmake(stage):
 
 
 def files(stage):
-    return sorted(os.path.relpath(os.path.join(folder, name), stage) for folder, _,
-                  names in os.walk(stage) for name in names)
+    return sorted(os.path.relpath(os.path.join(folder, name), stage)
+                  for folder, _, names in os.walk(stage) for name in names)
 
 
 def main():

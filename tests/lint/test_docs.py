@@ -53,8 +53,8 @@ def check_manual(help_of):
     manual = output('/usr/bin/python3', os.path.join(ROOT, 'src/cli/man.py'), TETLOD)
     plain = re.sub(r'\\([-e&])', lambda m: {'-': '-', 'e': '\\', '&': ''}[m.group(1)], manual)
     report('the manual has every line of every help',
-           ['%s: %s' % (command, line) for command,
-            text in help_of.items() for line in text.splitlines() if line not in plain])
+           ['%s: %s' % (command, line)
+            for command, text in help_of.items() for line in text.splitlines() if line not in plain])
     report('the manual names no option that no help has',
            sorted(set(OPTION.findall(plain)) - set(OPTION.findall(' '.join(help_of.values()))) - {'--version'}))
 

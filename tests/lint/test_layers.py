@@ -151,8 +151,8 @@ def twins():
             if path.endswith(('.c', '.h', '.py', '.js', '.mjs',
                               '.sh')) and not os.path.basename(path).startswith('__') and 'node_modules' not in path:
                 places.setdefault(os.path.basename(path), []).append(os.path.relpath(path, ROOT))
-    return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name,
-            paths in sorted(places.items()) if len(paths) > 1]
+    return ['%s is %s' % (name, ' and '.join(sorted(paths)))
+            for name, paths in sorted(places.items()) if len(paths) > 1]
 
 
 def stale_mutants():

@@ -12,7 +12,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 0, 'long lines': 68, 'phrases': 0}
+ALLOWED = {'in circles': 0, 'long lines': 66, 'phrases': 0}
 
 
 def circles(sources):
@@ -47,8 +47,8 @@ def long_lines(sources):
 def phrases(sources):
     """In comments, messages and documents: this file, which lists them, is left out."""
     pattern = re.compile(r'\b(%s)\b' % '|'.join(PHRASES))
-    return ['%s:%d says "%s"' % (path, number, found[1]) for path,
-            text in sorted(sources.items()) if path != 'tests/lint/test_ratchets.py'
+    return ['%s:%d says "%s"' % (path, number, found[1])
+            for path, text in sorted(sources.items()) if path != 'tests/lint/test_ratchets.py'
             for number, line in enumerate(text.split('\n'), 1) for found in pattern.finditer(line)]
 
 

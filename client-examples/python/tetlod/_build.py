@@ -156,8 +156,8 @@ def checked(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[st
             'points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
     if points.dtype.kind != 'f':
         points = points.astype(np.float64)
-    for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n,
-                                                                                   v in cells.items()]:
+    for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets))
+                                                                                   for n, v in cells.items()]:
         if np.shape(values)[:1] != (count,):
             raise ValueError('%r has values of shape %s; there are %d %s' % (name, np.shape(values), count,
                                                                              'points' if name in fields else 'tets'))

@@ -317,8 +317,8 @@ class LibraryDecoder:
         self._check(self._library.tetlod_series_new(byref(self._series), self._file, byref(error)), error)
         c = self._library.tetlod_series_info(self._series).contents
         self._series_fields, self._moves = c.fields[:c.field_count], c.displacement != NONE
-        ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i,
-                  number in enumerate(self._series_fields)}
+        ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1])
+                  for i, number in enumerate(self._series_fields)}
         return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]),
                      ranges, self._moves, self.step_error, own_ranges(self.info.metadata))
 
@@ -329,8 +329,8 @@ class LibraryDecoder:
         self._check(self._library.tetlod_seek_step(self._series, self._series_cursor, band, step, byref(error)), error)
         self._library.tetlod_cursor_mesh(self._series_cursor, byref(mesh))
         points, tets, fields = self._arrays(mesh,
-                                            {number: self._library.tetlod_step_values(self._series, i) for i,
-                                             number in enumerate(self._series_fields)})
+                                            {number: self._library.tetlod_step_values(self._series, i)
+                                             for i, number in enumerate(self._series_fields)})
         if self._moves:
             points = points.copy()
             self._check(self._library.tetlod_step_move(self._series, points.ctypes.data, byref(error)), error)

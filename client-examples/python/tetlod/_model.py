@@ -109,8 +109,8 @@ class Choice:
         """The same choice as parameters of the server."""
         asked = {'error': self.fraction, 'abs_error': self.abs_error, 'level': self.level, 'tets': self.tets,
                  'bytes': self.bytes, 'field': self.field, 'measure': None if self.measure == 'max' else self.measure}
-        return {name: repr(value) if isinstance(value, float) else str(value) for name,
-                value in asked.items() if value is not None}
+        return {name: repr(value) if isinstance(value, float) else str(value)
+                for name, value in asked.items() if value is not None}
 
 
 def fields_meant(fields: Sequence[Field], name: Optional[str]) -> Sequence[Field]:
@@ -163,8 +163,8 @@ def level_for(fields: Sequence[Field], levels: Sequence[Level], choice: Choice) 
         return len(levels) - 1
     for i, level in enumerate(levels):
         units = [1.0 if choice.abs_error is None else f.range[1] - f.range[0] for f in meant]
-        if meant and all(level.errors[f.name].get(choice.measure, math.nan) * unit <= limit for f,
-                         unit in zip(meant, units)):
+        if meant and all(level.errors[f.name].get(choice.measure, math.nan) * unit <= limit
+                         for f, unit in zip(meant, units)):
             return i
     raise ValueError('no level has an error of at most %g: %s' % (limit, why_none(fields, levels, meant, choice)))
 

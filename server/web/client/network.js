@@ -121,8 +121,8 @@ export class Source {
   #target;           // what the first request asks for
   #least;            // of a file: bytes that its first request asks for
   #served;           // by a server's routes; else ranges of a file
-  #early =
-    null; // a server's description: the first attempt to get it, which is on its way together with the first bytes
+  // A server's description: the first attempt to get it, which is on its way together with the first bytes.
+  #early = null;
   #routes = null;    // of the server: {level, records, stream}, URL templates
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
