@@ -29,8 +29,8 @@ void falsehood_note(double *at, double difference);
 bool falsehood_write(const struct falsehood *falsehood, struct tetlod_file *file, struct dice *dice, const char *path,
                      bool *out_lie, char *text, size_t size);
 
-/* The same with a local bound that is too small everywhere by one factor, and everything in the index that follows from it.
- * False: no field has one that could be. */
+/* The same with a local bound that is too small everywhere by one factor, and everything in the index that follows from
+ * it. False: no field has one that could be. */
 bool falsehood_write_bound(const struct falsehood *falsehood, struct tetlod_file *file, const char *path, char *text,
                            size_t size);
 

@@ -12,7 +12,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 0, 'long lines': 66, 'phrases': 0}
+ALLOWED = {'in circles': 0, 'long lines': 65, 'phrases': 0}
 
 
 def circles(sources):
