@@ -2,6 +2,8 @@
 /* SPEC 6. The carry is propagated as in other byte-wise range coders (Martin 1979; Schindler 1998). */
 #include "format/common/coder.h"
 
+#include <string.h>
+
 const uint8_t tetlodi_bit_shift[128] = {
     1, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6,
     6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7,
@@ -11,8 +13,10 @@ const uint8_t tetlodi_bit_shift[128] = {
 
 void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
 {
-    for (size_t i = 0; i < count; i++)
-        bits[i] = (struct tetlodi_bit){32768, 0};
+    if (count)
+        bits[0] = (struct tetlodi_bit){32768, 0};
+    for (size_t done = 1; done < count; done *= 2) // each page begins with all models anew
+        memcpy(bits + done, bits, (done < count - done ? done : count - done) * sizeof *bits);
 }
 
 void tetlodi_number_init(struct tetlodi_number *models)
