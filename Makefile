@@ -442,7 +442,7 @@ check: needs-check
 .PHONY: tests
 tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY) $(LIBMPI) \
     $(MPI_TEST)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack \
-    $(B)/tests/attack/proof)
+    $(B)/tests/attack/proof $(B)/tests/attack/page_selections)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -486,6 +486,15 @@ bench-answers: needs-check
 	    BOXES=100 /usr/bin/python3 $(CURDIR)/tests/cli/test_box_sums.py && \
 	    /usr/bin/python3 $(CURDIR)/tests/attack/features.py 1 1000 && \
 	    /usr/bin/python3 $(CURDIR)/tests/bench/answer_times.py $(CURDIR)/$(BINARY) $$PWD
+
+## bench-selections: 2,000 random selections of pages of eleven meshes against the originals, by the overlay
+##   (BLUNT=folder of the blunt fin); a million changed pages
+.PHONY: bench-selections
+BENCHES += bench-selections
+bench-selections: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(SELECTION_JUDGE) $(B)/tests/unit/test_page_mutation
+	@TETLOD=$(CURDIR)/$(BINARY) BLUNT=$(BLUNT) /usr/bin/python3 tests/attack/selections.py 1 2000
+	@ROOT=$(CURDIR) MUTATIONS=1000000 $(B)/tests/unit/test_page_mutation
 
 ## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files
 ##   under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred
@@ -580,16 +589,19 @@ SEEDS ?= 2000
 FIRST ?= 1
 ATTACK := $(B)/tests/attack/attack
 ORACLE_OBJECTS := $(call objects,$(filter-out tests/attack/attack.c tests/attack/falsify.c \
-    tests/attack/proof.c,$(wildcard tests/attack/*.c)))
+    tests/attack/page_selections.c tests/attack/proof.c,$(wildcard tests/attack/*.c)))
 ATTACK_OBJECTS := $(ORACLE_OBJECTS) $(call objects,tests/attack/attack.c tests/attack/falsify.c tests/recode.c)
 PROOF := $(B)/tests/attack/proof
-OBJECTS += $(ATTACK_OBJECTS) $(B)/tests/attack/proof.o
+SELECTION_JUDGE := $(B)/tests/attack/page_selections
+OBJECTS += $(ATTACK_OBJECTS) $(B)/tests/attack/proof.o $(SELECTION_JUDGE).o
+$(SELECTION_JUDGE): $(SELECTION_JUDGE).o $(ORACLE_OBJECTS) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 $(PROOF): $(B)/tests/attack/proof.o $(ORACLE_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter-out $(LIBTETLOD),$^) $(LIBTETLOD) $(PACKAGE_LIBS)
 attack: needs
-	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
+	$(Q)$(MAKE) --no-print-directory all $(ATTACK) $(SELECTION_JUDGE)
 	@python3 tests/attack/run_attack.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 	@/usr/bin/python3 tests/attack/doors.py $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 	@/usr/bin/python3 tests/attack/features.py $(FIRST) $(SEEDS)

@@ -416,8 +416,14 @@ static void try_pair(struct pair *p)
 void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
                     struct oracle_place worst[ORACLE_MAX_VALUES])
 {
-    struct pair p = {.meshes = {original, level}, .worst = worst, .radius = radius};
     memset(worst, 0, ORACLE_MAX_VALUES * sizeof *worst);
+    oracle_overlay_above(original, level, radius, worst);
+}
+
+void oracle_overlay_above(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
+                          struct oracle_place worst[ORACLE_MAX_VALUES])
+{
+    struct pair p = {.meshes = {original, level}, .worst = worst, .radius = radius};
     for (p.tets[0] = 0; p.tets[0] < original->tets; p.tets[0]++) {
         const struct oracle_tet *a = &original->details[p.tets[0]];
         uint32_t part = part_of(original, p.tets[0]);

@@ -66,6 +66,10 @@ void oracle_finish(struct oracle_mesh *mesh);
 void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
                     struct oracle_place worst[ORACLE_MAX_VALUES]);
 
+/* The same of differences above those that `worst` has already: where there are none it stays as it is. */
+void oracle_overlay_above(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
+                          struct oracle_place worst[ORACLE_MAX_VALUES]);
+
 /* Weights of x in a tetrahedron. */
 void oracle_weights(const struct oracle_mesh *mesh, uint32_t tet, const quad x[3], quad weights[4]);
 

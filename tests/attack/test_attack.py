@@ -29,5 +29,7 @@ for first, count in RANGES:
                                      'tests/attack/run_attack.py'), ATTACK, TETLOD, SCRATCH, str(count), str(first))
 run('inputs that were changed, and files that are cut off, seeds 1 to 8', sys.executable,
     os.path.join(ROOT, 'tests/attack/doors.py'), TETLOD, SCRATCH, '8')
+run('selections of pages', '/usr/bin/python3', os.path.join(ROOT, 'tests/attack/selections.py'), '1', '12', 'parts',
+    'bent')
 note(run('the certificate, seeds 1 to 60', os.path.join(os.path.dirname(ATTACK), 'proof'), '1', '60'))
 finish()
