@@ -49,13 +49,22 @@ void cell_groups_fini(struct cell_groups *groups)
     *groups = (struct cell_groups){0};
 }
 
-/* The largest first: what is begun last ends soon. */
-static uint32_t *order_cells(const struct partition *partition)
+/* What cells are ordered by: their size; or, where they are cut out of files, how near the front they begin: what is
+ * read for one is there for its neighbours. */
+static uint32_t rank_of(const struct cell_run *run, uint32_t cell)
 {
-    uint32_t *order = array_new(partition->cells, sizeof *order);
-    for (uint32_t i = 0; i < partition->cells && order; i++) {
-        uint32_t at = i, tets = partition->begins[i + 1] - partition->begins[i];
-        for (; at > 0 && partition->begins[order[at - 1] + 1] - partition->begins[order[at - 1]] < tets; at--)
+    const struct partition *partition = &run->partition;
+    uint32_t begin = partition->begins[cell];
+    return run->spools ? UINT32_MAX - partition->tets[begin] : partition->begins[cell + 1] - begin;
+}
+
+/* The largest first: what is begun last ends soon. */
+static uint32_t *order_cells(const struct cell_run *run)
+{
+    uint32_t cells = run->partition.cells, *order = array_new(cells, sizeof *order);
+    for (uint32_t i = 0; i < cells && order; i++) {
+        uint32_t at = i;
+        for (; at > 0 && rank_of(run, order[at - 1]) < rank_of(run, i); at--)
             order[at] = order[at - 1];
         order[at] = i;
     }
@@ -347,7 +356,7 @@ static enum tetlod_status run_phase(struct cell_run *run)
     TETLOD_TRY_DONE(cells_make_scratch(run));
     TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->error));
     TETLOD_TRY_DONE(choose_limit(run));
-    order = order_cells(&run->partition);
+    order = order_cells(run);
     if (!order)
         TETLOD_TRY_DONE(cells_no_memory(run));
     if (run->spools && !run->share)
@@ -440,6 +449,8 @@ static enum tetlod_status contract_root(struct cell_run *run)
         options.progress = report_root;
         options.progress_opaque = &progress;
     }
+    if (run->state.fresh)
+        TETLOD_TRY(piece_own(&run->state, run->error));
     bool shares = run->share && run->share->keeps_parts;
     enum tetlod_status status = shares ? share_root(run, &root, &options) : contract_rest(run, &root, &options);
     if (status == TETLOD_OK)
@@ -484,7 +495,7 @@ static enum tetlod_status begin(struct cell_run *run, const uint32_t *controlled
         run->nodes[v] = v;
     TETLOD_TRY(log_init(run->log, run->mesh, run->error));
     TETLOD_TRY(
-        piece_of_mesh(&run->state, &run->whole, run->mesh, controlled, controlled_count, limits, options, run->error));
+        piece_begin(&run->state, &run->whole, run->mesh, controlled, controlled_count, limits, options, run->error));
     run->log->degenerate_tets = run->whole.degenerate_tets;
     run->log->inverted_tets = run->whole.inverted_tets;
     run->log->folded_tets = run->whole.folded_tets;

@@ -10,6 +10,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
+enum { KEPT_FLAGS = VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_SINGULAR | VERTEX_FIXED };
+
 /* ---- memory */
 
 void piece_fini(struct piece *piece)
@@ -20,7 +22,8 @@ void piece_fini(struct piece *piece)
                            piece->origins, piece->state.certified, piece->state.predicted};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
-    tetmesh_fini(&piece->mesh);
+    if (!piece->fresh)
+        tetmesh_fini(&piece->mesh);
     *piece = (struct piece){0};
 }
 
@@ -100,7 +103,7 @@ static void take_vertex(struct piece *piece, const struct working *working, cons
     }
     piece->moved[v] = row[row_moved(working)];
     piece->most[v] = border->most[slot];
-    piece->flags[v] = working->flags[slot] & (VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_SINGULAR | VERTEX_FIXED);
+    piece->flags[v] = working->flags[slot] & KEPT_FLAGS;
 }
 
 /* Faces by their corners, where the last two change places. */
@@ -231,52 +234,79 @@ static enum tetlod_status find_whole(struct piece_whole *whole, const struct tet
     return TETLOD_OK;
 }
 
-/* Takes all of a new working mesh, in the order of the mesh. */
-static enum tetlod_status take_whole(struct piece *piece, const struct working *working, const struct border *border,
-                                     const struct tetmesh *mesh, struct tetlod_error *error)
+/* The boundary, what may be contracted there, and how far it may move. */
+static enum tetlod_status find_border(struct piece *piece, struct piece_whole *whole, const struct tetmesh *mesh,
+                                      const struct simplify_options *options, struct tetlod_error *error)
 {
-    uint32_t *origins = array_new(working->tet_count, sizeof *origins);
-    enum tetlod_status status =
-        origins ? working_origins(working, mesh, origins, error) : no_memory(error, working->tet_count);
-    for (uint32_t slot = 0; slot < working->slot_count && status == TETLOD_OK; slot++)
-        take_vertex(piece, working, border, slot, working->node[slot]);
-    for (uint32_t t = 0; t < working->tet_count && status == TETLOD_OK; t++)
-        take_tet(piece, working, working->node, t, origins[t]);
-    free(origins);
+    struct working working = {0};
+    struct contraction_log log = {0};
+    struct pool *pool = pool_new(options->threads ? options->threads : parallel_cores());
+    enum tetlod_status status;
+    piece->most = array_new(mesh->vertex_count, sizeof *piece->most);
+    if (!pool || !piece->most)
+        TETLOD_TRY_DONE(no_memory(error, mesh->vertex_count));
+    TETLOD_TRY_DONE(working_look(&working, mesh, whole->ranges.turned, &log, error));
+    TETLOD_TRY_DONE(regions_fix(mesh, options->regions, NULL, working.flags, error));
+    regions_fix_vertices(mesh->vertex_count, options->fixed, NULL, working.flags);
+    TETLOD_TRY_DONE(border_find(&working, pool, error));
+    TETLOD_TRY_DONE(border_find_most(piece->most, &working, mesh, options->boundary_limit, options->boundary_least,
+                                     pool_size(pool), error));
+    whole->degenerate_tets = log.degenerate_tets;
+    whole->inverted_tets = log.inverted_tets;
+    whole->folded_tets = log.folded_tets;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        working.flags[v] &= KEPT_FLAGS;
+    for (uint32_t t = 0; t < mesh->tet_count && whole->ranges.turned; t++)
+        working.boundary_faces[t] = turn_faces(working.boundary_faces[t]);
+    piece->flags = working.flags;
+    piece->boundary_faces = working.boundary_faces;
+    working.flags = working.boundary_faces = NULL;
+done:
+    working_look_end(&working, mesh);
+    pool_free(pool);
     return status;
+}
+
+enum tetlod_status piece_begin(struct piece *piece, struct piece_whole *whole, const struct tetmesh *mesh,
+                               const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                               const struct simplify_options *options, struct tetlod_error *error)
+{
+    enum tetlod_status status;
+    *piece = (struct piece){.whole = whole, .fresh = true, .mesh = *mesh};
+    piece->mesh.cell_field_count = 0;
+    *whole = (struct piece_whole){0};
+    TETLOD_TRY_DONE(find_whole(whole, mesh, controlled, controlled_count, limits, error));
+    TETLOD_TRY_DONE(find_border(piece, whole, mesh, options, error));
+    piece->state.certified = array_zero(whole->component_count, sizeof(double));
+    piece->state.predicted = array_zero(whole->component_count, sizeof(double));
+    status = piece->state.certified && piece->state.predicted ? TETLOD_OK : no_memory(error, 0);
+done:
+    if (status != TETLOD_OK) {
+        piece_fini(piece);
+        piece_whole_fini(whole);
+    }
+    return status;
+}
+
+enum tetlod_status piece_own(struct piece *piece, struct tetlod_error *error)
+{
+    struct piece own;
+    TETLOD_TRY(piece_new(&own, piece, piece->mesh.vertex_count, piece->mesh.tet_count, error));
+    for (uint32_t v = 0; v < piece->mesh.vertex_count; v++)
+        piece_copy_vertex(&own, v, piece, v);
+    memcpy(own.mesh.corners, piece->mesh.corners, piece->mesh.tet_count * 4 * sizeof(uint32_t));
+    memcpy(own.boundary_faces, piece->boundary_faces, piece->mesh.tet_count);
+    piece_fini(piece);
+    *piece = own;
+    return TETLOD_OK;
 }
 
 enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole, const struct tetmesh *mesh,
                                  const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                  const struct simplify_options *options, struct tetlod_error *error)
 {
-    struct working working = {0};
-    struct border border = {0};
-    struct contraction_log log = {0};
-    struct pool *pool = pool_new(options->threads ? options->threads : parallel_cores());
-    enum tetlod_status status;
-    *piece = (struct piece){0};
-    *whole = (struct piece_whole){0};
-    if (!pool)
-        return no_memory(error, 0);
-    TETLOD_TRY_DONE(find_whole(whole, mesh, controlled, controlled_count, limits, error));
-    TETLOD_TRY_DONE(make_piece(piece, whole, mesh, mesh->vertex_count, mesh->tet_count, error));
-    TETLOD_TRY_DONE(log_init(&log, mesh, error));
-    TETLOD_TRY_DONE(working_init(&working, mesh, NULL, controlled, controlled_count, limits, &log, error));
-    TETLOD_TRY_DONE(regions_fix(mesh, options->regions, working.node, working.flags, error));
-    regions_fix_vertices(mesh->vertex_count, options->fixed, working.node, working.flags);
-    TETLOD_TRY_DONE(border_find(&working, pool, error));
-    TETLOD_TRY_DONE(border_init(&border, &working, mesh, options->boundary_angle, options->boundary_limit,
-                                options->boundary_least, pool_size(pool), error));
-    whole->degenerate_tets = log.degenerate_tets;
-    whole->inverted_tets = log.inverted_tets;
-    whole->folded_tets = log.folded_tets;
-    status = take_whole(piece, &working, &border, mesh, error);
-done:
-    border_fini(&border);
-    working_fini(&working);
-    log_fini(&log);
-    pool_free(pool);
+    TETLOD_TRY(piece_begin(piece, whole, mesh, controlled, controlled_count, limits, options, error));
+    enum tetlod_status status = piece_own(piece, error);
     if (status != TETLOD_OK) {
         piece_fini(piece);
         piece_whole_fini(whole);
@@ -299,10 +329,36 @@ static uint32_t list_vertices(const struct piece *of, const uint32_t *tets, uint
     return count;
 }
 
-void piece_copy_vertex(struct piece *out, uint32_t to, const struct piece *of, uint32_t from)
+/* What follows from the whole mesh at a vertex of a fresh piece (as working_init makes it): the values on their grids;
+ * U and L, which are the values themselves. */
+static void copy_fresh(struct piece *out, uint32_t to, const struct piece *of, uint32_t from)
+{
+    const struct piece_whole *whole = of->whole;
+    const double(*range)[2] = (const double(*)[2])whole->ranges.component_ranges;
+    double *bounds = out->bounds + 2 * (size_t)to * whole->component_count;
+    for (uint32_t f = 0; f < of->mesh.field_count; range += of->mesh.fields[f++].components) {
+        const struct point_field *field = &of->mesh.fields[f];
+        const double *values = field->values + (size_t)from * field->components;
+        for (uint32_t c = 0; c < field->components; c++)
+            out->mesh.fields[f].values[(size_t)to * field->components + c] =
+                grid_round(&field->grid, field->type, values[c]) - field_middle(range[c]) + field_middle(range[c]);
+    }
+    for (uint32_t i = 0; i < whole->controlled_count; i++) {
+        const struct point_field *field = &of->mesh.fields[whole->controlled[i]];
+        range = (const double(*)[2])whole->ranges.component_ranges;
+        for (uint32_t f = 0; f < whole->controlled[i]; f++)
+            range += of->mesh.fields[f].components;
+        for (uint32_t c = 0; c < field->components; c++, bounds += 2)
+            bounds[0] = bounds[1] = field->values[(size_t)from * field->components + c] - field_middle(range[c]);
+    }
+    memset(out->predicted + (size_t)to * whole->component_count, 0, whole->component_count * sizeof(double));
+    out->moved[to] = 0;
+    out->frozen[to] = 0;
+}
+
+static void copy_contracted(struct piece *out, uint32_t to, const struct piece *of, uint32_t from)
 {
     uint32_t k = of->whole->component_count;
-    memcpy(out->mesh.positions + 3 * (size_t)to, of->mesh.positions + 3 * (size_t)from, 3 * sizeof(double));
     memcpy(out->bounds + 2 * (size_t)to * k, of->bounds + 2 * (size_t)from * k, 2 * k * sizeof(double));
     memcpy(out->predicted + (size_t)to * k, of->predicted + (size_t)from * k, k * sizeof(double));
     for (uint32_t f = 0; f < of->mesh.field_count; f++) {
@@ -310,9 +366,18 @@ void piece_copy_vertex(struct piece *out, uint32_t to, const struct piece *of, u
         memcpy(out->mesh.fields[f].values + to * size, of->mesh.fields[f].values + from * size, size * sizeof(double));
     }
     out->moved[to] = of->moved[from];
+    out->frozen[to] = of->frozen[from];
+}
+
+void piece_copy_vertex(struct piece *out, uint32_t to, const struct piece *of, uint32_t from)
+{
+    memcpy(out->mesh.positions + 3 * (size_t)to, of->mesh.positions + 3 * (size_t)from, 3 * sizeof(double));
     out->most[to] = of->most[from];
     out->flags[to] = of->flags[from];
-    out->frozen[to] = of->frozen[from];
+    if (of->fresh)
+        copy_fresh(out, to, of, from);
+    else
+        copy_contracted(out, to, of, from);
 }
 
 enum tetlod_status piece_new(struct piece *out, const struct piece *like, uint32_t vertices, uint32_t tets,

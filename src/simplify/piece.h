@@ -29,6 +29,9 @@ struct piece_state {
 
 struct piece {
     const struct piece_whole *whole; /* borrowed */
+    /* Nothing has been contracted yet: the arrays of `mesh` are the whole mesh's, borrowed, and those that follow from
+     * it are NULL: `frozen`, `bounds`, `predicted`, `moved`. */
+    bool fresh;
     struct tetmesh mesh;             /* positions and values as they are now; no cell fields */
     uint8_t *frozen;                 /* [vertex] not contracted here: its star is not all there */
     uint8_t *flags;                  /* [vertex] VERTEX_BOUNDARY, FROZEN, SINGULAR, FIXED, as in the whole mesh */
@@ -42,8 +45,17 @@ struct piece {
     struct piece_state state;
 };
 
-/* The whole mesh as a piece. Of the options those of the boundary, the regions and the threads count. *whole must
- * outlive all its pieces. ERR_NOMEM, ERR_LIMIT. */
+/* The whole mesh as a fresh piece, to be cut. Of the options those of the boundary, the regions and the threads count.
+ * The mesh and *whole must outlive all its pieces. ERR_NOMEM, ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status piece_begin(struct piece *piece, struct piece_whole *whole,
+                                              const struct tetmesh *mesh, const uint32_t *controlled,
+                                              uint32_t controlled_count, const double *limits,
+                                              const struct simplify_options *options, struct tetlod_error *error);
+
+/* A fresh piece gets arrays of its own, to be contracted. ERR_NOMEM: it is as before. */
+TETLOD_CHECKED enum tetlod_status piece_own(struct piece *piece, struct tetlod_error *error);
+
+/* Both. */
 TETLOD_CHECKED enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
                                                 const struct tetmesh *mesh, const uint32_t *controlled,
                                                 uint32_t controlled_count, const double *limits,

@@ -279,6 +279,11 @@ void border_classify(struct border *border, const struct working *working, uint3
     border->kinds[slot] = normals_kind(&normals, border->directions + 3 * (size_t)slot);
 }
 
+static uint32_t vertex_of(const struct working *working, uint32_t slot)
+{
+    return working->node ? working->node[slot] : slot;
+}
+
 /* The corners of the boundary faces in the mesh's numbers; their count in *out_count, NULL: no memory. */
 static uint32_t *list_faces(const struct working *working, uint32_t *out_count)
 {
@@ -290,29 +295,22 @@ static uint32_t *list_faces(const struct working *working, uint32_t *out_count)
     for (uint32_t t = 0; t < working->tet_count && triangles; t++)
         for (unsigned f = 0; working->boundary_faces[t] >> f; f++)
             for (int k = 0; k < 3 && working->boundary_faces[t] >> f & 1; k++)
-                *next++ = working->node[working->corners[t][tet_faces[f][k]]];
+                *next++ = vertex_of(working, working->corners[t][tet_faces[f][k]]);
     *out_count = count;
     return triangles;
 }
 
-/* border->most, from the mesh as it was given. */
-static enum tetlod_status find_most(struct border *border, const struct working *working, const struct tetmesh *mesh,
-                                    double least,
-                                    unsigned threads, struct tetlod_error *error)
+enum tetlod_status border_find_most(double *out, const struct working *working, const struct tetmesh *mesh,
+                                    double limit, double least, unsigned threads, struct tetlod_error *error)
 {
     struct clearance_mesh of = {.positions = mesh->positions, .corners = mesh->corners,
                                 .vertex_count = mesh->vertex_count,
                                 .tet_count = mesh->tet_count};
     uint32_t *triangles = list_faces(working, &of.triangle_count);
-    double *most = array_new(mesh->vertex_count, sizeof *most);
     of.triangles = triangles;
-    enum tetlod_status status = triangles && most ? clearance_find(&of, border->limit, least, threads, most, error)
-                                                  : tetlodi_fail_nomem(error, "the boundary",
-                                                                       8 * (uint64_t)mesh->vertex_count);
-    for (uint32_t v = 0; v < mesh->vertex_count && status == TETLOD_OK; v++)
-        border->most[v] = most[working->node[v]];
+    enum tetlod_status status = triangles ? clearance_find(&of, limit, least, threads, out, error)
+                                          : tetlodi_fail_nomem(error, "the boundary", 12 * (uint64_t)mesh->tet_count);
     free(triangles);
-    free(most);
     return status;
 }
 
@@ -345,8 +343,15 @@ enum tetlod_status border_init(struct border *border, const struct working *work
                                double angle_degrees, double limit, double least, unsigned threads,
                                struct tetlod_error *error)
 {
-    TETLOD_TRY(open_border(border, working, angle_degrees, limit, error));
-    return find_most(border, working, mesh, least, threads, error);
+    double *most = array_new(mesh->vertex_count, sizeof *most);
+    enum tetlod_status status = most ? open_border(border, working, angle_degrees, limit, error)
+                                     : tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)mesh->vertex_count);
+    if (status == TETLOD_OK)
+        status = border_find_most(most, working, mesh, limit, least, threads, error);
+    for (uint32_t v = 0; v < mesh->vertex_count && status == TETLOD_OK; v++)
+        border->most[v] = most[working->node[v]];
+    free(most);
+    return status;
 }
 
 void border_renumber(struct border *border, const struct renumbering *numbers)

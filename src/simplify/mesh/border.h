@@ -35,6 +35,11 @@ TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struc
                                               const struct tetmesh *mesh,
                                                double angle_degrees, double limit, double least, unsigned threads,
                                              struct tetlod_error *error);
+/* How far each vertex of the mesh may move, for border->most: out [vertex of the mesh]. ERR_NOMEM, ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status border_find_most(double *out, const struct working *working,
+                                                   const struct tetmesh *mesh, double limit, double least,
+                                                   unsigned threads, struct tetlod_error *error);
+
 /* Of a part of a mesh before its first contraction here: `most` [vertex] is what border_init has found for the whole,
  * or contractions have left of it. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status border_resume(struct border *border, const struct working *working,

@@ -282,6 +282,45 @@ enum tetlod_status working_init(struct working *working, const struct tetmesh *m
     return init_fields(working, mesh, whole, controlled, controlled_count, limits, error);
 }
 
+/* Positions are the mesh's, and corners as well, unless the last two are to change places. */
+static bool borrow(struct working *working, const struct tetmesh *mesh, bool turned)
+{
+    uint32_t(*own)[4] = turned ? array_new(mesh->tet_count, sizeof *own) : (uint32_t(*)[4])mesh->corners;
+    for (size_t t = 0; t < mesh->tet_count && turned && own; t++) {
+        const uint32_t *c = mesh->corners + 4 * t;
+        memcpy(own[t], (uint32_t[4]){c[0], c[1], c[3], c[2]}, sizeof own[t]);
+    }
+    working->corners = own;
+    working->rows = mesh->positions;
+    working->stride = 3;
+    working->pool_capacity = 4 * (size_t)mesh->tet_count;
+    working->boundary_faces = array_zero(mesh->tet_count, 1);
+    working->flags = array_zero(mesh->vertex_count, 1);
+    working->stars = array_new(mesh->vertex_count, sizeof *working->stars);
+    working->pool = array_new(working->pool_capacity, sizeof *working->pool);
+    return own && working->boundary_faces && working->flags && working->stars && working->pool;
+}
+
+enum tetlod_status working_look(struct working *working, const struct tetmesh *mesh, bool turned,
+                                struct contraction_log *log, struct tetlod_error *error)
+{
+    *working = (struct working){.slot_count = mesh->vertex_count, .tet_count = mesh->tet_count, .log = log};
+    if (!borrow(working, mesh, turned))
+        return tetlodi_fail_nomem(error, "the stars", 17 * (uint64_t)mesh->tet_count);
+    TETLOD_TRY(list_stars(working, error));
+    memset(working->flags, VERTEX_ALIVE, working->slot_count);
+    freeze(working);
+    return TETLOD_OK;
+}
+
+void working_look_end(struct working *working, const struct tetmesh *mesh)
+{
+    working->rows = NULL;
+    if (working->corners == (uint32_t(*)[4])mesh->corners)
+        working->corners = NULL;
+    working_fini(working);
+}
+
 /* ---- the pool */
 
 /* Lists the stars of the living in a new pool, with room for so many more entries. */

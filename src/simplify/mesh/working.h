@@ -52,7 +52,7 @@ struct working {
     uint32_t (*corners)[4];  /* [tet] slots; the first is TETLOD_NONE when it is gone */
     uint8_t *boundary_faces; /* [tet] bit f: the face opposite corner f is on the boundary */
     uint8_t *flags;          /* [slot] VERTEX_... */
-    uint32_t *node;          /* [slot] */
+    uint32_t *node;          /* [slot] NULL: the slots are the mesh's vertices */
     struct span *stars;      /* [slot] */
     uint32_t *pool;
     size_t pool_capacity;
@@ -125,6 +125,14 @@ TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const st
                                                const struct working_whole *whole, const uint32_t *controlled,
                                                uint32_t controlled_count, const double *limits,
                                                struct contraction_log *log, struct tetlod_error *error);
+
+/* What border_find, and border_find_most, look at of the whole mesh: its tetrahedra and their stars, in the mesh's own
+ * order. It has no fields. `turned` as in working_whole. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_look(struct working *working, const struct tetmesh *mesh, bool turned,
+                                               struct contraction_log *log, struct tetlod_error *error);
+
+/* Ends such a one: the mesh is as it was. */
+void working_look_end(struct working *working, const struct tetmesh *mesh);
 
 /* Which tetrahedron of the mesh each of a new working mesh is: out[tet]. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh,
