@@ -163,7 +163,7 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
 /* Whole levels in pages are decoded by all helpers, a part of one by this thread. */
 static bool decodes_pages_at_once(const struct tetlod_cursor *cursor, uint32_t most)
 {
-    return TETLODI_THREADS && cursor->group && cursor->helpers && most == UINT32_MAX && !cursor->recorder.paged;
+    return TETLODI_THREADS && cursor->group && most == UINT32_MAX && !cursor->recorder.paged;
 }
 
 enum tetlod_status tetlodi_cursor_stars(struct tetlod_cursor *cursor, struct tetlod_error *error)

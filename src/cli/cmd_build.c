@@ -401,14 +401,6 @@ static enum tetlod_status build_topologies(struct build_request *request, struct
 
 /* ---- memory */
 
-/* Temporary files are where the user says; with --memory large arrays may be among them, from the reading on. */
-static enum tetlod_status begin_scratch(const struct build_request *request, struct tetlod_error *error)
-{
-    if (request->scratch && setenv("TMPDIR", request->scratch, 1) != 0)
-        return tetlodi_fail_nomem(error, "the environment", strlen(request->scratch));
-    return request->build.memory ? scratch_memory_begin(request->build.memory, error) : TETLOD_OK;
-}
-
 /* Chooses between memory and files. */
 static enum tetlod_status fit_memory(struct build_request *request, const struct input *in, struct tetlod_error *error)
 {
@@ -446,7 +438,7 @@ static enum tetlod_status fit_share(struct build_request *request, struct tetlod
 static int help_others(const struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
-    enum tetlod_status status = begin_scratch(request, &error);
+    enum tetlod_status status = scratch_memory_take(request->scratch, request->build.memory, &error);
     if (status == TETLOD_OK)
         status = build_helper(request->build.share, request->build.threads, &error);
     if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
@@ -469,7 +461,7 @@ static int build(struct build_request *request)
     struct input in;
     struct topology_spool spool = {0};
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    enum tetlod_status status = begin_scratch(request, &error);
+    enum tetlod_status status = scratch_memory_take(request->scratch, request->build.memory, &error);
     in = (struct input){0};
     if (status == TETLOD_OK)
         status = prepare(request, &in, &error);

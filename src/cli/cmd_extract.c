@@ -12,6 +12,7 @@
 #include "src/cli/extract_region.h"
 #include "src/cli/extract_step.h"
 #include "src/cli/probe.h"
+#include "src/cli/scratch_memory.h"
 #include "src/cli/step_option.h"
 #include "src/io/io.h"
 #include "src/stream/level_mesh.h"
@@ -63,6 +64,9 @@ static const char help[] =
     "      --points P     the values at points instead of the level's mesh, as .csv or .vtp: P is a file\n"
     "                     with x,y,z in each line, or the points themselves: 0,0,0;1,0.5,0. Outside of\n"
     "                     the mesh values are empty (.csv) or NaN (.vtp), and the column 'inside' is 0\n"
+    "      --memory BYTES how much memory to take; K, M, G may follow: large arrays are in temporary\n"
+    "                     files then. The bytes that are written are the same\n"
+    "      --scratch DIR  the folder of temporary files (default: TMPDIR, else /tmp)\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
     "If a file is cut off, such as a download that stopped, the levels that are whole can still be\n"
@@ -73,7 +77,8 @@ static const char help[] =
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
 struct request {
-    const char *input, *output, *field, *points;
+    const char *input, *output, *field, *points, *scratch;
+    uint64_t memory; /* 0: as much as it takes */
     struct selection selection;
     enum level_form form;
     bool quiet;
@@ -291,16 +296,20 @@ static enum tetlod_status extract_from(const struct stream_input *input, struct 
 
 static int extract(struct request *request)
 {
-    struct tetlod_error error = {0};
-    struct stream_input input;
+    struct tetlod_error error = {0}, inner = {0};
+    struct stream_input input = {.fd = -1};
     if (!is_stream(request->output) && !request->points && io_check_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
     if (request->form == FORM_CELLS && io_check_cells_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
-    enum tetlod_status status = stream_input_open(&input, request->input, parallel_cores(), &error);
+    enum tetlod_status status = scratch_memory_take(request->scratch, request->memory, &error);
+    if (status == TETLOD_OK)
+        status = stream_input_open(&input, request->input, parallel_cores(), &error);
     if (status == TETLOD_OK)
         status = extract_from(&input, request, &error);
     stream_input_close(&input);
+    if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
+        error = inner;
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
@@ -367,7 +376,8 @@ static int run(int argc, char **argv)
         {"box", required_argument, NULL, 'B'},       {"box-error", required_argument, NULL, 'E'},
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
         {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
-        {"cells", required_argument, NULL, 'C'},     {"points", required_argument, NULL, 'P'}, {0}};
+        {"cells", required_argument, NULL, 'C'},     {"points", required_argument, NULL, 'P'},
+        {"memory", required_argument, NULL, 'M'},    {"scratch", required_argument, NULL, 'D'},      {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets",
                                         ['b'] = "bytes"};
     struct request request = {.selection.measure = TETLOD_MAX};
@@ -391,6 +401,10 @@ static int run(int argc, char **argv)
             request.form = request.form == FORM_CELLS ? FORM_CELLS : FORM_ORDER;
         else if (option == 'P')
             request.points = optarg;
+        else if (option == 'D')
+            request.scratch = optarg;
+        else if (option == 'M')
+            good = cli_parse_count(&command_extract, "memory", optarg, 1, UINT64_MAX, &request.memory);
         else if (option == 'C')
             good = parse_cells(&request, optarg);
         else if (option == 'm')

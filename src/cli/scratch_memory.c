@@ -232,6 +232,13 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     return TETLOD_OK;
 }
 
+enum tetlod_status scratch_memory_take(const char *folder, uint64_t limit, struct tetlod_error *error)
+{
+    if (folder && setenv("TMPDIR", folder, 1) != 0)
+        return tetlodi_fail_nomem(error, "the environment", strlen(folder));
+    return limit ? scratch_memory_begin(limit, error) : TETLOD_OK;
+}
+
 void scratch_memory_stay(void)
 {
     atomic_store(&memory.stays, true);

@@ -22,6 +22,9 @@
  * in it. ERR_NOMEM: there is no timer. */
 TETLOD_CHECKED enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error);
 
+/* What the options --scratch and --memory ask for: NULL, and 0, where they are not given. */
+TETLOD_CHECKED enum tetlod_status scratch_memory_take(const char *folder, uint64_t limit, struct tetlod_error *error);
+
 /* All that is needed fits into memory: arrays that are made from now on are not in files. */
 void scratch_memory_stay(void);
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """What reading a file takes: its arrays once, and at most half as much again. A tetlod stream is decoded, which takes
-more."""
+more, but with --memory no more than that."""
 import os
 import re
 import subprocess
@@ -19,10 +19,10 @@ OWN = ('vtu', 'vtk', 'msh', 'vtkhdf', 'xdmf', 'exo', 'mesh', 'meshb')
 SMALL = 'import os, sys; _, status, usage = os.wait4(os.spawnv(os.P_NOWAIT, sys.argv[1], sys.argv[1:]), 0); print(status, usage.ru_maxrss)'
 
 
-def peak(*arguments):
+def peak(*arguments, command='convert', out='out.vtk'):
     """Bytes that converting it takes, in whichever of its processes takes most. Legacy VTK is written without room for
     a copy."""
-    done = subprocess.run([sys.executable, '-S', '-c', SMALL, TETLOD, 'convert', *arguments, '-o', 'out.vtk'],
+    done = subprocess.run([sys.executable, '-S', '-c', SMALL, TETLOD, command, *arguments, '-o', out],
                           cwd=SCRATCH,
                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     status, kilobytes = map(int, done.stdout.split())
@@ -179,4 +179,9 @@ for extension in OWN:
 for name in ['in2.' + extension for extension in OWN] + NAMES:
     hold(name, 1.5, name)
 hold('PLOT3D', 1.5, 'in.xyz', '--q', 'in.q')
+must('build', 'in.vtu', '-o', 'pages.tetlod', '--paged=5000')
+for name in 'out.vtu', 'out.vtkhdf':
+    most = 30 << 20
+    free, held = (peak('pages.tetlod', '--memory', memory, command='extract', out=name) for memory in ('1G', str(most)))
+    report('%s of a stream in pages: at most --memory' % name, held <= most < free, (held, free))
 finish()

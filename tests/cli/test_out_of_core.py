@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """build --memory: meshes that do not fit are built by cells, with large arrays in temporary files. What can be built
-so, and that it is the same stream, is also asked in test_pages.py."""
+so, and that it is the same stream, is also asked in test_pages.py. extract --memory."""
 import json
 import os
 import resource
@@ -37,6 +37,16 @@ def same_bytes():
     return None
 
 
+def extracted():
+    """The files of the same bytes, and none that is left."""
+    for name in 'level.vtu', 'level.vtkhdf', 'level.vtk':
+        must('extract', 'memory.tetlod', '-o', name, '--quiet')
+        must('extract', 'memory.tetlod', '-o', 'of-' + name, '--quiet', '--memory', '4M', '--scratch', 'scratch')
+        if read(name) != read('of-' + name) or os.listdir(path('scratch')):
+            return name
+    return None
+
+
 def chooses():
     """In one piece where that fits; else by cells, whose size need not be said."""
     roomy = built('one.tetlod', '--memory', '200M')
@@ -49,16 +59,15 @@ def chooses():
     return None if read('few.tetlod') == read('memory.tetlod') else 'other cells'
 
 
-def full_folder():
+def full_folder(name, *command):
     """One line that says which folder; no output, and none that is half."""
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 19, 1 << 19))
-    done = tetlod('build', 'cube.vtu', '-o', 'full.tetlod', CELLS, '--memory', LITTLE, '--scratch', 'scratch',
-                  preexec_fn=limit, restore_signals=False)
+    done = tetlod(*command, '-o', name, '--scratch', 'scratch', preexec_fn=limit, restore_signals=False)
     said = done.stderr.decode()
     good = done.returncode == 1 and said.count('\n') == 1 and 'scratch' in said and '--scratch' in said
-    left = [name for name in os.listdir(path('')) if name.startswith('full')] + os.listdir(path('scratch'))
+    left = [left for left in os.listdir(path('')) if left.startswith(name[:4])] + os.listdir(path('scratch'))
     return None if good and not left else (done.returncode, said, left)
 
 
@@ -77,7 +86,9 @@ must('sample', 'cube', '--size', '24', '-o', 'cube.vtu')
 os.makedirs(path('scratch'), exist_ok=True)
 case('the same stream, on any number of threads; nothing is left in the folder', same_bytes)
 case('in one piece where that fits', chooses)
-case('a folder that is full', full_folder)
+case('a level as a file of the same bytes', extracted)
+case('a folder that is full', full_folder, 'full.tetlod', 'build', 'cube.vtu', CELLS, '--memory', LITTLE)
+case('the same of a level', full_folder, 'full.vtu', 'extract', 'memory.tetlod', '--memory', '4M')
 folder_in_memory()
 BUILD = 'build', 'cube.vtu', '-o', 'no.tetlod', '--memory'
 fails('a folder that is not there', 1, ['nowhere', '--scratch'], *BUILD, LITTLE, '--scratch', 'nowhere')

@@ -195,12 +195,30 @@ enum tetlod_status vtkhdf_put_mesh(struct vtkhdf_file *w, const struct tetmesh *
     return TETLOD_OK;
 }
 
+/* The program's own memory, not that of HDF5's library: it may be in files. */
+static void *image_resize(void *image, size_t size, H5FD_file_image_op_t when, void *opaque)
+{
+    (void)when;
+    (void)opaque;
+    return realloc(image, size);
+}
+
+static herr_t image_free(void *image, H5FD_file_image_op_t when, void *opaque)
+{
+    (void)when;
+    (void)opaque;
+    free(image);
+    return 0;
+}
+
 bool vtkhdf_create(struct vtkhdf_file *out, hsize_t user_block)
 {
     enum { GROWTH = 1 << 22 };
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL); // it would print
     hid_t access = H5Pcreate(H5P_FILE_ACCESS), creation = H5Pcreate(H5P_FILE_CREATE);
     *out = (struct vtkhdf_file){-1, -1, (size_t)user_block, H5Pset_fapl_core(access, GROWTH, 0) >= 0};
+    H5FD_file_image_callbacks_t image = {.image_realloc = image_resize, .image_free = image_free};
+    out->good = out->good && H5Pset_file_image_callbacks(access, &image) >= 0;
     out->good = out->good && (!user_block || H5Pset_userblock(creation, user_block) >= 0);
     out->file = out->good ? H5Fcreate("vtkhdf", H5F_ACC_TRUNC, creation, access) : -1;
     out->good = out->file >= 0;
