@@ -235,7 +235,7 @@ $(REFINE): $(REFINE_SRC) $(wildcard $(WEB_DIR)/*/*.h format/*.h format/*/*.h src
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(REFINE_SRC)
 
 # Modules that are parts of worker.js and refine.js in the package.
-BUNDLED := worker.js engine.js network.js held.js choose.js steps.js vectors.js refine.js maker.js answers.js \
+BUNDLED := worker.js engine.js network.js held.js choose.js pace.js steps.js vectors.js refine.js maker.js answers.js \
     paging.js pages.js
 
 # The worker is one file: three loads one after the other would keep it waiting
@@ -630,7 +630,8 @@ bench-cut: needs $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
 
-## bench-web: the web client in headless Chromium, over a slow link and in pages (BLUNT=folder of the blunt fin, FLY=60)
+## bench-web: the web client in headless Chromium, over a slow link and in pages (BLUNT=folder of the blunt fin, FLY=60,
+##   BIG=stream of ten million tetrahedra)
 .PHONY: bench-web
 BENCHES += bench-web
 bench-web: needs-check

@@ -56,13 +56,38 @@ static bool toggle(struct waiting *waiting, const uint32_t *corners, uint32_t sl
     return add(waiting, low, mid, high, slot);
 }
 
-static bool match_faces(const struct tetmesh *mesh, struct waiting *waiting)
+static uint64_t mix(uint64_t x)
+{
+    x = (x ^ x >> 32) * 0xd6e8feb86659fd93u;
+    return (x ^ x >> 32) * 0xd6e8feb86659fd93u;
+}
+
+/* At each vertex the faces that come an odd number of times, as far as 64 bits tell them apart: 0 where there is none.
+ * Most vertices are inside, so that few faces are left for what takes longer. */
+static void add_odd_faces(const struct tetmesh *mesh, uint64_t *odd)
+{
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        const uint32_t *corners = mesh->corners + 4 * (size_t)t;
+        uint64_t keys[4], faces[4], whole = 0, all = 0;
+        for (int i = 0; i < 4; i++)
+            whole += keys[i] = mix(corners[i] + (uint64_t)1);
+        for (int i = 0; i < 4; i++)
+            all ^= faces[i] = mix(whole - keys[i]);
+        for (int i = 0; i < 4; i++)
+            odd[corners[i]] ^= all ^ faces[i];
+    }
+}
+
+static bool match_faces(const struct tetmesh *mesh, const uint64_t *odd, struct waiting *waiting)
 {
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         waiting->first[v] = TETLOD_NONE;
-    for (uint32_t slot = 0; slot < 4 * mesh->tet_count; slot++)
-        if (!toggle(waiting, mesh->corners + (slot & ~3u), slot))
+    for (uint32_t slot = 0; slot < 4 * mesh->tet_count; slot++) {
+        const uint32_t *corners = mesh->corners + (slot & ~3u);
+        const uint8_t *face = tet_faces[slot & 3];
+        if (odd[corners[face[0]]] && odd[corners[face[1]]] && odd[corners[face[2]]] && !toggle(waiting, corners, slot))
             return false;
+    }
     return true;
 }
 
@@ -94,8 +119,13 @@ enum tetlod_status cut_boundary(const struct tetmesh *mesh, struct cut *out, str
                             ADJACENCY_MAX_TETS);
     struct waiting waiting = {.first = array_new(mesh->vertex_count, sizeof(uint32_t)), .free = TETLOD_NONE};
     uint32_t *numbers = array_new(mesh->vertex_count, sizeof *numbers);
+    uint64_t *odd = array_zero(mesh->vertex_count, sizeof *odd);
     cut_empty(out);
-    bool made = waiting.first && numbers && match_faces(mesh, &waiting) && add_faces(mesh, &waiting, numbers, out);
+    if (odd)
+        add_odd_faces(mesh, odd);
+    bool made = waiting.first && numbers && odd && match_faces(mesh, odd, &waiting) &&
+                add_faces(mesh, &waiting, numbers, out);
+    free(odd);
     free(waiting.first);
     free(waiting.faces);
     free(numbers);

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The web client in headless Chromium, and over a slow link: node web.mjs TETLOD FOLDER. Streams are made in FOLDER
 // once. The blunt fin (the usual PLOT3D grid and solution) if BLUNT names its folder, else a large fin sample in its
-// place. Prints what is measured beside its floor.
+// place. BIG names a stream of ten million tetrahedra, which is opened, too. Prints what is measured beside its floor.
 import { execFileSync } from 'node:child_process';
 import { existsSync, mkdirSync, statSync } from 'node:fs';
 import { connect, createServer } from 'node:net';
-import { join } from 'node:path';
+import { basename, join } from 'node:path';
 
 const [, , TETLOD, folder] = process.argv;
 process.env.TETLOD = TETLOD;
 const { launch, openPage } = await import('../web/browser.mjs');
 const { folderHost, program } = await import('../web/hosts.mjs');
 
-const { BLUNT } = process.env;
+const { BLUNT, BIG } = process.env;
 const oneWay = 25;            // milliseconds
 
 function make(name, ...command) {
@@ -96,6 +96,26 @@ async function decode(url) {
   return { whole, worker, tets: stream.info.tets, step: steps.sort((a, b) => a - b)[steps.length >> 1] };
 }
 
+// Seconds until the finest level has come, without pictures and with those that the viewer would make of it.
+async function showMeanwhile([url, shows]) {
+  const { TetlodStream } = await import('./stream.js');
+  const stream = await TetlodStream.open(url);
+  const [field] = stream.info.fields;
+  const origin = stream.info.bounds[0].map((x, i) => (x + stream.info.bounds[1][i]) / 2);
+  const spec = { field: field.name, surface: true, slices: [{ origin, normal: [0, 1, 0] }], morph: false };
+  let there = 0;
+  stream.addEventListener('level', ({ detail }) => { there = detail.level; });
+  const began = performance.now();
+  const came = new Promise((resolve) => stream.addEventListener('level', () => {
+    if (there === stream.info.levels.length - 1) resolve(performance.now());
+  }));
+  if (shows) await stream.show(spec);
+  stream.refineTo();
+  const seconds = (await came - began) / 1000;
+  stream.close();
+  return seconds;
+}
+
 async function draw(url) {
   const { TetlodStream } = await import('./stream.js');
   const blocked = [];
@@ -142,42 +162,17 @@ async function download(url) {
 
 // ---- the viewer
 
-/** Opens the viewer as somebody does who has not been there: {seconds, bytes} of the first picture, {ours, graphics}:
- * milliseconds of processor
- *  time of the longest task of the page's thread, and of the one in which the browser makes the graphics' context. */
-async function openViewer(id) {
-  const page = await openPage(browser, server.url);
+const longest = (tasks) => Math.max(0, ...tasks.map(({ tdur }) => tdur / 1000));
+
+/** A page that has never been there, until it is settled: {page, tasks, marks}: what its thread did, and the events of
+ * `tetlod-graphics` and `tetlod-picture`. */
+async function visit(origin, address) {
+  const page = await openPage(browser, origin);
   const tracing = await page.context().newCDPSession(page);
   const events = [];
   tracing.on('Tracing.dataCollected', ({ value }) => events.push(...value));
   await tracing.send('Tracing.start',
     { transferMode: 'ReportEvents', traceConfig: { includedCategories: ['toplevel', 'blink.user_timing'] } });
-  await page.goto(`${server.url}view/${id}`);
-  await page.waitForFunction(() => window.tetlod?.settled);
-  const [picture] = await page.evaluate(
-    () => performance.getEntriesByName('tetlod-picture').map(({ startTime, detail }) => ({ startTime, ...detail })));
-  const complete = new Promise((resolve) => tracing.once('Tracing.tracingComplete', resolve));
-  await tracing.send('Tracing.end');
-  await complete;
-  await page.context().close();
-  const made = events.find(({ name }) => name === 'tetlod-graphics');
-  const tasks = events.filter(
-    (e) => e.name === 'ThreadControllerImpl::RunTask' && e.tdur && e.pid === made.pid && e.tid === made.tid);
-  const isGraphics = ({ ts, dur }) => ts <= made.ts && made.ts <= ts + dur;
-  const longest = (of) => Math.max(0, ...of.map(({ tdur }) => tdur / 1000));
-  return {
-    seconds: picture.startTime / 1000,
-    bytes: picture.received,
-    ours: longest(tasks.filter((t) => !isGraphics(t))),
-    graphics: longest(tasks.filter(isGraphics))
-  };
-}
-
-/** A link that asks for the original: {picture, settled}: seconds from navigation to the first picture and to the last;
- * {gap}: the longest
- *  from one picture to the next, after the first. */
-async function openAll(origin) {
-  const page = await openPage(browser, origin);
   await page.addInitScript(() => {
     window.pictures = [];
     const look = () => {
@@ -187,13 +182,52 @@ async function openAll(origin) {
     };
     look();
   });
-  await page.goto(`${origin}view/cube60#error=0&maxTets=2000000`);
-  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000)
-                    .then((handle) => handle.jsonValue());
-  const { picture, times } = await page.evaluate(
-    () => ({ picture: performance.getEntriesByName('tetlod-picture')[0].startTime / 1000, times: window.pictures }));
+  await page.goto(`${origin}${address}`);
+  await page.waitForFunction(() => window.tetlod?.settled && (window.settledAt ??= performance.now()), null,
+                             { timeout: 600000 });
+  const complete = new Promise((resolve) => tracing.once('Tracing.tracingComplete', resolve));
+  await tracing.send('Tracing.end');
+  await complete;
+  const [made, drawn] = ['tetlod-graphics', 'tetlod-picture'].map((mark) => events.find(({ name }) => name === mark));
+  const tasks = events.filter(
+    (e) => e.name === 'ThreadControllerImpl::RunTask' && e.tdur && e.pid === made.pid && e.tid === made.tid);
+  return { page, tasks, made, drawn };
+}
+
+/** Opens the viewer as somebody does who has not been there: {seconds, bytes} of the first picture, {ours, graphics}:
+ * milliseconds of processor time of the longest task of the page's thread, and of the one in which the browser makes
+ * the graphics' context. */
+async function openViewer(id) {
+  const { page, tasks, made } = await visit(server.url, `view/${id}`);
+  const [picture] = await page.evaluate(
+    () => performance.getEntriesByName('tetlod-picture').map(({ startTime, detail }) => ({ startTime, ...detail })));
   await page.context().close();
-  return { picture, settled, gap: Math.max(0, ...times.map((time, i) => (i ? time - times[i - 1] : 0))) / 1000 };
+  const isGraphics = ({ ts, dur }) => ts <= made.ts && made.ts <= ts + dur;
+  return {
+    seconds: picture.startTime / 1000,
+    bytes: picture.received,
+    ours: longest(tasks.filter((t) => !isGraphics(t))),
+    graphics: longest(tasks.filter(isGraphics))
+  };
+}
+
+/** A link that asks for the original: {picture, settled}: seconds from navigation to the first picture and to the last;
+ * {gap}: the longest from one picture to the next, after the first; {task}: milliseconds of processor time of the
+ * longest task of the page's thread after the first picture. */
+async function openAll(origin, id = 'cube60') {
+  const { page, tasks, drawn } = await visit(origin, `view/${id}#error=0&maxTets=20000000`);
+  const { picture, times, settled } = await page.evaluate(() => ({
+    picture: performance.getEntriesByName('tetlod-picture')[0].startTime, times: window.pictures,
+    settled: window.settledAt
+  }));
+  await page.context().close();
+  const all = [picture, ...times.filter((time) => time > picture)];
+  return {
+    picture: picture / 1000,
+    settled: settled / 1000,
+    gap: Math.max(...all.map((time, i) => (i ? time - all[i - 1] : 0))) / 1000,
+    task: longest(tasks.filter(({ ts }) => ts > drawn.ts)),
+  };
 }
 
 /** The same over a link: {picture, settled}: seconds from navigation to the first picture, and to the 1 % that it is
@@ -218,7 +252,7 @@ function report(what, value, unit, floor, atLeast = false) {
 }
 
 const vtu = makeStreams();
-const server = await program([join(folder, 'fin.tetlod'), join(folder, 'cube60.tetlod')]);
+const server = await program([join(folder, 'fin.tetlod'), join(folder, 'cube60.tetlod'), ...(BIG ? [BIG] : [])]);
 const host = await folderHost('build/client');
 const files = await folderHost(folder);
 const browser = await launch();
@@ -245,6 +279,15 @@ report(`cube 60: to ${cube.tets} tetrahedra, with its surface`, cube.seconds, 's
 report(`cube 60: isosurface and slice (${cube.triangles} triangles), median`, 1000 * cube.cut, 'ms', 250);
 report('cube 60: longest that the page was blocked', cube.blocked, 'ms', 50);
 
+const meanwhile = [];
+for (let i = 0; i < 5; i++) {
+  const [without, shown] = [false, true].map((shows) => [`${server.url}v1/meshes/cube60`, shows]);
+  meanwhile.push([await inPage(showMeanwhile, without), await inPage(showMeanwhile, shown)]);
+}
+const [bare, shown] = [0, 1].map((which) => meanwhile.map((run) => run[which]).sort((a, b) => a - b)[2]);
+report('cube 60: the finest level without pictures, median of 5', bare, 's');
+report('  with pictures on the way, of that', shown / bare, 'times', 1.2);
+
 const visits = [];
 for (let i = 0; i < 5; i++) visits.push(await openViewer('fin'));
 const middle = (key) => visits.map((visit) => visit[key]).sort((a, b) => a - b)[visits.length >> 1];
@@ -259,7 +302,17 @@ for (const [how, port] of [['on the loopback', server.port], ['over 10 Mbit/s', 
   const second = (key) => all.map((visit) => visit[key]).sort((a, b) => a - b)[1];
   report(`viewer, a link to the original of cube 60, ${how}: first picture`, second('picture'), 's', 1);
   report('  the original', second('settled'), 's');
-  report('  longest from one picture to the next', second('gap'), 's');
+  report('  longest from one picture to the next', second('gap'), 's', 1);
+  report('  longest task of the page after the first picture, processor time', second('task'), 'ms', 100);
+}
+
+if (BIG) {
+  const id = basename(BIG, '.tetlod');
+  const all = await openAll(server.url, id);
+  report(`viewer, a link to the original of ${id}, on the loopback: first picture`, all.picture, 's', 2);
+  report('  the original', all.settled, 's');
+  report('  longest from one picture to the next', all.gap, 's', 1);
+  report('  longest task of the page after the first picture, processor time', all.task, 'ms', 100);
 }
 
 const [slowServer, slowFiles] =

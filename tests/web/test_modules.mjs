@@ -17,6 +17,7 @@ const { colorTable, isMap, lineColor, mapNames } = await load('colors.js');
 const { categoriesOf } = await load('categories.js');
 const { mapOfFile } = await load('color_file.js');
 const { Groups } = await load('../client/steps.js');
+const { Pace } = await load('../client/pace.js');
 const { Source } = await load('../client/network.js');
 const { Flow, drawVectors } = await load('../client/vectors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
@@ -537,8 +538,30 @@ async function a_silent_host_is_asked_again() {
   assert.match(retries[0], /a\.tetlod: no answer came for 30 s/);
 }
 
+// A large stream, decoded at a million tetrahedra a second, in levels a fortieth apart, and pictures that take 80 ns a
+// tetrahedron, or five times that: never more than a fifth of the time, and as often as that allows.
+function pictures_on_the_way_take_a_fifth_of_the_time() {
+  for (const [cost, longest] of [[8e-5, 1000], [4e-4, 5000]]) {
+    const pace = new Pace();
+    let [decoding, drawing, gap, at] = [0, 0, 0, 0];
+    for (let tets = 6; tets < 1.3e6; tets += 1 + tets / 40) {
+      const took = (1 + tets / 40) / 1000;
+      pace.decoded(took);
+      decoding += took;
+      if (!pace.isDue(tets)) continue;
+      pace.drew(cost * tets, tets);
+      gap = Math.max(gap, decoding + drawing + cost * tets - at);
+      drawing += cost * tets;
+      at = decoding + drawing;
+    }
+    assert.ok(drawing <= 0.2 * decoding && drawing > 0.1 * decoding, `${drawing} of ${decoding} ms`);
+    assert.ok(gap <= longest, `${gap} ms without a picture`);
+  }
+}
+
 await run([
-   groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field,
+  pictures_on_the_way_take_a_fifth_of_the_time,
+  groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field,
   vectors_are_at_chosen_places, seeds_lie_on_the_line_or_the_slice, categories_have_colours_of_their_own,
   arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment,
   maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults,

@@ -4,11 +4,10 @@
 import { boundOf, chooseLevel } from './choose.js';
 import { Held, readerOf, readerOfPart } from './held.js';
 import { FetchError, Source, canList, query, sleep } from './network.js';
+import { Pace } from './pace.js';
 import { Groups, chooseBandAt, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
 
-const slice = 100;      // milliseconds of decoding from one level that is shown to the next, at least
-const share = 0.2;      // of the time of decoding that pictures of levels on the way may take
 const moveTime = 250;   // milliseconds that a move between two levels takes
 const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump anyway
 const ahead = 2;        // groups of steps that are fetched before they are needed
@@ -45,8 +44,7 @@ export class Engine {
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
-  #since = 0;         // milliseconds of decoding since the last picture
-  #drawing = { time: 0, tets: 1 }; // milliseconds that the last picture took, of a level with so many tetrahedra
+  #pace = new Pace();
   #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
   #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
@@ -596,7 +594,7 @@ export class Engine {
       this.#view.seek(this.#view.level + 1);
       const took = performance.now() - started;
       this.#decoding += took;
-      this.#since += took;
+      this.#pace.decoded(took);
       return true;
     } catch (error) {
       this.#halt(error);
@@ -609,21 +607,13 @@ export class Engine {
     return !this.#time && this.#view.level < this.#within;
   }
 
-  // Is it time for a picture of a level on the way? One of a finer level takes longer than the last one did, but not in
-  // proportion.
-  get #isDue() {
-    const { time, tets } = this.#drawing;
-    const growth = Math.min(2, this.#info.levels[this.#view.level].tets / tets);
-    return this.#since >= Math.max(slice, (growth * time) / share);
-  }
-
   // Levels up: all that are here, or until a picture is due. After each one messages are heard: somebody may want
   // another picture or goal.
   async #refine() {
     const from = this.#shown;
     while (!this.#closed && !this.#dirty && this.#isBehind && this.#step()) {
       await this.#takeTurn();
-      if (this.#isDue) break;
+      if (this.#pace.isDue(this.#info.levels[this.#view.level].tets)) break;
     }
     if (this.#closed || this.#time || (this.#view.level === from && !this.#dirty)) return;
     if (this.#view.level > this.#within) this.#view.seek(Math.max(from, this.#within));
@@ -1036,8 +1026,7 @@ export class Engine {
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
   async #present(t) {
     this.#dirty = false;
-    this.#since = 0;
-    if (!this.#spec) return;
+    if (!this.#spec) return this.#pace.drew(0, 1);
     const started = performance.now();
     this.#warp();
     if (this.#moved === this.#shown) this.#view.place(t);
@@ -1049,7 +1038,7 @@ export class Engine {
     const outline = this.#drawOutline(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#drawing = { time: performance.now() - started, tets: this.#info.levels[this.#shown].tets };
+    this.#pace.drew(performance.now() - started, this.#info.levels[this.#shown].tets);
     this.#emit('pictures', {
       tag: this.#spec.tag,
       level: this.#shown,

@@ -45,7 +45,7 @@ struct view_facets {
 };
 
 /* Some of the values that colour. tetlod.js knows this layout. */
-enum { SAMPLE_SIZE = 4096 };
+enum { SAMPLE_SIZE = 4096, SAMPLED_TETS = 1 << 18 };
 struct view_sample {
     const float *values;
     uint32_t count; /* at most SAMPLE_SIZE */
