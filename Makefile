@@ -236,7 +236,7 @@ $(REFINE): $(REFINE_SRC) $(wildcard $(WEB_DIR)/*/*.h format/*.h format/*/*.h src
 
 # Modules that are parts of worker.js and refine.js in the package.
 BUNDLED := worker.js engine.js network.js held.js choose.js pace.js steps.js vectors.js refine.js maker.js answers.js \
-    paging.js pages.js
+    paging.js pages.js sights.js
 
 # The worker is one file: three loads one after the other would keep it waiting
 $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(REFINE) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE

@@ -309,7 +309,11 @@ export interface Look {
   field: string;
   measure: Measure;
   /** Comes back with what is shown. */
-  id: number;
+  id: number | null;
+  /** Which walls of the boundary the picture shows; 'near' ones hide what is behind. Without it: all. */
+  walls?: 'near' | 'far' | 'all';
+  /** Pages that are new come only where the error is four times as large; those that are there stay. */
+  moving?: boolean;
 }
 
 /** What is shown of a view. */

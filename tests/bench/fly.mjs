@@ -26,7 +26,8 @@ function make(name, ...command) {
 
 mkdirSync(folder, { recursive: true });
 const mesh = make(`paged${side}.vtu`, 'sample', 'cube', '--size', side, '-o');
-const stream = make(`paged${side}.tetlod`, 'build', mesh, '--paged', '--quiet', '-o');
+const paged = ['--paged=50000', '--bands', 'coarse']; // what is looked at in parts wants small pages and few groups
+const stream = make(`fly${side}.tetlod`, 'build', mesh, ...paged, '--quiet', '-o');
 const server = await program([stream]);
 const browser = await launch();
 const page = await openPage(browser, server.url);
@@ -94,7 +95,7 @@ const flyTo = (places) =>
   }, places);
 
 const began = performance.now();
-await page.goto(`${server.url}view/paged${side}#pixels=${pixels}&surface=solid&slices=&smooth=0`);
+await page.goto(`${server.url}view/fly${side}#pixels=${pixels}&surface=solid&slices=&smooth=0`);
 await firstPicture(page);
 report(`cube ${side}: first picture`, (performance.now() - began) / 1000, 's', 2);
 await settled(page);

@@ -41,7 +41,12 @@ const rowsOf = (level) =>
   }));
 const table = { pages: [...rowsOf(1), ...rowsOf(2)], root: 5, reach: [0.4, 0.1, 0.01] };
 const numbers = ({ has }) => [...has.keys()].filter((p) => has[p]);
-const choose = (look) => choosePages(table, { ...everywhere, pixels: 1, tets: 1e9, bytes: 1e9, ...look });
+const chooseOf = (of, look, options) => {
+  const whole = { ...everywhere, pixels: 1, tets: 1e9, bytes: 1e9, ...look };
+  const scales = of.pages.map(({ low, high }) => scaleOf(whole, low, high));
+  return choosePages({ ...of, scales }, whole, options);
+};
+const choose = (look, options) => chooseOf(table, look, options);
 
 async function pages_are_those_whose_error_is_seen() {
   assert.deepEqual(numbers(choose({ pixels: 100 })), []);
@@ -65,9 +70,17 @@ async function budgets_hold_and_the_worst_comes_first() {
   assert.ok(light.bytes <= 350 && numbers(light).length === 3);
   // a page comes with those that it needs, or not at all
   const odd = { ...table, reach: [0.001, 0.1, 0.01] };
-  const found = choosePages(odd, { ...everywhere, pixels: 8, tets: 1e9, bytes: 1e9 });
-  assert.deepEqual(numbers(found), [0, 1, 4, 5]);
-  assert.deepEqual(numbers(choosePages(odd, { ...everywhere, pixels: 8, tets: 5 + 25, bytes: 1e9 })), []);
+  assert.deepEqual(numbers(chooseOf(odd, { pixels: 8 })), [0, 1, 4, 5]);
+  assert.deepEqual(numbers(chooseOf(odd, { pixels: 8, tets: 5 + 25 })), []);
+  // one that makes nothing better comes with others only
+  const idle = { ...table, reach: [0.4, 0.4, 0.01] };
+  assert.deepEqual(numbers(chooseOf(idle, { pixels: 30 })), [0, 1, 4, 5]);
+  const stuck = chooseOf({ ...table, reach: [0.4, 0.4, 0.4] }, { pixels: 1 });
+  assert.deepEqual([numbers(stuck), stuck.worst, stuck.pixels], [[], 0, 40]);
+  assert.equal(chooseOf(idle, { pixels: 39, planes: [[1, 0, 0, -1.5]] }).worst, 0);
+  // while the camera moves, what is there stays where it is needed at rest, what is new is coarser
+  assert.deepEqual(numbers(choose({ pixels: 4 }, { times: 4, shown: new Set() })), [0, 1, 2]);
+  assert.deepEqual(numbers(choose({ pixels: 4 }, { times: 4, shown: new Set([3, 4, 7]) })), [0, 1, 2, 3, 4]);
 }
 
 async function errors_are_lengths_and_near_ranges_are_one() {
@@ -134,20 +147,20 @@ async function a_camera_sees_its_pyramid_or_its_box() {
   assert.ok(Math.abs(sees(persp, [10, 5, 0]) - 300 / tangent / 5) < 1e-9);
   for (const [point, seen] of [
     [[10, -1, 0], 0],
-    [[10, 5, 5 * 1.19 * tangent], 1],
-    [[10, 5, 5 * 1.21 * tangent], 0],
-    [[10 - 5 * 1.5 * 1.19 * tangent, 5, 0], 1],
-    [[10 + 5 * 1.5 * 1.21 * tangent, 5, 0], 0],
+    [[10, 5, 5 * 1.04 * tangent], 1],
+    [[10, 5, 5 * 1.06 * tangent], 0],
+    [[10 - 5 * 1.5 * 1.04 * tangent, 5, 0], 1],
+    [[10 + 5 * 1.5 * 1.06 * tangent, 5, 0], 0],
   ])
     assert.equal(sees(persp, point) > 0, Boolean(seen), `${point}`);
   const flat = lookOf(camera({ position: [0, 0, 0], to: [0, 10, 0], parallel: true }), size);
   assert.equal(sees(flat, [10, 50, 0]), 150);
   assert.deepEqual(
     [
-      sees(flat, [10, 5, 2.39]) > 0,
-      sees(flat, [10, 5, 2.41]) > 0,
-      sees(flat, [6.41, 5, 0]) > 0,
-      sees(flat, [6.39, 5, 0]) > 0,
+      sees(flat, [10, 5, 2.09]) > 0,
+      sees(flat, [10, 5, 2.11]) > 0,
+      sees(flat, [6.86, 5, 0]) > 0,
+      sees(flat, [6.84, 5, 0]) > 0,
     ],
     [true, false, true, false],
   );
@@ -183,11 +196,39 @@ function looked(stream, look) {
   });
 }
 
-async function opened(source, field = 'xyz') {
+// With a volume in the pictures, all that the view takes in is seen.
+async function opened(source, field = 'xyz', parts = { surface: true, volume: { size: 2 } }) {
   const stream = await TetlodStream.open(source, { target: { error: 1 }, fields: 'first' });
   await stream.refineTo({ level: stream.info.paged - 1 });
-  await stream.show({ field, surface: true, morph: false });
+  await stream.show({ field, morph: false, ...parts });
   return stream;
+}
+
+// What is hidden, or no part of the pictures, needs no pages: of a cube before the eye, only its front wall is seen;
+// with a slice, the pages that it cuts, too; with an isosurface, those in which the value may be.
+async function only_what_is_shown_needs_pages() {
+  const stream = await opened(new Blob([bytes]), 'xyz', { surface: true });
+  const shown = async (id, walls, parts) => {
+    await stream.show({ field: 'xyz', morph: false, ...parts });
+    await looked(stream, lookAt(id, { eye: [12, -6, 12], scale: 400, pixels: 0.8, walls }));
+    const at = async (...place) => (await stream.probe(place)).level;
+    return { front: await at(12, 0.4, 12), inside: await at(12, 20, 12), back: await at(12, 23.6, 12) };
+  };
+  const coarse = stream.info.paged;
+  const near = await shown(1, 'near', { surface: true });
+  assert.ok(near.front > coarse && near.inside < near.front && near.back < near.front, JSON.stringify(near));
+  const far = await shown(2, 'far', { surface: true });
+  assert.ok(far.back > near.back && far.front < near.front, JSON.stringify(far));
+  const both = await shown(3, 'all', { surface: true });
+  assert.deepEqual([both.front, both.back], [near.front, far.back]);
+  const slice = { origin: [12, 20, 12], normal: [0, 1, 0] };
+  const cut = await shown(4, 'near', { surface: true, slices: [slice] });
+  assert.ok(cut.front === near.front && cut.inside > near.inside, JSON.stringify(cut));
+  const iso = await shown(5, 'near', { isosurfaces: [{ value: 12 * 20 * 12 }] });
+  assert.ok(iso.inside === cut.inside && iso.front < near.front, JSON.stringify(iso));
+  const whole = await shown(6, 'near', { volume: { size: 2 } });
+  assert.deepEqual(whole, { front: near.front, inside: cut.inside, back: far.back });
+  stream.close();
 }
 
 // Faces of one tetrahedron only lie on the cube's boundary: there are no gaps where pages of different levels meet.
@@ -547,6 +588,7 @@ await run([
   errors_are_lengths_and_near_ranges_are_one,
   a_camera_sees_its_pyramid_or_its_box,
   a_view_of_all_is_the_whole_level,
+  only_what_is_shown_needs_pages,
   what_is_seen_is_fine_and_nothing_cracks,
   new_pages_move_to_their_shape,
   bytes_are_given_back,

@@ -263,6 +263,7 @@ export class Engine {
     if (!spec?.refine) this.#refiner = null;
     this.#unrefinable = '';
     this.#dirty = true;
+    if (this.#look) this.#pager?.look({ ...this.#look }); // other places are seen
     this.#wake();
   }
 
@@ -692,6 +693,7 @@ export class Engine {
     return {
       bytes: () => this.#view.added, info: this.#base, fields: this.#fields,
       selected: this.#source.partial ? this.#source.fields : null,
+      spec: () => this.#spec,
       apart: (offset, size, signal) => this.#source.apart(offset, size, { signal }),
       offer: (made, told) => new Promise((taken) => { this.#offered = { made, told, taken }; this.#wake(); }),
       fail: ({ message }) => this.#emit('error', { message: `pages are missing: ${message}` }),

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Which pages of a stream (SPEC 7.6) a view of it needs: the worst one on the screen first, within budgets.
 //
-// Errors of values become pixels as if each value was drawn as a height over its place, and the field's range as long
-// as the diagonal of the bounds: an error of 1 % of the range is 1 % of the diagonal, as large as that is on the screen
-// at the nearest corner of a page. So is the distance that the boundary may have moved, which is a fraction of the
-// diagonal, too; the larger one counts.
+// Pixels are of two kinds, of which the larger counts. The distance that the boundary may have moved is a length, as
+// large on the screen as it is at the nearest place of a page that is seen. An error of a value moves colours, or an
+// isosurface, by error / gradient: it counts as if the field changed by its range along the diagonal of the bounds, so
+// that an error of 1 % of the range is 1 % of the diagonal.
 
 /**
  * How far off each level may be, as a length, by the measure of a field's error; not known: without a limit.
@@ -17,11 +17,29 @@ export function reaches({ levels, bounds: [low, high] }, field, measure) {
   );
 }
 
-const isOutside = ([x, y, z, d], low, high) =>
-  x * (x > 0 ? high : low)[0] + y * (y > 0 ? high : low)[1] + z * (z > 0 ? high : low)[2] + d < 0;
+// How far a box reaches along a plane's normal: with `sign` 1 its farthest corner, with -1 the nearest one.
+const along = ([x, y, z, d], low, high, sign) =>
+  x * (sign * x > 0 ? high : low)[0] + y * (sign * y > 0 ? high : low)[1] + z * (sign * z > 0 ? high : low)[2] + d;
 
-function distanceTo(eye, low, high) {
-  return Math.hypot(...eye.map((c, i) => Math.max(low[i] - c, 0, c - high[i])));
+/** Is all of a box seen? */
+export const isInside = ({ planes }, low, high) => planes.every((plane) => along(plane, low, high, -1) >= 0);
+
+/** Have two boxes a place in common? */
+export const meets = (low, high, from, to) =>
+  low[0] <= to[0] &&
+  from[0] <= high[0] &&
+  low[1] <= to[1] &&
+  from[1] <= high[1] &&
+  low[2] <= to[2] &&
+  from[2] <= high[2];
+
+export function distanceTo(eye, low, high) {
+  const [x, y, z] = eye;
+  return Math.hypot(
+    Math.max(low[0] - x, 0, x - high[0]),
+    Math.max(low[1] - y, 0, y - high[1]),
+    Math.max(low[2] - z, 0, z - high[2]),
+  );
 }
 
 /**
@@ -30,7 +48,7 @@ function distanceTo(eye, low, high) {
  * 1, or, where `parallel`, at any}.
  */
 export function scaleOf({ planes, eye, near, scale, parallel }, low, high) {
-  if (planes.some((plane) => isOutside(plane, low, high))) return 0;
+  if (planes.some((plane) => along(plane, low, high, 1) < 0)) return 0;
   return parallel ? scale : scale / Math.max(distanceTo(eye, low, high), near);
 }
 
@@ -47,18 +65,23 @@ function missingOf(page, pages, has, { tets, bytes }) {
   return { found, tets: more, bytes: bigger };
 }
 
+const betters = (reach, level) => reach[level] < reach[level - 1];
+
 /**
- * The pages that make no place on the screen worse than `look.pixels`, the worst first, as far as they fit into
+ * The pages that make no place that is seen worse than `look.pixels`, the worst first, as far as they fit into
  * `look.tets` and `look.bytes`. `pages`: [{level, low, high, tets, bytes, needed: [numbers of pages]}], `root`: the
- * tetrahedra without any, `reach`: of each level, as reaches() gives it. {has: [page] 1 or 0; tets; bytes; `refused`,
- * how many are left out for the budgets; `pixels`, what is left of the error of the worst page on the screen; `worst`,
- * the coarsest level there; `finest`, in the set}.
+ * tetrahedra without any, `reach`: of each level, as reaches() gives it, `scales`: of each page, pixels of a length
+ * where it is seen, 0: it is not. Pages that are not `shown`, those of the mesh that is there, come only where the
+ * error is `times` as large. {has: [page] 1 or 0; tets; bytes; `refused`, how many are left out for the budgets;
+ * `pixels`, what is left of the error of the worst page that is seen; `worst`, the coarsest level there; `finest`, in
+ * the set}.
  */
-export function choosePages({ pages, root, reach }, look) {
+export function choosePages({ pages, root, reach, scales }, look, { times = 1, shown = new Set() } = {}) {
   const has = new Uint8Array(pages.length);
-  const errors = pages.map(({ level, low, high }) => reach[level - 1] * scaleOf(look, low, high) || 0);
+  // one that makes nothing better comes with those that need it
+  const errors = pages.map(({ level }, p) => (betters(reach, level) ? reach[level - 1] * scales[p] || 0 : 0));
   const order = [...errors.keys()]
-    .filter((p) => errors[p] > look.pixels)
+    .filter((p) => errors[p] > look.pixels * (shown.has(p) ? 1 : times))
     .sort((a, b) => errors[b] - errors[a] || a - b);
   const left = { tets: look.tets - root, bytes: look.bytes };
   let refused = 0;
@@ -76,20 +99,24 @@ export function choosePages({ pages, root, reach }, look) {
     tets: look.tets - left.tets,
     bytes: look.bytes - left.bytes,
     refused,
-    ...whatIsLeft(pages, has, errors, reach, look),
+    ...whatIsLeft(pages, has, reach, scales),
   };
 }
 
-// Of what is on the screen: where a page is missing, the level before it is shown.
-function whatIsLeft(pages, has, errors, reach, look) {
-  const last = pages.at(-1).level;
-  let [pixels, worst, finest, nearest] = [0, last, pages[0].level - 1, 0];
-  pages.forEach(({ level, low, high }, p) => {
+// Of what is seen: where a page is missing, the level before it is shown, or, if that made nothing better, one before.
+// (Where a page is missing that would make nothing better, the next one that would is missing, too.)
+function whatIsLeft(pages, has, reach, scales) {
+  const [first, last] = [pages[0].level, pages.at(-1).level];
+  const before = (level) => (level > first && !betters(reach, level - 1) ? before(level - 1) : level - 1);
+  let [pixels, worst, finest] = [0, last, first - 1];
+  pages.forEach(({ level }, p) => {
     if (has[p]) finest = Math.max(finest, level);
-    if (!has[p] && errors[p]) [pixels, worst] = [Math.max(pixels, errors[p]), Math.min(worst, level - 1)];
-    if (level === last) nearest = Math.max(nearest, scaleOf(look, low, high));
+    if (!scales[p] || (level < last && (has[p] || !betters(reach, level)))) return;
+    const shown = has[p] ? last : before(level);
+    pixels = Math.max(pixels, reach[shown] * scales[p] || 0);
+    worst = Math.min(worst, shown);
   });
-  return { pixels: Math.max(pixels, reach[last] * nearest || 0), worst, finest };
+  return { pixels, worst, finest };
 }
 
 /** Ranges of bytes with all of these frames, [offset, size] each, in order: those that are near become one. */

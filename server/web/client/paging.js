@@ -3,17 +3,20 @@
 // (../refine/paging.h), and gives back those that left. Loaded when it is first wanted.
 import { choosePages, rangesOf, reaches } from './pages.js';
 import { MORE, Maker } from './maker.js';
+import { Sights } from './sights.js';
 
 const vertices = 16_000; // that are decoded in a turn, and at least a page
 const mostFrames = 257; // MAX_PAGE_FRAMES
 const atOnce = 4; // requests
 const steps = [64, 8, 1]; // times the pixels: much is brought and shown in steps, the coarse one first
 const much = 100_000; // bytes
+const coarser = 4; // times the pixels, of pages that come while the camera moves
 
 export class Pager {
   #maker;
   #host;
   #table;
+  #sights; // where pages are seen
   #held = new Map(); // bytes of pages, by number: arrays, one for each frame; the one that was needed last at the end
   #heldBytes = 0;
   #shown = null; // the pages of the mesh that was offered last
@@ -27,8 +30,8 @@ export class Pager {
 
   /**
    * `host`: {bytes(), of the stream's first levels; selected, names of the fields these are of, or null; fields,
-   * numbers of those to decode, or null; info; apart(offset, size, signal); offer(mesh, told), which resolves when it
-   * is copied; fail(error)}.
+   * numbers of those to decode, or null; info; spec(), what the pictures show; apart(offset, size, signal);
+   * offer(mesh, told), which resolves when it is copied; fail(error)}.
    */
   static async create(module, host) {
     return new Pager(await Maker.create(module, 'paging'), host);
@@ -49,7 +52,7 @@ export class Pager {
     this.#look = look;
     if (again) this.#shown = this.#reached = null;
     if (this.#fetching && look) {
-      const { has } = this.#choose(look);
+      const { has } = this.#choose(look, look.moving ? coarser : 1);
       if (this.#fetching.wanted.some((page) => !has[page])) this.#fetching.stop.abort();
     }
     this.#bell();
@@ -71,7 +74,17 @@ export class Pager {
     pages.forEach(({ level }, p) => first.has(level) || first.set(level, p));
     for (const page of pages) page.needed = page.needed.map((p) => first.get(page.level - 1) + p);
     this.#table = { pages, root: levels[paged - 1].tets };
-    this.#remember(this.#mesh(), []);
+    const walls = this.#walls();
+    const mesh = this.#mesh();
+    this.#sights = new Sights(pages, this.#host.info, mesh, walls);
+    this.#remember(mesh, []);
+  }
+
+  #walls() {
+    const address = this.#maker.run('walls');
+    if (!address) throw new Error('out of memory: the browser gives no room for pages');
+    const [count, corners] = this.#maker.words(address, 2);
+    return this.#maker.words(corners, 4 * count).slice(); // the memory may move
   }
 
   // As struct paging_page has it.
@@ -97,8 +110,9 @@ export class Pager {
   // ---- towards a view
 
   #choose(look, times = 1) {
-    const table = { ...this.#table, reach: reaches(this.#host.info, look.field, look.measure) };
-    return choosePages(table, { ...look, pixels: times * look.pixels });
+    const reach = reaches(this.#host.info, look.field, look.measure);
+    const scales = this.#sights.scales(look, this.#host.spec());
+    return choosePages({ ...this.#table, reach, scales }, look, { times, shown: this.#shown ?? new Set() });
   }
 
   async #run() {
@@ -123,16 +137,18 @@ export class Pager {
   // In steps, if much is missing; whoever looks elsewhere meanwhile is followed there.
   async #follow(look) {
     const started = performance.now();
-    const last = this.#choose(look);
+    const least = look.moving ? coarser : 1;
+    const last = this.#choose(look, least);
     const numbers = (has) => [...has.keys()].filter((p) => has[p]);
     const missing = numbers(last.has).reduce((sum, p) => sum + (this.#held.has(p) ? 0 : this.#table.pages[p].bytes), 0);
     for (const times of missing > much ? steps : [1]) {
-      const chosen = times === 1 ? last : this.#choose(look, times);
+      const isLast = times === 1;
+      const chosen = isLast ? last : this.#choose(look, times * least);
       const pages = numbers(chosen.has);
-      if (times > 1 && pages.every((p) => this.#shown?.has(p))) continue;
+      if (!isLast && pages.every((p) => this.#shown?.has(p))) continue;
       await this.#bring(pages, look.bytes);
       if (this.#look !== look && this.#shown) return;
-      await this.#show(pages, { ...chosen, look: times === 1 ? look.id : null, started });
+      await this.#show(pages, { ...chosen, look: isLast ? look.id : null, started });
     }
     this.#reached = look;
   }

@@ -6,9 +6,10 @@ import { coalesced } from './dom.js';
 import { add, cross, dot, length, planeOf, scale, unit } from './geometry.js';
 import { measureFor, targetFieldOf } from './levels.js';
 
-const margin = 1.2; // of what is seen, that pages are held for: the next movement
+const margin = 1.05; // of what is seen, that pages are held for: the next movement
 const nearest = 0.002; // of the diagonal: nothing is looked at from nearer
 const most = { tets: 1_000_000, bytes: 64_000_000 }; // where no budget is set
+const walls = { solid: 'near', inside: 'far' }; // that are seen of the boundary
 const pause = 200; // milliseconds between two looks while the camera moves
 
 const planeThrough = (point, normal) => [...normal, -dot(normal, point)];
@@ -50,6 +51,8 @@ export class LookHere {
   #viewer;
   #last = '';
   #lastTime = 0;
+  #moving = false; // was the last look
+  #resting = 0; // a timer
   #id = 0;
 
   constructor(viewer) {
@@ -57,30 +60,35 @@ export class LookHere {
     if (!viewer.info.paged) return;
     const soon = coalesced(() => this.#look());
     viewer.store.watch(
-      ['pixels', 'field', 'errorField', 'measure', 'maxTets', 'maxBytes', 'clip', 'warp', 'step'],
+      ['pixels', 'field', 'errorField', 'measure', 'maxTets', 'maxBytes', 'clip', 'warp', 'step', 'surface'],
       soon,
     );
     viewer.scene.addEventListener('camera', soon);
     viewer.scene.addEventListener('render', () => this.#lookSometimes());
   }
 
+  // Frames follow each other while the camera moves; what it needs at rest is asked for after the last one.
   #lookSometimes() {
-    if (!this.#viewer.store.state.pixels || performance.now() - this.#lastTime < pause) return;
-    this.#look();
+    if (!this.#viewer.store.state.pixels) return;
+    clearTimeout(this.#resting);
+    this.#resting = setTimeout(() => this.#look(), 2 * pause);
+    if (performance.now() - this.#lastTime >= pause) this.#look(true);
   }
 
   // What is asked of the stream, if it is not the same as before.
-  #look() {
+  #look(moving = false) {
     const viewer = this.#viewer;
     const { state } = viewer.store;
+    if (viewer.scene.closed) return;
     const look = state.pixels ? this.#wanted(state) : null;
     const key = JSON.stringify(look);
     this.#lastTime = performance.now();
-    if (key === this.#last) return;
+    if (key === this.#last && (moving || !this.#moving)) return;
     this.#last = key;
+    this.#moving = moving;
     if (!look && !viewer.looking) return;
     viewer.looking = look && ++this.#id;
-    viewer.stream.look(look && { ...look, id: this.#id });
+    viewer.stream.look(look && { ...look, moving, id: moving ? null : this.#id });
   }
 
   #wanted(state) {
@@ -101,6 +109,7 @@ export class LookHere {
     return {
       ...look,
       planes: state.warp ? [] : look.planes, // pages' boxes are of places that are not moved
+      walls: walls[state.surface] ?? 'all',
       pixels: state.pixels,
       tets: state.maxTets || most.tets,
       bytes: state.maxBytes || most.bytes,

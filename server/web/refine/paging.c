@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/adjacency.h"
 #include "src/util/array.h"
 
 struct paging {
@@ -19,6 +20,8 @@ struct paging {
     uint32_t *numbers, *levels; /* [made.tets] */
     double *parts;
     size_t number_cap, level_cap, part_cap;
+    struct paging_walls walls;
+    uint32_t *wall_corners;
     struct tetlod_error error;
 };
 
@@ -108,6 +111,39 @@ const struct paging_page *paging_page(struct paging *paging, uint32_t page)
     out->needed_count = row.needed_count;
     out->needed = row.needed;
     return out;
+}
+
+/* Corners of the faces without a neighbour, the opposite one last; how many faces. `out` NULL: only that. */
+static uint32_t list_walls(const struct tetlod_mesh *mesh, const uint32_t *neighbours, uint32_t *out)
+{
+    uint32_t count = 0;
+    for (size_t face = 0; face < 4 * (size_t)mesh->tets; face++) {
+        if (neighbours[face] != TETLOD_NONE)
+            continue;
+        for (size_t i = 1; out && i <= 4; i++)
+            *out++ = mesh->corners[(face & ~(size_t)3) + ((face + i) & 3)];
+        count++;
+    }
+    return count;
+}
+
+const struct paging_walls *paging_walls(struct paging *paging)
+{
+    struct tetlod_mesh *mesh = &paging->mesh;
+    tetlod_cursor_mesh(paging->cursor, mesh);
+    uint32_t *neighbours = array_new(mesh->tets, 4 * sizeof *neighbours);
+    free(paging->wall_corners);
+    paging->wall_corners = NULL;
+    if (neighbours && adjacency_build(mesh->corners, mesh->tets, mesh->vertices, neighbours, NULL, &paging->error) ==
+                          TETLOD_OK) {
+        uint32_t count = list_walls(mesh, neighbours, NULL);
+        paging->wall_corners = array_new(count, 4 * sizeof *paging->wall_corners);
+        paging->walls = (struct paging_walls){count, paging->wall_corners};
+    }
+    if (paging->wall_corners)
+        list_walls(mesh, neighbours, paging->wall_corners);
+    free(neighbours);
+    return paging->wall_corners ? &paging->walls : NULL;
 }
 
 uint32_t paging_put(struct paging *paging, double offset, const void *bytes, uint32_t size)

@@ -39,6 +39,14 @@ REFINE_EXPORT(paging_count) uint32_t paging_count(const struct paging *paging);
 /* Valid until the next one; NULL: there is none of this number. */
 REFINE_EXPORT(paging_page) const struct paging_page *paging_page(struct paging *paging, uint32_t page);
 
+/* The boundary's triangles of the mesh as it is. */
+struct paging_walls {
+    uint32_t count;
+    const uint32_t *corners; /* [4 * triangle]: a triangle's, and the one of its tetrahedron that is opposite */
+};
+/* Valid until the next one; NULL: no memory. */
+REFINE_EXPORT(paging_walls) const struct paging_walls *paging_walls(struct paging *paging);
+
 /* Bytes of pages, until they are forgotten. */
 REFINE_EXPORT(paging_put) uint32_t paging_put(struct paging *paging, double offset, const void *bytes, uint32_t size);
 REFINE_EXPORT(paging_forget) void paging_forget(struct paging *paging);

@@ -166,6 +166,8 @@ async function paged(bytes: Uint8Array<ArrayBuffer>, tell: Told) {
     bytes: 1e8,
     field: stream.fields[0] ?? '',
     measure: 'max',
+    walls: 'near',
+    moving: false,
     id: 1,
   };
   await stream.show({ field: look.field, surface: true });
