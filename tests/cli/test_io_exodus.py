@@ -36,7 +36,9 @@ def vtk_fields(name, step):
     reader.Update()
     data = reader.GetOutput().GetBlock(0).GetBlock(0).GetPointData()
     arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
-    return {a.GetName(): vtk_to_numpy(a) for a in arrays if a.GetName() != 'GlobalNodeId'}
+    fields = {a.GetName(): vtk_to_numpy(a) for a in arrays if a.GetName() != 'GlobalNodeId'}
+    # its reader leaves xx, yy, zz, xy, xz, yz in this order, where VTK means the last two the other way round
+    return {n: a[:, [0, 1, 2, 3, 5, 4]] if a.ndim == 2 and a.shape[1] == 6 else a for n, a in fields.items()}
 
 
 def names_case(names, small):
@@ -54,9 +56,29 @@ def names_case(names, small):
 
 NAMES = [['DISPX', 'DISPY', 'DISPZ', 'T'], ['disp_x', 'disp_y', 'disp_z'], ['p', 'vX', 'vy', 'vZ', 'q'],
          ['x', 'y', 'z'], ['u_X', 'u_Y', 'p'], ['S_XX', 'S_YY', 'S_ZZ', 'S_XY', 'S_XZ', 'S_YZ', 'end'],
-         ['sxx', 'syy', 'szz', 'sxy', 'syz', 'szx'], ['vx', 'vz', 'vy'], ['ax', 'ay'],
-         ['sxx', 'syy', 'szz', 'sxy', 'sxz']]
+         ['vx', 'vz', 'vy'], ['ax', 'ay'], ['sxx', 'syy', 'szz', 'sxy', 'sxz'],
+         ['sxx', 'syy', 'szz', 'sxy', 'sxz', 'szx']]
 for small in False, True:
     for names in NAMES:
         case('%s: %s' % ('small model' if small else 'large model', ' '.join(names)), names_case, names, small)
+
+
+def tensor_case(endings):
+    """Six components in any order are one tensor, in the order that VTK has."""
+    names = ['stress_' + ending for ending in endings]
+    found = converted(write_case('in.e', names, False), '--time', '1')[2]
+    if set(found) != {'stress_'}:
+        return sorted(found)
+    wanted = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
+    plain = [''.join(sorted(ending.lower())) for ending in endings]
+    scalars = converted(write_case('one.e', [n + '_' for n in names], False), '--time', '1')[2]
+    for c, component in enumerate(wanted):
+        if not np.array_equal(found['stress_'][:, c], scalars[names[plain.index(component)] + '_']):
+            return 'component ' + component
+    return None
+
+
+for endings in (['xx', 'yy', 'zz', 'xy', 'yz', 'zx'], ['XX', 'XY', 'XZ', 'YY', 'YZ', 'ZZ'],
+                ['xx', 'yx', 'yy', 'zx', 'zy', 'zz'], ['xx', 'yy', 'zz', 'xy', 'xz', 'yz']):
+    case('a tensor: ' + ' '.join(endings), tensor_case, endings)
 finish()

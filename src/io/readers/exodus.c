@@ -34,6 +34,12 @@ struct exodus {
 
 enum { MAX_NAME = 256, MAX_JOINED = 6 };
 
+/* A field of variables that follow one another, and which component each of them is. */
+struct joined {
+    char name[MAX_NAME + 1];
+    uint32_t width, places[MAX_JOINED];
+};
+
 struct variable {
     int id, rank;
     nc_type type;
@@ -403,44 +409,65 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
     return TETLOD_OK;
 }
 
-/* The components that VTK's reader joins: names that differ in one of these endings, in this order, in either case. */
-static const struct {
+/* Variables whose names differ in an ending, in either case, are components of one field. Those of vectors are in this
+ * order, as VTK's reader wants them; those of symmetric tensors in any, and get the one that VTK and tetlod have, which
+ * the names begin with. */
+static const struct join {
     uint32_t count;
-    const char *endings[MAX_JOINED];
-} joins[] = {{6, {"xx", "yy", "zz", "xy", "xz", "yz"}}, {3, {"x", "y", "z"}}, {2, {"x", "y"}}};
+    bool any_order;
+    const char *endings[9];
+} joins[] = {{6, true, {"xx", "yy", "zz", "xy", "yz", "xz", "yx", "zy", "zx"}},
+             {3, false, {"x", "y", "z"}},
+             {2, false, {"x", "y"}}};
 
-static bool joins_to(const char names[MAX_JOINED][MAX_NAME + 1], size_t join, char out[MAX_NAME + 1])
+/* Which component has this ending; `count`: none. */
+static uint32_t place_of_ending(const struct join *join, const char *ending)
 {
-    size_t length = strlen(names[0]), ending = strlen(joins[join].endings[0]),
-           stem = length > ending ? length - ending : 0;
-    for (uint32_t d = 0; d < joins[join].count; d++)
-        if (!stem || strlen(names[d]) != length || strncmp(names[d], names[0], stem) != 0 ||
-            strcasecmp(names[d] + stem, joins[join].endings[d]) != 0)
-            return false;
-    memcpy(out, names[0], stem);
-    out[stem] = 0;
-    return true;
+    for (uint32_t k = 0; k < sizeof join->endings / sizeof *join->endings && join->endings[k]; k++)
+        if (strcasecmp(ending, join->endings[k]) == 0)
+            return k < join->count ? k : k - 3;
+    return join->count;
 }
 
-/* The name of the field that begins with variable v (from 0) of `count`, and its components, which are the next
- * variables. */
-static uint32_t name_field(const struct exodus *e, const char *list, uint64_t v, uint64_t count, char out[MAX_NAME + 1])
+static bool joins_to(const char names[MAX_JOINED][MAX_NAME + 1], const struct join *join, struct joined *out)
+{
+    size_t length = strlen(names[0]), ending = strlen(join->endings[0]), stem = length > ending ? length - ending : 0;
+    uint32_t seen = 0;
+    for (uint32_t d = 0; d < join->count; d++) {
+        bool alike = stem && strlen(names[d]) == length && strncmp(names[d], names[0], stem) == 0;
+        uint32_t place = alike ? place_of_ending(join, names[d] + stem) : join->count;
+        if (place == join->count || (!join->any_order && place != d))
+            return false;
+        out->places[d] = place;
+        seen |= 1u << place;
+    }
+    memcpy(out->name, names[0], stem);
+    out->name[stem] = 0;
+    out->width = join->count;
+    return seen == (1u << join->count) - 1;
+}
+
+/* The field that begins with variable v (from 0) of `count`. */
+static struct joined name_field(const struct exodus *e, const char *list, uint64_t v, uint64_t count)
 {
     char names[MAX_JOINED][MAX_NAME + 1] = {{0}};
+    struct joined field;
     for (size_t d = 0; d < MAX_JOINED && v + d < count; d++)
         read_name(e, list, (size_t)v + d, names[d]);
     for (size_t join = 0; join < sizeof joins / sizeof *joins; join++)
-        if (joins_to(names, join, out))
-            return joins[join].count;
-    memcpy(out, names[0], sizeof names[0]);
-    return 1;
+        if (joins_to(names, &joins[join], &field))
+            return field;
+    field = (struct joined){.width = 1};
+    memcpy(field.name, names[0], sizeof names[0]);
+    return field;
 }
 
-/* Adds the field of the variables v (from 0) to v + width - 1. */
-static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, uint32_t width, const char *name,
-                                     const uint64_t *counts,
-                                     uint64_t rows, double *buffer)
+/* Adds the field that begins with variable v (from 0). */
+static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, const struct joined *joined,
+                                     const uint64_t *counts, uint64_t rows, double *buffer)
 {
+    const uint32_t width = joined->width;
+    const char *name = joined->name;
     struct tetmesh *mesh = &e->block->mesh;
     enum tetlod_type type = TETLOD_FLOAT32;
     if (cell)
@@ -450,7 +477,8 @@ static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, ui
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count -
                                                           1] : &mesh->fields[mesh->field_count - 1];
     for (uint32_t d = 0; d < width; d++)
-        TETLOD_TRY(read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type));
+        TETLOD_TRY(read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + joined->places[d],
+                                 width, &type));
     field->type = type;
     read_unit(e, cell, v + 1, field->unit);
     return TETLOD_OK;
@@ -465,11 +493,10 @@ static enum tetlod_status read_fields(struct exodus *e, bool cell, const uint64_
     double *buffer = array_new((size_t)rows, sizeof *buffer);
     enum tetlod_status status = buffer ? TETLOD_OK : tetlodi_fail_nomem(e->error, "a variable", rows * 8);
     for (uint64_t v = 0; v < count && status == TETLOD_OK;) {
-        char name[MAX_NAME + 1];
-        uint32_t width = name_field(e, list, v, count, name);
+        const struct joined field = name_field(e, list, v, count);
         if (has_variable(e, cell, v + 1, counts))
-            status = read_field(e, cell, v, width, name, counts, rows, buffer);
-        v += width;
+            status = read_field(e, cell, v, &field, counts, rows, buffer);
+        v += field.width;
     }
     free(buffer);
     return status;
