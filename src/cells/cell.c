@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A cell's bytes are its counts and then its arrays, as they are in memory. One function visits all of them, in both
- * directions, so that what is packed and what is unpacked cannot differ.
+ * A cell's bytes are its counts and then its arrays, the large ones packed (words.h). One function visits all of them,
+ * in both directions, so that what is packed and what is unpacked cannot differ.
  */
 #include "src/cells/cell.h"
 
@@ -10,6 +10,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/words.h"
 
 /* The counts of a cell, and whether there are arrays that not every one has. */
 struct counts {
@@ -20,9 +21,8 @@ struct counts {
 };
 
 struct visit {
-    struct buffer *out;         /* packing */
-    const unsigned char *bytes; /* unpacking */
-    size_t left;
+    struct buffer *out;       /* packing */
+    struct words_source from; /* unpacking */
     enum tetlod_status status;
 };
 
@@ -70,29 +70,42 @@ static void visit_bytes(struct visit *visit, void *bytes, size_t size)
         return;
     if (visit->out) {
         visit->status = buffer_append(visit->out, bytes, size);
-    } else if (size > visit->left) {
+    } else if (!words_get(&visit->from, bytes, size, 1, 1)) {
         visit->status = TETLOD_ERR_IO;
-    } else {
-        memcpy(bytes, visit->bytes, size);
-        visit->bytes += size;
-        visit->left -= size;
     }
 }
 
-/* An array, which is allocated where the cell is unpacked. Its address as a pointer of any type. */
-static void *visit_array(struct visit *visit, void *array, size_t count, size_t element_size)
+/* The same for numbers, of which each is like the one `lag` before. */
+static void visit_words(struct visit *visit, void *words, size_t count, size_t width, size_t lag)
+{
+    if (visit->status != TETLOD_OK)
+        return;
+    if (visit->out)
+        visit->status = words_put(visit->out, words, count, (unsigned)width, (unsigned)lag) ? TETLOD_OK
+                                                                                            : TETLOD_ERR_NOMEM;
+    else if (!words_get(&visit->from, words, count, (unsigned)width, (unsigned)lag))
+        visit->status = TETLOD_ERR_IO;
+}
+
+/* An array, which is allocated where the cell is unpacked: of numbers, or as it is (lag 0). Its address as a pointer of
+ * any type. */
+static void *visit_array(struct visit *visit, void *array, size_t count, size_t element_size, size_t lag)
 {
     if (!visit->out && visit->status == TETLOD_OK) {
-        if (count > visit->left / element_size)
+        if (!words_fit(count, lag ? (unsigned)element_size : 1, visit->from.left))
             visit->status = TETLOD_ERR_IO;
         else if (!(array = array_new(count, element_size)))
             visit->status = TETLOD_ERR_NOMEM;
     }
-    visit_bytes(visit, array, count * element_size);
+    if (lag)
+        visit_words(visit, array, count, element_size, lag);
+    else
+        visit_bytes(visit, array, count * element_size);
     return array;
 }
 
-#define VISIT(visit, array, count) ((array) = visit_array((visit), (array), (count), sizeof *(array)))
+#define VISIT(visit, array, count, lag)                                                                                \
+    ((array) = visit_array((visit), (array), (count), sizeof *(array), (lag)))
 
 static void visit_log(struct visit *visit, struct contraction_log *log, const struct counts *counts, int stage,
                       const struct piece *piece)
@@ -108,59 +121,60 @@ static void visit_log(struct visit *visit, struct contraction_log *log, const st
         if (marks && !log->fields)
             visit->status = TETLOD_ERR_NOMEM;
     }
-    VISIT(visit, log->marks, marks);
-    VISIT(visit, log->certified, marks * components);
-    VISIT(visit, log->predicted, marks * components);
-    VISIT(visit, log->children, 4 * records);
-    VISIT(visit, log->positions, 3 * records);
+    VISIT(visit, log->marks, marks, 0);
+    VISIT(visit, log->certified, marks * components, components);
+    VISIT(visit, log->predicted, marks * components, components);
+    VISIT(visit, log->children, 4 * records, 4);
+    VISIT(visit, log->positions, 3 * records, 3);
     for (uint32_t f = 0; f < log->field_count; f++) {
         log->fields[f].components = piece->mesh.fields[f].components;
-        VISIT(visit, log->fields[f].values, log->fields[f].components * records);
+        VISIT(visit, log->fields[f].values, log->fields[f].components * records, log->fields[f].components);
     }
-    VISIT(visit, log->components, components);
+    VISIT(visit, log->components, components, 0);
     if (visit->status != TETLOD_OK)
         return;
     for (size_t c = 0; c < components && !visit->out; c++)
         log->components[c].bounds = NULL;
     log->component_count = counts->components[stage];
     for (size_t c = 0; c < components && counts->has_bounds[stage]; c++)
-        VISIT(visit, log->components[c].bounds, records);
+        VISIT(visit, log->components[c].bounds, records, 1);
 }
 
 /* What is left of the cell; the piece has its arrays. */
 static void visit_piece(struct visit *visit, struct piece *piece)
 {
     size_t n = piece->mesh.vertex_count, m = piece->mesh.tet_count, k = piece->whole->component_count;
-    visit_bytes(visit, piece->mesh.positions, 3 * n * sizeof(double));
-    visit_bytes(visit, piece->mesh.corners, 4 * m * sizeof(uint32_t));
+    visit_words(visit, piece->mesh.positions, 3 * n, sizeof(double), 3);
+    visit_words(visit, piece->mesh.corners, 4 * m, sizeof(uint32_t), 4);
     for (uint32_t f = 0; f < piece->mesh.field_count; f++)
-        visit_bytes(visit, piece->mesh.fields[f].values, n * piece->mesh.fields[f].components * sizeof(double));
+        visit_words(visit, piece->mesh.fields[f].values, n * piece->mesh.fields[f].components, sizeof(double),
+                    piece->mesh.fields[f].components);
     visit_bytes(visit, piece->frozen, n);
     visit_bytes(visit, piece->flags, n);
     visit_bytes(visit, piece->boundary_faces, m);
-    visit_bytes(visit, piece->bounds, 2 * n * k * sizeof(double));
-    visit_bytes(visit, piece->predicted, n * k * sizeof(double));
-    visit_bytes(visit, piece->moved, n * sizeof(double));
-    visit_bytes(visit, piece->most, n * sizeof(double));
+    visit_words(visit, piece->bounds, 2 * n * k, sizeof(double), 1); // U and L are the same at first
+    visit_words(visit, piece->predicted, n * k, sizeof(double), k);
+    visit_words(visit, piece->moved, n, sizeof(double), 1);
+    visit_words(visit, piece->most, n, sizeof(double), 1);
 }
 
 static void visit_cell(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
     visit_piece(visit, &cell->piece);
-    VISIT(visit, cell->piece.nodes, cell->piece.mesh.vertex_count);
+    VISIT(visit, cell->piece.nodes, cell->piece.mesh.vertex_count, 1);
     for (int stage = 0; stage < CELL_STAGES; stage++)
         visit_log(visit, &cell->logs[stage], counts, stage, &cell->piece);
     if (counts->has_vertices)
-        VISIT(visit, cell->vertices, counts->vertices);
+        VISIT(visit, cell->vertices, counts->vertices, 1);
     if (counts->has_nodes)
-        VISIT(visit, cell->nodes, counts->nodes);
+        VISIT(visit, cell->nodes, counts->nodes, 1);
 }
 
 static void visit_start(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
     (void)counts;
     visit_piece(visit, &cell->piece);
-    VISIT(visit, cell->vertices, cell->piece.mesh.vertex_count);
+    VISIT(visit, cell->vertices, cell->piece.mesh.vertex_count, 1);
 }
 
 static struct counts count(const struct cell *cell)
@@ -209,11 +223,11 @@ static enum tetlod_status unpack(struct cell *out, const struct piece *like, con
                                  void (*rest)(struct visit *visit, struct cell *cell, const struct counts *counts),
                                  struct tetlod_error *error)
 {
-    struct visit visit = {.bytes = bytes, .left = size};
+    struct visit visit = {.from = {bytes, size}};
     struct counts counts = {0};
     *out = (struct cell){0};
     visit_bytes(&visit, &counts, sizeof counts);
-    if (visit.status == TETLOD_OK && counts.left_tets <= size / 16 && counts.left_vertices <= size / 24) {
+    if (visit.status == TETLOD_OK && counts.left_tets <= size / 4 && counts.left_vertices <= size) {
         TETLOD_TRY(piece_new(&out->piece, like, counts.left_vertices, counts.left_tets, error));
         out->tets = counts.tets;
         rest(&visit, out, &counts);
@@ -222,7 +236,7 @@ static enum tetlod_status unpack(struct cell *out, const struct piece *like, con
     }
     if (visit.status == TETLOD_ERR_NOMEM)
         return tetlodi_fail_nomem(error, "a cell", size);
-    return visit.status == TETLOD_OK && !visit.left
+    return visit.status == TETLOD_OK && !visit.from.left
                ? TETLOD_OK
                : tetlodi_fail(error, TETLOD_ERR_IO, "a cell of the phase is not as it was written");
 }

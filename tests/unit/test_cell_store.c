@@ -88,6 +88,18 @@ static void check_pieces(const struct piece *a, const struct piece *b)
     CHECK(memcmp(a->boundary_faces, b->boundary_faces, m) == 0);
 }
 
+/* A file of cells has two thirds of what they take in memory, or less. */
+static void check_small(const struct cell *cell, size_t size)
+{
+    size_t vertices = cell->piece.mesh.vertex_count, tets = cell->piece.mesh.tet_count;
+    size_t plain = vertices * (24 + 8 * 5 + 8 + 2 + 4) + tets * 17 +
+                   4 * ((size_t)cell->logs[CELL_CATCH_UP].vertex_count + cell->logs[CELL_GO_ON].vertex_count);
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        plain += (16 + 24 + 8 + 8) * (size_t)cell->logs[stage].count;
+    if (size > plain * 7 / 10)
+        TEST_FAIL("%zu bytes of %zu", size, plain);
+}
+
 static void test_store(void)
 {
     struct made made;
@@ -98,6 +110,7 @@ static void test_store(void)
     make(&made);
     REQUIRE(cell_spool_new(&store, 3, NULL) == TETLOD_OK);
     REQUIRE(cell_pack(&made.cell, &bytes, NULL) == TETLOD_OK);
+    check_small(&made.cell, bytes.size);
     REQUIRE(store.put(store.opaque, 2, "other", 5, NULL) == TETLOD_OK);
     REQUIRE(store.put(store.opaque, 0, bytes.bytes, bytes.size, NULL) == TETLOD_OK);
     REQUIRE(store.put(store.opaque, 1, "", 0, NULL) == TETLOD_OK);
