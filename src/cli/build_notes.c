@@ -216,12 +216,13 @@ int build_print_json(const struct build_request *request, const struct build_rep
                                 (json_int_t)report->refused[LOG_REFUSED_ROUNDING], "size",
                                 (json_int_t)report->refused[LOG_REFUSED_SIZE], "cell",
                                 (json_int_t)report->refused[LOG_REFUSED_CELL]);
-    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused,
+    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused,
                              "contractions",
                              (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
                              "peak_memory", (json_int_t)peak,
-                             "scratch_files", (json_int_t)scratch_memory_peak(), "bytes_per_tetrahedron",
+                             "scratch_files", (json_int_t)scratch_memory_peak(),
+                             "scratch_given_back", (json_int_t)scratch_memory_given_back(), "bytes_per_tetrahedron",
                              (double)peak / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
     if (object && (!more || json_object_update(object, more) != 0)) {
         json_decref(object);

@@ -16,6 +16,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/userfaultfd.h>
 #include <math.h>
 #include <pthread.h>
 #include <sched.h>
@@ -24,7 +25,9 @@
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -54,8 +57,9 @@ static struct {
     atomic_bool on, stays;
     atomic_uint watched; /* threads */
     size_t page, smallest, piece;
-    uint64_t limit, libraries, in_memory, in_files, peak;
+    uint64_t limit, libraries, in_memory, in_files, peak, given_back;
     int statm; /* file of the system that says what is resident */
+    int single; /* file by which regions are told to bring in single pages, or -1 */
     atomic_flag lock;
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */
@@ -127,6 +131,28 @@ static bool is_above(struct resident now, uint64_t limit)
     return now.all > limit && now.files > memory.libraries + WINDOW;
 }
 
+/* Where a page is read the system brings in the fifteen around it as well, which would soon be all that is resident. It
+ * does not where writing could be watched (asynchronously, so nothing waits). Systems before Linux 6.7, or some
+ * containers, do not know that: there more is read. */
+static int open_single(void)
+{
+    enum { ASYNCHRONOUS = 1 << 15, USER_MODE = 1 };
+    struct uffdio_api api = {.api = UFFD_API, .features = ASYNCHRONOUS};
+    int file = (int)syscall(SYS_userfaultfd, USER_MODE | O_CLOEXEC);
+    if (file >= 0 && ioctl(file, UFFDIO_API, &api) != 0) {
+        close(file);
+        file = -1;
+    }
+    return file;
+}
+
+static void bring_single(const struct region *region)
+{
+    struct uffdio_register pages = {{(uintptr_t)region->at, region->size}, UFFDIO_REGISTER_MODE_WP, 0};
+    if (memory.single >= 0 && region->file >= 0)
+        ioctl(memory.single, UFFDIO_REGISTER, &pages); // where it fails more is read
+}
+
 /* Takes a piece of the region at the hand. What is written there stays in the file. */
 static void take_piece(void)
 {
@@ -142,6 +168,17 @@ static void take_piece(void)
     }
 }
 
+/* Takes pieces until what is resident is no more than that. */
+static void take_pieces(uint64_t low)
+{
+    unsigned last = memory.hand + memory.count;
+    for (struct resident now = look(), then; memory.hand < last && is_above(now, low); now = then) {
+        take_piece();
+        then = look();
+        memory.given_back += now.files > then.files ? now.files - then.files : 0;
+    }
+}
+
 /* Takes pages of files until little is resident. A signal's handler: where its thread has the lock, the next one takes
  * them. While another thread takes them, this one waits: it would bring in more. */
 static void take_pages(int signal)
@@ -150,10 +187,7 @@ static void take_pages(int signal)
     (void)signal;
     if (!has_lock && is_above(look(), allowed())) {
         lock();
-        unsigned last = memory.hand + memory.count;
-        uint64_t low = allowed() - (uint64_t)(GIVEN_BACK * (double)memory.limit);
-        while (memory.hand < last && is_above(look(), low))
-            take_piece();
+        take_pieces(allowed() - (uint64_t)(GIVEN_BACK * (double)memory.limit));
         unlock();
     }
     errno = before;
@@ -222,6 +256,7 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
     memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+    memory.single = open_single();
     memory.limit = limit;
     memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
     memory.libraries = look().files;
@@ -256,6 +291,11 @@ enum tetlod_status scratch_memory_failure(struct tetlod_error *error)
 uint64_t scratch_memory_peak(void)
 {
     return memory.peak;
+}
+
+uint64_t scratch_memory_given_back(void)
+{
+    return memory.given_back;
 }
 
 /* ---- regions */
@@ -383,6 +423,7 @@ static void *new_region(size_t size)
         return NULL;
     }
     region.at = at;
+    bring_single(&region);
     put_in(&region);
     return at;
 }
@@ -429,6 +470,7 @@ static void *resize_region(struct region *region, size_t size)
         settle(&old, (int64_t)whole - (int64_t)old.size);
         region->at = at;
         region->size = whole;
+        bring_single(region);
     }
     put_in(region);
     return at == MAP_FAILED ? NULL : at;

@@ -34,4 +34,7 @@ TETLOD_CHECKED enum tetlod_status scratch_memory_failure(struct tetlod_error *er
 /* The most bytes that were in files at once. */
 uint64_t scratch_memory_peak(void);
 
+/* Bytes that were taken away so far: what of them was written goes to the files, what is needed again comes back. */
+uint64_t scratch_memory_given_back(void);
+
 #endif

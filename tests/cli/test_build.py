@@ -88,7 +88,8 @@ def shape_of_json():
     built, shown = json.loads(done.stdout), info('fin.tetlod')
     report('build --json is info --json and more', all(built[k] == v for k, v in shown.items()) and
            set(built) - set(shown) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron',
-                                       'threads', 'nan_filled', 'scratch_files'}, set(built) ^ set(shown))
+                                       'threads', 'nan_filled', 'scratch_files', 'scratch_given_back'},
+           set(built) ^ set(shown))
     report('build --json: seconds by phase',
            set(built['seconds']) == {'read', 'contract', 'measure', 'encode', 'write'} and
            all(s >= 0 for s in built['seconds'].values()), built['seconds'])

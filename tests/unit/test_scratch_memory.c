@@ -1,7 +1,13 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Arrays in files: what is resident stays below the limit while threads go through them as fast as they can. */
+#define _GNU_SOURCE // syscall
+#include <fcntl.h>
+#include <linux/userfaultfd.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "src/cli/scratch_memory.h"
@@ -76,9 +82,41 @@ static void test_grows(void)
     free(numbers);
 }
 
+/* Linux 6.7 and later, outside of containers that forbid it. */
+static bool brings_single_pages(void)
+{
+    struct uffdio_api api = {.api = UFFD_API, .features = 1 << 15};
+    int file = (int)syscall(SYS_userfaultfd, 1 | O_CLOEXEC);
+    bool can = file >= 0 && ioctl(file, UFFDIO_API, &api) == 0;
+    if (file >= 0)
+        close(file);
+    return can;
+}
+
+/* One page in sixteen is looked at, again and again: the others do not come with it, which would take its place. */
+static void test_single_pages(void)
+{
+    enum { PAGE = 4096, APART = 16 * PAGE };
+    if (SANITIZED || !brings_single_pages())
+        SKIP("here the system brings in several pages at once");
+    char *bytes = malloc(BYTES);
+    REQUIRE(bytes);
+    memset(bytes, 1, BYTES);
+    uint64_t before = scratch_memory_given_back(), sum = 0;
+    for (int pass = 0; pass < PASSES; pass++)
+        for (size_t at = 0; at < BYTES; at += APART)
+            sum += (uint64_t)bytes[at];
+    CHECK(sum == (uint64_t)PASSES * BYTES / APART);
+    uint64_t given = scratch_memory_given_back() - before;
+    if (given > BYTES / 2)
+        TEST_FAIL("%zu MB were given back", (size_t)given / MEGABYTE);
+    free(bytes);
+}
+
 int main(void)
 {
     RUN(test_stays_below);
+    RUN(test_single_pages);
     RUN(test_grows);
     return test_end();
 }
