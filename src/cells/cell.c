@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A cell's bytes are its counts and then its arrays, the large ones packed (words.h). One function visits all of them,
- * in both directions, so that what is packed and what is unpacked cannot differ.
+ * A cell's bytes are its counts and then its arrays, the large ones packed (packed_words.h). One function visits all of
+ * them, in both directions, so that what is packed and what is unpacked cannot differ.
  */
 #include "src/cells/cell.h"
 
@@ -10,7 +10,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
-#include "src/util/words.h"
+#include "src/util/packed_words.h"
 
 /* The counts of a cell, and whether there are arrays that not every one has. */
 struct counts {

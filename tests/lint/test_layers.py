@@ -77,7 +77,8 @@ LAYERS = {
 }
 LIBC = set(
     '''assert ctype dirent errno fcntl float fnmatch getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
-    stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/time sys/vfs sys/types'''.split())
+    stdint stdio stdlib string strings time unistd sys/ioctl sys/mman sys/resource sys/stat sys/syscall
+    sys/time sys/vfs sys/types linux/userfaultfd'''.split())
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {

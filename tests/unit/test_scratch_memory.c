@@ -3,6 +3,7 @@
 #define _GNU_SOURCE // syscall
 #include <fcntl.h>
 #include <linux/userfaultfd.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>

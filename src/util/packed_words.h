@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Arrays of numbers as few bytes, for files that are read once: each number as what it is more than an earlier one. */
-#ifndef TETLOD_WORDS_H
-#define TETLOD_WORDS_H
+#ifndef TETLOD_PACKED_WORDS_H
+#define TETLOD_PACKED_WORDS_H
 
 #include <stdbool.h>
 

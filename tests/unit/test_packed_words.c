@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Numbers as few bytes come back as they were, whatever they are; bytes that are cut off or wrong are refused. */
-#include "src/util/words.h"
+#include "src/util/packed_words.h"
 
 #include <stdlib.h>
 #include <string.h>

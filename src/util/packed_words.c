@@ -6,7 +6,7 @@
  * four bits) and how many zero bytes are below them, then these. None: the low four bits are the number of such numbers
  * that follow each other, less one.
  */
-#include "src/util/words.h"
+#include "src/util/packed_words.h"
 
 #include <string.h>
 
