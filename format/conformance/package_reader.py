@@ -21,6 +21,19 @@ def of_mesh(mesh):
     return answers.level(mesh.points, mesh.tets, list(mesh.fields.values()))
 
 
+def of_region(region):
+    return answers.of_pages(region.points, region.tets, list(region.fields.values()), region.levels, region.numbers)
+
+
+def of_thirds(decoder, levels):
+    """Of each level some pages, by their numbers, and what these need."""
+    library, pages = decoder._library, decoder.page_set([], levels[0] - 1, levels[0] - 1)
+    for level in levels:
+        for number in range(level % 3, library.tetlod_page_count(decoder._file, level), 3):
+            library.tetlod_page_set_add(pages, level, number, None)
+    return of_region(decoder.region_of(pages))
+
+
 def of_stream(stream):
     """Levels both ways: what undoes records gives the same."""
     decoder, numbers = stream._decoder, range(len(stream.levels))
@@ -45,6 +58,8 @@ def answer(path):
         box = [*low, *((a + b) / 2 for a, b in zip(low, high))]
         first, last = stream.info.paged[0], stream.info.paged[-1]
         own['region'] = of_mesh(stream._decoder.region([box], first - 1, last))
+        own['ball'] = of_region(stream._decoder.region([answers.ball(low, high)], first - 1, last))
+        own['pages'] = of_thirds(stream._decoder, stream.info.paged)
         own['partly'] = of_mesh(stream._decoder.region([box], first, (first + last) // 2))
     groups = [of_stream(stream._topology(number)) for number in range(1, len(stream.info.topologies))]
     return {**own, 'groups': groups} if groups else own

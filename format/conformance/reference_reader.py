@@ -45,12 +45,23 @@ def region_of(stream, chosen):
     return answers.level(found.positions, found.tets, [found.field(field['name']) for field in stream.fields])
 
 
+def pages_of(stream, chosen):
+    """The same, with where each tetrahedron is from."""
+    chosen, cursor = reference_pages.closure(stream, chosen), stream.cursor()
+    cursor.seek_pages(chosen)
+    return answers.of_pages(cursor.positions, cursor.tets, [cursor.field(field['name']) for field in stream.fields],
+                            *reference_pages.rows_of(cursor, chosen))
+
+
 def regions_of(stream):
     low, high = stream.bounds
-    box, first, last = (low, [(a + b) / 2 for a, b in zip(low, high)]), min(stream.groups), max(stream.groups)
+    middle, first, last = [(a + b) / 2 for a, b in zip(low, high)], min(stream.groups), max(stream.groups)
     whole = {first: set(range(stream.groups[first].count))}
+    box, ball = [*low, *middle], answers.ball(low, high)
+    thirds = {level: set(range(level % 3, group.count, 3)) for level, group in stream.groups.items()}
     return {'region': region_of(stream, reference_pages.meeting(stream, box)),
-            'partly': region_of(stream, {**reference_pages.meeting(stream, box, (first + last) // 2), **whole})}
+            'partly': region_of(stream, {**reference_pages.meeting(stream, box, (first + last) // 2), **whole}),
+            'ball': pages_of(stream, reference_pages.meeting(stream, ball)), 'pages': pages_of(stream, thirds)}
 
 
 def answer(path):

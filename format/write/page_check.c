@@ -94,6 +94,7 @@ enum tetlod_status tetlodi_check_pages(struct tetlod_file *file, struct tetlod_e
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct check check = {.file = file, .error = error};
     size_t parts = 1 + (size_t)file->index.info.field_count;
+    struct tetlod_page_set *all = NULL;
     enum tetlod_status status;
     if (!table->group_count)
         return TETLOD_OK;
@@ -104,6 +105,9 @@ enum tetlod_status tetlodi_check_pages(struct tetlod_file *file, struct tetlod_e
     list_groups(&check);
     tetlodi_page_writer_init(&check.pages, &memory, check.groups, table->group_count, (uint32_t)parts - 1);
     TETLOD_TRY_DONE(tetlod_cursor_new(&check.cursor, file, (uint32_t[]){0}, 0, error));
+    // as one who takes pages in and out: pages that do not keep to their part of space are refused then
+    TETLOD_TRY_DONE(tetlod_page_set_new(&all, file, table->first_level + table->group_count - 1, NULL, 0, error));
+    TETLOD_TRY_DONE(tetlod_cursor_select(check.cursor, all, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(check.cursor, table->first_level - 1, error));
     for (uint32_t g = 0; g < table->group_count; g++)
         TETLOD_TRY_DONE(check_group(&check, g));
@@ -115,5 +119,6 @@ done:
     free(check.groups);
     tetlodi_page_writer_fini(&check.pages);
     tetlod_cursor_free(check.cursor);
+    tetlod_page_set_free(all);
     return status;
 }

@@ -66,7 +66,7 @@ def agrees(stream, name, field, chance):
     mesh, said = extract(name + '.tetlod', boxes, coarse, levels[fine])
     chosen = {level: set(range(group.count)) for level, group in decoder.groups.items() if level <= coarse}
     for box in boxes:
-        for level, pages in reference_pages.meeting(decoder, (box[:3], box[3:]), fine).items():
+        for level, pages in reference_pages.meeting(decoder, box, fine).items():
             chosen.setdefault(level, set()).update(pages)
     cursor = decoder.cursor().seek_pages(reference_pages.closure(decoder, chosen))
     same = numpy.array_equal(mesh['points'], cursor.positions) and numpy.array_equal(mesh['tets'], cursor.tets)

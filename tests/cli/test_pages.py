@@ -221,7 +221,7 @@ def closed_sets():
     for trial in range(24):
         low = numpy.array([chance.uniform(0, size - 2) for _ in range(3)])
         box = low, low + 2
-        chosen = reference_pages.meeting(stream, box) if trial % 2 else {}
+        chosen = reference_pages.meeting(stream, [*low, *(low + 2)]) if trial % 2 else {}
         for level, page in chance.sample(every, trial // 2):
             chosen.setdefault(level, set()).add(page)
         chosen = reference_pages.closure(stream, chosen)

@@ -213,6 +213,25 @@ def cases():
     yield 'paged_needed', 'open', 'a page that needs one that is not there', repaged(-4, 'I', 1000)
     yield 'paged_size', 'open', 'pages that do not fill their frame', repaged(rows + 24, 'I', 3)
     yield 'paged_moved', 'decode', 'a tree whose first cut is elsewhere', repaged(nodes + 1, 'f', 100.0)
+    group, shared = paged_rows(), next(g for g in range(1, groups) if paged_word(12 + 8 * g) == 0)
+    yield 'paged_last', 'open', 'a first level in pages that is not there', repaged(0, 'I', 1000)
+    yield ('paged_shared', 'open', 'a group of the tree of one of another number of pages',
+           repaged(8 + 8 * shared, 'I', paged_word(8 + 8 * shared) - 1))
+    yield 'paged_long', 'open', 'a table of pages with a byte behind it', repaged(spliced=(None, 0, bytes(1)))
+    twice = next(row for rows in group for row in rows if len(row['needed']) > 1)
+    yield ('paged_twice', 'open', 'a page that needs another one twice',
+           repaged(twice['needs'] + 4, 'I', twice['needed'][0]))
+    empty = next(row for rows in group for row in rows if not row['vertices'])
+    yield 'paged_empty', 'open', 'a page without vertices that adds a tetrahedron', repaged(empty['at'] + 4, 'I', 1)
+    yield 'paged_digest', 'decode', 'a page with the digest of another one', repaged(rows + 28, '16s', bytes(16))
+    # one that a reader of the low half has anyway: only the row is wrong
+    page = next(row for rows, of in zip(group, group[1:]) for row in of
+                        if row['vertices'] and row['count'] == 1 and row['low'] and rows[row['needed'][0]]['low'])
+    yield ('paged_unsaid', 'decode', 'a page that needs another one, and says not so',
+           repaged(page['at'] + 20, 'I', 0, spliced=(page['needs'], 4, b'')))
+    # of level 25: where its pages have their tetrahedra at the begin, but not all of them at the end of level 26
+    yield ('paged_leaves', 'decode', 'a page with a tetrahedron of another one',
+           repaged(nodes + 5 * (paged_word(12) + 2) + 1, 'f', 2.0))
     level = len(tetlod.open(PAGED).levels) - 2
     yield 'paged_random', 'decode', 'pages of other bytes, with the digest of their level', \
         reframed(PAGED, level, 0, lambda frame: bytes(255 - b for b in frame))
@@ -296,13 +315,40 @@ def paged_places():
     return groups, 8 + 8 * groups, 8 + 8 * groups + 5 * sum(nodes)
 
 
-def repaged(*changes):
-    """The table of pages, which is not packed then, with numbers changed: (place, form, value) of each."""
+def paged_word(at):
+    return int.from_bytes(tetlod.open(PAGED).section('PAGE')[at:at + 4], 'little')
+
+
+def meets_low(at):
+    """Does a row's box reach into the half below the middles?"""
+    return all(step < 32768 for step in struct.unpack_from('<3H', tetlod.open(PAGED).section('PAGE'), at + 8))
+
+
+def paged_rows():
+    """Of each group the rows: where each is, what it adds, and where and what the pages are that it needs."""
+    (groups, _, at), stream, found = paged_places(), tetlod.open(PAGED), []
+    for g in range(groups):
+        found.append([])
+        for _ in range(paged_word(8 + 8 * g)):
+            found[-1].append({'at': at, 'vertices': paged_word(at), 'count': paged_word(at + 20), 'low': meets_low(at)})
+            at += 24 + 20 * (1 + len(stream.fields))
+    for row in (row for rows in found for row in rows):
+        row['needs'], row['needed'] = at, [paged_word(at + 4 * i) for i in range(row['count'])]
+        at += 4 * row['count']
+    return found
+
+
+def repaged(*changes, spliced=None):
+    """The table of pages, which is not packed then, with numbers changed: (place, form, value) of each; and bytes
+    replaced: (place, how many, by what)."""
     stream = tetlod.open(PAGED)
     entry, number = next((s, i) for i, s in enumerate(stream.sections) if s['tag'] == 'PAGE')
     table = bytearray(stream.section('PAGE'))
     for at, form, value in zip(*[iter(changes)] * 3):
         struct.pack_into('<' + form, table, at % len(table), value)
+    if spliced:
+        begin = len(table) if spliced[0] is None else spliced[0]
+        table[begin:begin + spliced[1]] = spliced[2]
     place, grown = sections_of(PAGED)[number], len(table) - entry['stored']
     early, total = (int.from_bytes(PAGED[at:at + size], 'little') + grown for at, size in ((28, 4), (32, 8)))
     data = PAGED[:28] + struct.pack('<IQ', early, total) + PAGED[40:entry['offset']] + bytes(table)

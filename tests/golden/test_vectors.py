@@ -43,6 +43,9 @@ def decode(data, levels=None):
                 stream.frame(level, part)
         if levels is not None:
             stream.cursor().seek(len(stream.levels) - 1)
+            some = {level: set(range(group.count)) for level, group in stream.groups.items()}
+            if some:
+                stream.cursor().seek_pages(some)
         for band in range(len(series.bands) if series else 0):
             for step in range(len(series.times)):
                 series.seek(band, step)

@@ -273,12 +273,21 @@ class LibraryDecoder:
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
 
     def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> Region:
-        """The pages of all levels up to `coarse`, and in the boxes of those up to `fine`."""
-        pages, cursor, error = c_void_p(), c_void_p(), CError()
-        places = (CPlace * len(boxes))(*(CPlace(tuple(box[:3]), tuple(box[3:]), 0, fine) for box in boxes))
+        """The pages of all levels up to `coarse`, and in the boxes or balls of those up to `fine`."""
+        return self.region_of(self.page_set(boxes, coarse, fine))
+
+    def page_set(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> c_void_p:
+        pages, error = c_void_p(), CError()
+        places = (CPlace * len(boxes))(*(CPlace(tuple(box[:3]), tuple(box[3:]), 0, fine) if len(box) == 6 else
+                                         CPlace(tuple(box[:3]), (0, 0, 0), box[3], fine) for box in boxes))
         status = self._library.tetlod_page_set_new(byref(pages), self._file, coarse, places, len(boxes), byref(error))
+        self._check(status, error)
+        return pages
+
+    def region_of(self, pages: c_void_p) -> Region:
+        """The mesh of a set, which is freed."""
+        cursor, error = c_void_p(), CError()
         try:
-            self._check(status, error)
             self._source.hold(self._spans(pages))
             self.open_cursor(cursor, self._selected)
             self._check(self._library.tetlod_cursor_select(cursor, pages, byref(error)), error)

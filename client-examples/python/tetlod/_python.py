@@ -34,7 +34,7 @@ class PythonDecoder:
         """As the library's, but levels in pages are read whole."""
         chosen = {level: set(range(group.count)) for level, group in self._stream.groups.items() if level <= coarse}
         for box in boxes:
-            for level, pages in reference_pages.meeting(self._stream, (box[:3], box[3:]), fine).items():
+            for level, pages in reference_pages.meeting(self._stream, box, fine).items():
                 chosen.setdefault(level, set()).update(pages)
         chosen = reference_pages.closure(self._stream, chosen)
         cursor = self._stream.cursor(self._names)

@@ -68,8 +68,8 @@ class Stream:
         return self._seek(level_for(self.fields, self.levels, self._choice))
 
     def region(self, box: Sequence[Any], *, box_error: Optional[Fraction] = None, **choice: Any) -> Mesh:
-        """A mesh that is finer in a box (x0, y0, z0, x1, y1, z1), or in several, of a stream in pages (build --paged).
-        Of the pages only what it needs is read: open a URL with `level=0` for that.
+        """A mesh that is finer in a box (x0, y0, z0, x1, y1, z1), in a ball (x, y, z, radius), or in several, of a
+        stream in pages (build --paged). Of the pages only what it needs is read: open a URL with `level=0` for that.
 
         Outside it is the level of `choice`, as in `seek`, but not coarser than the last level before the pages, which
         is also the default; in the box that of `box_error`, or the finest. Its `errors` are those of its coarsest

@@ -960,6 +960,7 @@ class Cursor:
         self.exact = False           # fields have the tail's values
         self.listed, self.seams = None, frozenset()  # of a page: its vertices, and those that do not split
         self.left_out = {}           # tetrahedra of pages that were left out: of which level
+        self.page_of = []            # of some pages: of which one of the last level in pages each tetrahedron is
         self._base()
 
     def __del__(self):
@@ -1255,11 +1256,9 @@ class Cursor:
     def _decode_group(self, level, group, chosen=None):
         """A level in pages (SPEC 7.6), or some of its pages."""
         from .reference_pages import page_frames
-        lists, self.seams, pages = group.lists(self.columns[0].values, self.tets_list[:self.tet_count], self.left_out)
+        lists, self.seams, pages = self._pages_now(group)
         if chosen is not None:
-            for t, page in enumerate(pages):
-                if page not in chosen:
-                    self.left_out.setdefault(t, level)
+            self._leave_out(level, group, pages, chosen)
         frames = [page_frames(group, column.part, self.stream.frame(level, column.part)) for column in self.columns]
         for number, page in enumerate(group.pages):
             if not page.vertices or chosen is not None and number not in chosen:
@@ -1269,7 +1268,24 @@ class Cursor:
                 column.restart()
                 coder.start(parts[number])
             self._decode_records(level, {'vertices': self.count + page.vertices, 'tets': self.tet_count + page.tets})
+            pages += [number] * page.tets
         self.listed, self.seams = None, frozenset()
+        if chosen is not None:
+            self.page_of = [page if page in chosen else None for page in pages]
+            require(self._pages_now(group)[2] == self.page_of,
+                    'a page of level %d has tetrahedra of another one' % level)
+
+    def _pages_now(self, group):
+        return group.lists(self.columns[0].values, self.tets_list[:self.tet_count], self.left_out)
+
+    def _leave_out(self, level, group, pages, chosen):
+        """Tetrahedra of pages that are left out; those of others come from pages that these need."""
+        for t, page in enumerate(pages):
+            if page not in chosen:
+                self.left_out.setdefault(t, level)
+            elif self.page_of:
+                require(self.page_of[t] in group.pages[page].needed,
+                        'a page of level %d needs another one, and says not so' % level)
 
     def _vertex_at(self, place):
         """The vertex at a place of the walk: of a page first those that it has, then those that it adds."""

@@ -123,15 +123,22 @@ def page_frames(group, part, frame):
     return parts
 
 
-def meeting(stream, box, to=None):
-    """The pages, up to a level, whose boxes meet a box of (least, greatest): {level: numbers of pages}."""
+def meets(place, low, high):
+    """Does a box of six numbers, or a ball of a middle and a radius, meet the box from `low` to `high`?"""
+    least, greatest = place[:3], place[3:] if len(place) == 6 else place[:3]
+    gaps = np.maximum(np.maximum(low - greatest, least - high), 0)
+    return not gaps.any() if len(place) == 6 else not gaps @ gaps > (place[3] * (1 + 2 ** -40)) ** 2
+
+
+def meeting(stream, place, to=None):
+    """The pages, up to a level, whose boxes meet a box or ball: {level: numbers of pages}."""
     low, high = (np.array(corner, dtype=float) for corner in stream.bounds)
     found = {}
     for level, group in stream.groups.items():
         for number, page in enumerate(group.pages if to is None or level <= to else ()):
             steps = np.array(page.box).reshape(2, 3)
             least, greatest = np.where(steps == BOX_STEPS, high, low + (high - low) * (steps / BOX_STEPS))
-            if np.all(least <= box[1]) and np.all(greatest >= box[0]):
+            if meets(place, least, greatest):
                 found.setdefault(level, set()).add(number)
     return found
 
