@@ -693,26 +693,34 @@ export class Engine {
     return {
       bytes: () => this.#view.added, info: this.#base, fields: this.#fields,
       selected: this.#source.partial ? this.#source.fields : null,
-      spec: () => this.#spec,
+      spec: () => this.#spec, moves: () => this.#canMove,
       apart: (offset, size, signal) => this.#source.apart(offset, size, { signal }),
       offer: (made, told) => new Promise((taken) => { this.#offered = { made, told, taken }; this.#wake(); }),
       fail: ({ message }) => this.#emit('error', { message: `pages are missing: ${message}` }),
     };
   }
 
-  // Pages that are new move to their shape, as levels do.
+  // Pages that leave move to the shape without them, those that are new move to their own, as levels do.
   async #adoptPages() {
     const { made, told, taken } = this.#offered;
     this.#offered = null;
+    if (made?.leaves && this.#canMove && this.#finer) await this.#pass(made.leaves, 1, 0);
     if (made || this.#finer) this.#adopt(this.#boxesWanted, made, told);
-    const moves = this.#spec?.morph && this.#frameTime <= heavyFrame && made?.from;
-    if (moves) {
-      this.#view.moveAdopted(made.from);
-      this.#moved = this.#coarser = this.#shown;
-    }
+    const moved = made?.from && this.#canMove ? this.#pass(made.from, 0, 1) : null;
     taken();
-    if (moves) await this.#animate(0, 1);
-    if (moves) await this.#present(1);
+    await moved;
+    if (moved) await this.#present(1);
+  }
+
+  get #canMove() {
+    return Boolean(this.#spec?.morph) && this.#frameTime <= heavyFrame;
+  }
+
+  // The mesh of pages, between other places and its own.
+  #pass(places, start, end) {
+    this.#view.moveAdopted(places);
+    this.#moved = this.#coarser = this.#shown;
+    return this.#animate(start, end);
   }
 
   #adopt(key, made, told) {
@@ -877,7 +885,7 @@ export class Engine {
 
   // Prepares a move to or from a coarser level, if it would be seen: something is drawn, and quickly.
   #moves(coarser) {
-    if (!this.#spec?.morph || this.#frameTime > heavyFrame) return false;
+    if (!this.#canMove) return false;
     try {
       this.#view.move(coarser);
       this.#moved = this.#view.level;

@@ -20,7 +20,7 @@ export class Pager {
   #held = new Map(); // bytes of pages, by number: arrays, one for each frame; the one that was needed last at the end
   #heldBytes = 0;
   #shown = null; // the pages of the mesh that was offered last
-  #last = null; // {starts, positions, fields} of it; starts: of a page's vertices
+  #last = null; // {starts, parents, positions, fields} of it; starts: of a page's vertices
   #look = null;
   #reached = null; // the look that is shown
   #bell = () => {};
@@ -30,8 +30,9 @@ export class Pager {
 
   /**
    * `host`: {bytes(), of the stream's first levels; selected, names of the fields these are of, or null; fields,
-   * numbers of those to decode, or null; info; spec(), what the pictures show; apart(offset, size, signal);
-   * offer(mesh, told), which resolves when it is copied; fail(error)}.
+   * numbers of those to decode, or null; info; spec(), what the pictures show; moves(), whether
+   * shapes may pass into each other; apart(offset, size, signal); offer(mesh, told), which resolves when it is copied;
+   * fail(error)}.
    */
   static async create(module, host) {
     return new Pager(await Maker.create(module, 'paging'), host);
@@ -112,7 +113,8 @@ export class Pager {
   #choose(look, times = 1) {
     const reach = reaches(this.#host.info, look.field, look.measure);
     const scales = this.#sights.scales(look, this.#host.spec());
-    return choosePages({ ...this.#table, reach, scales }, look, { times, shown: this.#shown ?? new Set() });
+    const shown = this.#shown ?? new Set();
+    return { ...choosePages({ ...this.#table, reach, scales }, look, { times, shown }), scales };
   }
 
   async #run() {
@@ -153,17 +155,39 @@ export class Pager {
     this.#reached = look;
   }
 
-  async #show(pages, { started, has, ...told }) {
+  async #show(pages, { started, has, scales, ...told }) {
     const isSame = this.#shown?.size === pages.length && pages.every((p) => this.#shown.has(p));
-    if (!isSame) await this.#decode(pages);
-    this.#shown = new Set(pages);
-    const made = isSame ? null : this.#moving(pages);
+    const made = isSame ? null : await this.#make(pages, scales);
     await this.#host.offer(made, {
       ...told,
       held: this.#heldBytes,
       pages: pages.length,
       seconds: (performance.now() - started) / 1000,
     });
+  }
+
+  // Pages that leave go to the shape without them first, if they are seen; those that are new come from there.
+  async #make(pages, scales) {
+    const isSeen = (page) => scales[page] > 0;
+    const before = this.#shown ?? new Set();
+    const stay = pages.filter((p) => before.has(p));
+    const moves = this.#host.moves();
+    const wanted = new Set(pages);
+    const leaves = moves && [...before].some((p) => !wanted.has(p) && isSeen(p)) ? await this.#leaving(stay) : null;
+    const last = this.#last;
+    await this.#decode(pages);
+    this.#shown = wanted;
+    const made = this.#mesh();
+    const next = this.#remember(made, pages);
+    const from = moves && pages.some((p) => !before.has(p) && isSeen(p)) ? this.#placesOf(next, last) : null;
+    return { ...made, leaves, from };
+  }
+
+  // Where the vertices of the mesh that was offered last are without the pages that go.
+  async #leaving(stay) {
+    const last = this.#last;
+    await this.#decode(stay);
+    return this.#placesOf(last, this.#remember(this.#mesh(), stay));
   }
 
   async #decode(pages) {
@@ -200,21 +224,6 @@ export class Pager {
     return maker.mesh(address, valuesOf);
   }
 
-  // The mesh, and from where its vertices come in the one that was offered last.
-  #moving(pages) {
-    const made = this.#mesh();
-    const before = this.#last;
-    const starts = this.#remember(made, pages);
-    const origins = this.#origins(made, starts, before.starts);
-    if (!origins) return made;
-    const gather = (from, to) => {
-      const n = to.length / made.vertices;
-      return to.map((_, i) => from[n * origins[Math.floor(i / n)] + (i % n)]);
-    };
-    const fields = made.fields.map((to, f) => to && before.fields[f] && gather(before.fields[f], to));
-    return { ...made, from: { positions: gather(before.positions, made.positions), fields } };
-  }
-
   // Pages' vertices lie one after the other, in the order of their numbers.
   #remember({ vertices, positions, fields }, pages) {
     const starts = new Map();
@@ -224,23 +233,31 @@ export class Pager {
       starts.set(page, next);
       next += this.#table.pages[page].vertices;
     }
-    this.#last = { starts, positions: positions.slice(), fields: fields.map((values) => values?.slice()) };
-    return starts;
+    const parents = this.#maker.words(this.#maker.run('parents'), vertices).slice();
+    this.#last = { starts, parents, positions: positions.slice(), fields: fields.map((values) => values?.slice()) };
+    return this.#last;
   }
 
-  // A vertex that was there is the same one; of a new page it is the one that it was split from.
-  #origins({ vertices }, starts, before) {
-    if (starts.get(null) !== before.get(null)) return null;
-    const parents = this.#maker.words(this.#maker.run('parents'), vertices);
-    const origins = new Uint32Array(vertices);
+  // Positions and values of a mesh's vertices in another one: of one that is there, its own; else of the one that it
+  // was split from. Null: none of them is.
+  #placesOf({ starts, parents }, { starts: there, positions, fields }) {
+    if (starts.get(null) !== there.get(null)) return null;
+    const origins = new Uint32Array(parents.length);
     for (let v = 0; v < starts.get(null); v++) origins[v] = v;
     for (const [page, start] of starts) {
       if (page === null) continue;
-      const was = before.get(page);
+      const was = there.get(page);
       for (let i = 0; i < this.#table.pages[page].vertices; i++)
         origins[start + i] = was === undefined ? origins[parents[start + i]] : was + i;
     }
-    return origins;
+    const gather = (values, n) => {
+      const out = new Float64Array(n * origins.length);
+      for (let v = 0; v < origins.length; v++)
+        for (let i = 0; i < n; i++) out[n * v + i] = values[n * origins[v] + i];
+      return out;
+    };
+    const components = this.#host.info.fields.map((field) => field.components);
+    return { positions: gather(positions, 3), fields: fields.map((values, f) => values && gather(values, components[f])) };
   }
 
   // ---- bytes

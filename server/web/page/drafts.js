@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// While the camera moves and frames take long, a coarser level is drawn; what was there comes back when it rests.
+// While the camera or the mesh moves and frames take long, fewer pixels are drawn, then a coarser level, too; what was
+// there comes back when it rests.
 
 const slow = 50; // milliseconds of a frame
+const quick = 17; // with twice the pixels in each direction it would not be slow
+const fewestPixels = 0.25; // a share of them in each direction
+const stillness = 250; // milliseconds without a frame
 const wanted = 35; // of one of the coarser level's
 const fewest = 2000; // tetrahedra of that
 
@@ -12,10 +16,20 @@ export class Drafts {
   #last = 0;
   #slow = 0;
   #age = 0;
+  #place = ''; // of the camera
+  #morphs = false;
+  #resting = 0; // a timer
+  #waits = false; // for pages, to draw all pixels
+  #share = 1; // of the pixels in each direction, while something moves; the next time, too
+  #longest = 0; // frame of a movement
 
   constructor(viewer) {
     this.#viewer = viewer;
-    viewer.addEventListener('pictures', () => this.#forget());
+    viewer.addEventListener('pictures', ({ detail }) => {
+      this.#morphs = detail.t < 1;
+      this.#forget();
+      if (this.#waits) this.#rest();
+    });
     viewer.scene.addEventListener('camera', () => this.#rest());
     viewer.scene.addEventListener('render', () => this.#look());
   }
@@ -27,20 +41,47 @@ export class Drafts {
     this.#age++;
   }
 
+  // While pages come, pictures follow each other.
   #rest() {
-    this.#slow = 0;
-    this.#last = 0;
-    this.#viewer.scene.draft(null);
+    const { scene, looking, settled } = this.#viewer;
+    clearTimeout(this.#resting);
+    if (this.#longest && this.#longest <= quick) this.#share = Math.min(1, 2 * this.#share);
+    this.#slow = this.#last = this.#longest = 0;
+    this.#waits = Boolean(looking) && !settled;
+    if (scene.closed) return;
+    scene.draft(null);
+    if (!this.#waits) scene.thin(1);
+  }
+
+  // Whether something has moved since the last frame.
+  #moves() {
+    const camera = this.#viewer.scene.renderer.getActiveCamera();
+    const place = [...camera.getPosition(), ...camera.getFocalPoint(), camera.getParallelScale()].join();
+    const isSame = place === this.#place;
+    this.#place = place;
+    return !isSame || this.#morphs;
   }
 
   #look() {
     const { scene } = this.#viewer;
     const now = performance.now();
-    const took = scene.interactor.isAnimating() && this.#last ? now - this.#last : 0;
-    this.#last = scene.interactor.isAnimating() ? now : 0;
+    const animates = scene.interactor.isAnimating();
+    const moves = this.#moves() || animates;
+    const took = moves && this.#last ? now - this.#last : 0;
+    this.#last = moves ? now : 0;
     this.#slow = took > slow ? this.#slow + 1 : 0;
-    if (this.#slow < 2 || scene.fine) return;
-    if (this.#pictures) scene.draft(this.#pictures);
+    this.#longest = Math.max(this.#longest, took);
+    if (!moves) return;
+    clearTimeout(this.#resting);
+    if (!animates) this.#resting = setTimeout(() => this.#rest(), stillness);
+    if (this.#slow > 1 && this.#share > fewestPixels) this.#share /= 2;
+    else if (this.#slow > 1 && animates && !scene.fine) this.#roughen(took);
+    if (this.#share < scene.share) this.#slow = 0;
+    scene.thin(Math.min(this.#share, scene.share));
+  }
+
+  #roughen(took) {
+    if (this.#pictures) this.#viewer.scene.draft(this.#pictures);
     else if (!this.#asked) this.#ask(took);
   }
 

@@ -102,6 +102,7 @@ export class Scene extends EventTarget {
     this.state = null;
     this.range = [0, 1];
     this.bottom = 80; // as the other borders
+    this.share = 1; // of the screen's pixels in each direction, that are drawn
     this.looked = null; // one of `views`, until the camera is moved otherwise
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
@@ -206,10 +207,24 @@ export class Scene extends EventTarget {
     const camera = this.renderer.getActiveCamera();
     camera.setUseHorizontalViewAngle(width < height);
     camera.setWindowCenter(0, (borders.top - this.bottom) / Math.max(height, 1));
-    this.pixels = Math.min(window.devicePixelRatio || 1, 2);
-    this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
+    this.fill();
     if (this.looked) this.fit(this.looked);
     this.render();
+  }
+
+  // The canvas has the container's size, in the pixels that are drawn.
+  fill() {
+    const { width, height } = this.container.getBoundingClientRect();
+    this.pixels = this.share * Math.min(window.devicePixelRatio || 1, 2);
+    this.view.setSize(...[width, height].map((length) => Math.max(1, Math.round(length * this.pixels))));
+  }
+
+  /** Draws only a share of the screen's pixels in each direction, from now on. */
+  thin(share) {
+    if (share === this.share) return;
+    this.share = share;
+    this.fill();
+    this.window.render(); // the canvas is empty
   }
 
   // ---- what is shown
@@ -573,6 +588,7 @@ export class Scene extends EventTarget {
 
   // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
   async capture(size = null) {
+    this.thin(1);
     const image = new Image();
     const camera = this.renderer.getActiveCamera();
     const across = camera.getUseHorizontalViewAngle();
