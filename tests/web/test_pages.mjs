@@ -572,7 +572,7 @@ async function nothing_cracks_on_the_way() {
   await from([4, -3, 12], [4, 0, 12]);
 }
 
-// Where frames are slow, here of a clock that runs fast, a picture that moves has fewer pixels, and all of them at rest.
+// Where frames are slow, here by a clock that runs fast, a picture that moves has fewer pixels; at rest it has all.
 async function slow_frames_have_fewer_pixels() {
   const widths = await page.evaluate(() => {
     const { scene } = window.tetlod;

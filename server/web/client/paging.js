@@ -257,7 +257,8 @@ export class Pager {
       return out;
     };
     const components = this.#host.info.fields.map((field) => field.components);
-    return { positions: gather(positions, 3), fields: fields.map((values, f) => values && gather(values, components[f])) };
+    const placed = fields.map((values, f) => values && gather(values, components[f]));
+    return { positions: gather(positions, 3), fields: placed };
   }
 
   // ---- bytes
