@@ -45,7 +45,8 @@ static void start_models(struct tetlodi_recorder *recorder)
         number_init(of->child[0], 4);
         number_init(&of->corner, 1);
         tetlodi_bits_init(of->zeros[0], sizeof of->zeros / sizeof(struct tetlodi_bit));
-        tetlodi_bits_init(of->kept[0], sizeof of->kept / sizeof(struct tetlodi_bit));
+        tetlodi_bits_init(of->kept[0], 2);
+        tetlodi_bits_init(of->kept[1], 2);
         tetlodi_bits_init(of->nudge, 4);
         tetlodi_bits_init(&of->copies, 1);
         tetlodi_bits_init(of->source, 64);

@@ -639,13 +639,13 @@ def test_memory_is_bounded():
     same."""
     folder = os.path.join(SCRATCH, 'many')
     os.makedirs(folder, exist_ok=True)
-    streams = 6 if SANITIZED else 12
-    for i in range(streams):
+    streams = range(1 if SANITIZED else 0, 12, 2 if SANITIZED else 1)
+    for i in streams:
         path = os.path.join(folder, 'm%d.tetlod' % i)
         shutil.copy(FIN, path) if i == 0 else make_stream('cube', path, 4 + i)
     with Server(folder, '--memory', '3M', '--cache', '1M') as small, Server(folder) as ample:
         for _ in range(2):
-            for i in range(streams):
+            for i in streams:
                 shown = ample.json('/v1/meshes/m%d' % i)
                 last = len(shown['levels']) - 1
                 for level in (0, last // 2, last):
