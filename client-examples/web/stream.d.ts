@@ -330,7 +330,9 @@ export interface Pages {
   worst: number;
   /** The finest level that has a page. */
   finest: number;
-  /** Of the look; null: on the way to it. */
+  /** The level in boxes, where there are any (`refine`) and the budgets allow it. */
+  boxLevel?: number;
+  /** Of the look; null: on the way to it, or there are only boxes. */
   look: number | null;
   seconds: number;
 }

@@ -394,6 +394,50 @@ async function pages_pass_into_each_other() {
   stream.close();
 }
 
+// Boxes of a stream in pages: their pages alone come, from any host that knows ranges; a view may be followed, too.
+async function boxes_bring_their_pages() {
+  const host = await fileHost(bytes);
+  const stream = await opened(host.url, 'xyz', { surface: true });
+  const begun = stream.fetched;
+  const root = stream.info.levels[stream.info.paged - 1];
+  const shown = async (boxes, look = null) => {
+    const told = new Promise((resolve) => {
+      const hear = ({ detail }) => {
+        if (detail.boxLevel === undefined || (look && detail.look !== look.id)) return;
+        stream.removeEventListener('refined', hear);
+        resolve(detail);
+      };
+      stream.addEventListener('refined', hear);
+    });
+    if (look) stream.look(look);
+    await stream.show({ field: 'xyz', surface: true, morph: false, refine: { boxes, target: { error: 0.0004 } } });
+    const finer = await told;
+    assertWhole(await stream.mesh());
+    return finer;
+  };
+  const level = async (...place) => (await stream.probe(place)).level;
+  const first = await shown([[20, 20, 20, 24, 24, 24]]);
+  const wanted = first.boxLevel;
+  assert.ok(stream.info.levels[wanted - 1].errors.xyz.max > 0.0004 && wanted > stream.info.paged);
+  assert.deepEqual([first.refused, first.worst, first.finest], [0, stream.info.paged - 1, wanted]);
+  assert.ok((await level(22, 22, 22)) === wanted && (await level(20.2, 23.8, 21)) === wanted);
+  assert.ok((await level(1, 1, 1)) < wanted && first.tets < 0.8 * stream.info.levels[wanted].tets);
+  assert.ok(stream.fetched - begun < 0.8 * (stream.info.levels[wanted].bytes - root.bytes), `${stream.fetched}`);
+  await shown([[0, 0, 0, 4, 4, 4]]);
+  assert.equal(await level(1, 1, 1), wanted);
+  const both = await shown([[0, 0, 0, 4, 4, 4]], lookAt(1, { eye: [30, 30, 30], pixels: 3, scale: 400 }));
+  assert.ok((await level(1, 1, 1)) === wanted && (await level(23.5, 23.5, 23.5)) > stream.info.paged);
+  assert.ok(both.look === 1 && both.pixels <= 3);
+  stream.look(null);
+  await stream.show({ field: 'xyz', surface: true, morph: false });
+  await new Promise((resolve) => {
+    stream.addEventListener('pictures', ({ detail }) => detail.finer || resolve());
+  });
+  assert.equal((await stream.mesh()).tets.length / 4, root.tets);
+  stream.close();
+  host.close();
+}
+
 async function bytes_are_given_back() {
   const stream = await opened(new Blob([bytes]));
   const sides = [
@@ -671,6 +715,45 @@ async function the_element_follows_pages() {
   host.close();
 }
 
+// In the page: a click refines there, with slices and a clip box, too, and Back undoes it.
+async function a_click_refines_in_pages_and_back_undoes() {
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/pagedcube#error=0.05&surface=solid&slices=&smooth=0`);
+  await firstPicture(page);
+  await settled(page);
+  await page.waitForFunction(() => document.getElementById('refine'));
+  const written = (pattern) => page.waitForFunction((p) => new RegExp(p).test(location.hash), pattern);
+  const boxLevel = async (least) => {
+    const found = await page.waitForFunction((n) => {
+      const level = window.tetlod.viewer.finer?.boxLevel;
+      return level > n && level;
+    }, least);
+    return found.jsonValue();
+  };
+  await page.keyboard.down('Shift');
+  await page.mouse.dblclick(340, 360);
+  await page.keyboard.up('Shift');
+  const first = await boxLevel(0);
+  await written('refine=.*@0.005');
+  assert.match(await page.locator('#refine-words').innerText(), new RegExp(`pages have level ${first} in boxes`));
+  assert.match(await page.locator('#promise').innerText(), /; in boxes xyz ≤ .* \(certified\)$/);
+  await page.locator('#refine-error').fill('0.04');
+  await page.keyboard.press('Enter');
+  const second = await boxLevel(first);
+  await written('refine=.*@0.0004');
+  await page.evaluate(() => window.tetlod.set({ slices: [{ normal: [1, 0, 0], at: 0.4 }], box: [0, 0, 0, 1, 1, 0.7] }));
+  await written('slices=.*box=|box=.*slices=');
+  await settled(page);
+  assert.equal(await boxLevel(0), second);
+  await page.goBack();
+  await page.waitForFunction(() => !window.tetlod.state.box && window.tetlod.state.refine);
+  await page.goBack();
+  await page.waitForFunction((level) => window.tetlod.viewer.finer?.boxLevel === level, first);
+  await page.goBack();
+  await page.waitForFunction(() => !window.tetlod.state.refine && !window.tetlod.viewer.finer);
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
 // What the device's memory is not for can be looked at in parts.
 async function a_stream_that_is_too_large_is_offered_in_pages() {
   const small = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
@@ -692,6 +775,7 @@ await run([
   only_what_is_shown_needs_pages,
   what_is_seen_is_fine_and_nothing_cracks,
   pages_pass_into_each_other,
+  boxes_bring_their_pages,
   bytes_are_given_back,
   a_host_that_fails_is_told_and_asked_again,
   from_a_server_field_by_field,
@@ -700,6 +784,7 @@ await run([
   slow_frames_have_fewer_pixels,
   the_panel_and_the_link_tell_it,
   it_is_switched_by_the_keyboard,
+  a_click_refines_in_pages_and_back_undoes,
   the_element_follows_pages,
   a_stream_that_is_too_large_is_offered_in_pages,
 ]);

@@ -13,6 +13,10 @@ const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump
 const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
+// A view for boxes alone, which sees nothing; one that follows the camera says its own budgets.
+const unseen = { planes: [[0, 0, 0, -1]], eye: [0, 0, 0], near: 1, scale: 0, parallel: true, pixels: Number.MAX_VALUE,
+  tets: 2_000_000, bytes: 64_000_000, id: null };
+
 const mostRegions = 500; // that somebody may want to choose from
 
 // Which numbers there are, ascending, and how many tetrahedra have each; null: too many.
@@ -263,7 +267,7 @@ export class Engine {
     if (!spec?.refine) this.#refiner = null;
     this.#unrefinable = '';
     this.#dirty = true;
-    if (this.#look) this.#pager?.look({ ...this.#look }); // other places are seen
+    this.#follow(); // other places are seen
     this.#wake();
   }
 
@@ -282,8 +286,7 @@ export class Engine {
   /** From now on pages are those that a view needs, beyond levels that have none; null: no more than the level's. */
   look(look) {
     this.#look = look;
-    if (!look) this.#leavePages();
-    this.#pager?.look(look);
+    this.#follow();
     this.#wake();
   }
 
@@ -648,7 +651,21 @@ export class Engine {
   }
 
   get #isPaged() {
-    return this.#look && !this.#time && this.#goal < (this.#base.paged || -1) && this.#base.paged <= this.#limit;
+    const { paged } = this.#base;
+    return this.#pagesWanted && !this.#time && this.#goal < (paged || -1) && paged <= this.#limit;
+  }
+
+  // What pages follow: a view, boxes with levels in pages, or both; null: nothing.
+  get #pagesWanted() {
+    const { refine } = this.#spec ?? {};
+    const boxes = refine && this.#base.paged && refine.level >= this.#base.paged ? refine : null;
+    return this.#look || boxes ? { ...(this.#look ?? unseen), boxes } : null;
+  }
+
+  #follow() {
+    const wanted = this.#pagesWanted;
+    if (!wanted) this.#leavePages();
+    this.#pager?.look(wanted);
   }
 
   // Which mesh is wanted in place of the goal's level; '': none.
@@ -674,7 +691,7 @@ export class Engine {
       if (this.#isPaged) {
         this.#unrefinable = key; // it is on its way
         this.#pager ??= await Pager.create(module, this.#hostOf());
-        return this.#pager.look(this.#look, true);
+        return this.#pager.look(this.#pagesWanted, true);
       }
       this.#refiner ??= new Refiner(module, this.#hostOf());
       const takeTurn = () => !this.#closed && key === this.#boxesWanted && this.#takeTurn();

@@ -72,14 +72,16 @@ const betters = (reach, level) => reach[level] < reach[level - 1];
  * `look.tets` and `look.bytes`. `pages`: [{level, low, high, tets, bytes, needed: [numbers of pages]}], `root`: the
  * tetrahedra without any, `reach`: of each level, as reaches() gives it, `scales`: of each page, pixels of a length
  * where it is seen, 0: it is not. Pages that are not `shown`, those of the mesh that is there, come only where the
- * error is `times` as large. {has: [page] 1 or 0; tets; bytes; `refused`, how many are left out for the budgets;
- * `pixels`, what is left of the error of the worst page that is seen; `worst`, the coarsest level there; `finest`, in
- * the set}.
+ * error is `times` as large. `look.boxes`: {boxes, level}, in which all pages are needed up to a level, or null. {has:
+ * [page] 1 or 0; tets; bytes; `refused`, how many are left out for the budgets; `pixels`, what is left of the error of
+ * the worst page that is seen; `worst`, the coarsest level there, of nothing that is seen the last one without pages;
+ * `finest`, in the set; `boxLevel`, where boxes have it}.
  */
 export function choosePages({ pages, root, reach, scales }, look, { times = 1, shown = new Set() } = {}) {
   const has = new Uint8Array(pages.length);
   // one that makes nothing better comes with those that need it
-  const errors = pages.map(({ level }, p) => (betters(reach, level) ? reach[level - 1] * scales[p] || 0 : 0));
+  const errorOf = ({ level }, p) => (betters(reach, level) ? reach[level - 1] * scales[p] || 0 : 0);
+  const errors = pages.map((page, p) => (isBoxed(page, look.boxes) ? Infinity : errorOf(page, p)));
   const order = [...errors.keys()]
     .filter((p) => errors[p] > look.pixels * (shown.has(p) ? 1 : times))
     .sort((a, b) => errors[b] - errors[a] || a - b);
@@ -99,16 +101,22 @@ export function choosePages({ pages, root, reach, scales }, look, { times = 1, s
     tets: look.tets - left.tets,
     bytes: look.bytes - left.bytes,
     refused,
+    boxLevel: look.boxes && !refused ? Math.min(look.boxes.level, pages.at(-1).level) : undefined,
     ...whatIsLeft(pages, has, reach, scales),
   };
 }
+
+const isBoxed = ({ level, low, high }, boxes) =>
+  Boolean(boxes) &&
+  level <= boxes.level &&
+  boxes.boxes.some((box) => meets(low, high, box.slice(0, 3), box.slice(3)));
 
 // Of what is seen: where a page is missing, the level before it is shown, or, if that made nothing better, one before.
 // (Where a page is missing that would make nothing better, the next one that would is missing, too.)
 function whatIsLeft(pages, has, reach, scales) {
   const [first, last] = [pages[0].level, pages.at(-1).level];
   const before = (level) => (level > first && !betters(reach, level - 1) ? before(level - 1) : level - 1);
-  let [pixels, worst, finest] = [0, last, first - 1];
+  let [pixels, worst, finest] = [0, scales.some((scale) => scale > 0) ? last : first - 1, first - 1];
   pages.forEach(({ level }, p) => {
     if (has[p]) finest = Math.max(finest, level);
     if (!scales[p] || (level < last && (has[p] || !betters(reach, level)))) return;

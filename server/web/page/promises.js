@@ -7,10 +7,11 @@ import { count, percent, roundedUp, significant } from './numbers.js';
 
 // What a level promises of every field, as `tetlod extract` says it.
 export function promiseOf({ finer, ...info }, level) {
-  if (finer?.pages >= 0) return `${promiseOf(info, finer.worst)} in the picture; elsewhere ${promiseOf(info, level)}`;
+  const inBoxes = finer?.boxLevel && `; in boxes ${promiseOf(info, finer.boxLevel)}`;
+  if (finer?.pages >= 0)
+    return `${promiseOf(info, finer.worst)} in the picture; elsewhere ${promiseOf(info, level)}${inBoxes || ''}`;
   if (finer)
-    return `${promiseOf(info, level)}; in boxes ${promiseOf(info, finer.boxLevel)}; between them ${
-      count(finer.between)} tetrahedra without a bound`;
+    return `${promiseOf(info, level)}${inBoxes}; between them ${count(finer.between)} tetrahedra without a bound`;
   const { errors } = info.levels[level];
   const held = info.fields
     .filter((f) => f.controlled)

@@ -12,6 +12,7 @@ const share = 0.125; // of the picture's height, that a box reaches to each side
 const gain = 10; // times smaller than elsewhere is the error in boxes at first
 const mostBoxes = 16;
 const transition = [0.93, 0.42, 0.1]; // the colour of edges where levels meet
+const overBudget = 'have no more than the budget of tetrahedra and bytes allows';
 const boxEdges = Uint32Array.from([0, 1, 0, 2, 0, 4, 1, 3, 1, 5, 2, 3, 2, 6, 3, 7, 4, 5, 4, 6, 5, 7, 6, 7]);
 
 const middleOf = (box) => [0, 1, 2].map((i) => (box[i] + box[3 + i]) / 2);
@@ -232,6 +233,13 @@ export class RefineHere {
     } = this.#viewer;
     if (!state.refine) return 'Shift with a double click refines there.';
     if (at) return 'Steps in time are shown without boxes.';
+    if (finer?.pages >= 0) {
+      const what = finer.boxLevel === undefined ? overBudget : `have level ${finer.boxLevel}`;
+      return (
+        `${count(finer.pages)} pages ${what} in boxes. ` +
+        'Levels meet without gaps; what is between them is as certain as the coarser one.'
+      );
+    }
     if (finer)
       return (
         `${count(finer.inside)} tetrahedra of level ${finer.boxLevel} in boxes; ${count(finer.between)}, ` +
