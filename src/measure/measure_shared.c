@@ -51,7 +51,7 @@ static enum tetlod_status begin_sweep(struct sweep *sweep)
 static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    uint32_t members = share->members ? share->members : 1, part, count = 0;
+    uint32_t members = share->members > WORK_FEW ? WORK_FEW : share->members ? share->members : 1, part, count = 0;
     uint32_t most = (MEASURE_PARTS + BOUNDS_TAKE + members - 1) / members;
     memset(sweep->mine, 0, sizeof sweep->mine);
     for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
@@ -225,6 +225,19 @@ static enum tetlod_status fail_parts(void *opaque)
 {
     struct sweep *sweep = opaque;
     return tetlodi_fail_nomem(sweep->error, "the levels", measure_levels_bytes(sweep->levels->original));
+}
+
+static enum tetlod_status take_none(void *opaque)
+{
+    (void)opaque;
+    return TETLOD_OK;
+}
+
+enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error)
+{
+    enum tetlod_status status = work_share_run(share, STAGE_PARTS, NULL, NULL, take_none, NULL, error);
+    share->end(share->opaque);
+    return status;
 }
 
 static void free_parts(struct sweep *sweep)

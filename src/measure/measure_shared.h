@@ -29,4 +29,7 @@ TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *lev
 TETLOD_CHECKED enum tetlod_status measure_help(const struct work_share *share, unsigned threads,
                                                struct tetlod_error *error);
 
+/* Of a helper that is called to be idle meanwhile. */
+TETLOD_CHECKED enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error);
+
 #endif

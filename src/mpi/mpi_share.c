@@ -37,7 +37,8 @@ struct stage_time {
 };
 
 struct mpi_share {
-    MPI_Comm comm;
+    MPI_Comm comm, few;   /* few: of the first WORK_FEW ranks, or MPI_COMM_NULL */
+    MPI_Comm hears;       /* borrowed: of those that what is passed comes to */
     int rank, ranks;
     pthread_mutex_t asking; /* on other ranks: one thread at a time wants a part */
     pthread_mutex_t lock; /* of MPI, and what follows */
@@ -384,8 +385,9 @@ static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call
     if (!agree(share, good))
         return false;
     MPI_Bcast(&word, 1, MPI_INT, 0, share->comm);
-    *io_call = (enum work_call)word;
     share->ended = word == CALL_OVER;
+    share->hears = word == CALL_SAMPLES ? share->few : share->comm;
+    *io_call = share->hears == MPI_COMM_NULL ? CALL_IDLE : (enum work_call)word;
     return true;
 }
 
@@ -399,7 +401,7 @@ static void pass(void *opaque, void *bytes, size_t size)
     struct mpi_share *share = opaque;
     for (size_t at = 0; at < size; at += PASS_PIECE) {
         unsigned char *to = bytes ? (unsigned char *)bytes + at : share->dropped;
-        MPI_Bcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->comm);
+        MPI_Bcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->hears);
     }
     share->moved += share->rank ? size : 0;
 }
@@ -428,6 +430,7 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     MPI_Comm_dup(comm, &share->comm);
     MPI_Comm_rank(share->comm, &share->rank);
     MPI_Comm_size(share->comm, &share->ranks);
+    MPI_Comm_split(share->comm, share->rank < WORK_FEW ? 0 : MPI_UNDEFINED, share->rank, &share->few);
     pthread_mutex_init(&share->lock, NULL);
     pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
@@ -446,6 +449,8 @@ void mpi_share_free(struct work_share *share)
     drop_results(mpi);
     free(mpi->stages);
     free(mpi->dropped);
+    if (mpi->few != MPI_COMM_NULL)
+        MPI_Comm_free(&mpi->few);
     MPI_Comm_free(&mpi->comm);
     pthread_mutex_destroy(&mpi->lock);
     pthread_mutex_destroy(&mpi->asking);
@@ -480,8 +485,9 @@ static void sum_stage(const struct mpi_share *share, const struct stage_time *ow
     double sums[2] = {own->all - own->alone, own->alone}, most[2] = {own->longest, own->alone};
     MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
     MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, share->comm);
-    bool sweeps = most[1] > 0; // many parts at once: each has its share
-    *out = (struct stage_cost){own->parts, sums[0], most[1], sweeps ? sums[0] / own->parts : most[0]};
+    bool sweeps = most[1] > 0; // of few ranks, many parts at once: each has its share
+    *out = (struct stage_cost){own->parts, sweeps ? WORK_FEW : UINT32_MAX, sums[0], most[1],
+                               sweeps ? sums[0] / own->parts : most[0]};
 }
 
 enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cost *out, struct tetlod_error *error)
@@ -522,7 +528,7 @@ double job_cost_of(const struct job_cost *cost, uint32_t ranks)
     double seconds = cost->alone + cost->leads;
     for (uint32_t i = 0; i < cost->stage_count; i++) {
         const struct stage_cost *stage = &cost->stages[i];
-        seconds += stage->alone + fmax(stage->work / ranks, stage->longest);
+        seconds += stage->alone + fmax(stage->work / (ranks < stage->ranks ? ranks : stage->ranks), stage->longest);
     }
     return seconds;
 }

@@ -24,8 +24,9 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
 /* What a job has cost, in processor seconds: stage by stage, and outside of them. */
 struct stage_cost {
     uint32_t parts;
+    uint32_t ranks; /* at most */
     double work;    /* of all ranks, without `alone` */
-    double alone;   /* that every rank spends, however many there are */
+    double alone;   /* that every one of these ranks spends, however many there are */
     double longest; /* part */
 };
 

@@ -14,6 +14,9 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
         TETLOD_TRY(share->call(share->opaque, &call, error));
         if (call == CALL_OVER)
             return TETLOD_OK;
-        TETLOD_TRY(call == CALL_CELLS ? cells_help(share, threads, error) : measure_help(share, threads, error));
+        if (call == CALL_IDLE)
+            TETLOD_TRY(measure_idle(share, error));
+        else
+            TETLOD_TRY(call == CALL_CELLS ? cells_help(share, threads, error) : measure_help(share, threads, error));
     }
 }

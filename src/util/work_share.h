@@ -24,8 +24,12 @@ struct work_input {
     void *opaque;
 };
 
-/* What a helper is called for. */
-enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES };
+/* What a helper is called for; CALL_IDLE: for what few do, others than this one. */
+enum work_call { CALL_OVER, CALL_CELLS, CALL_SAMPLES, CALL_IDLE };
+
+/* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
+ * to level, which takes an eighth of the time that all samples take. */
+enum { WORK_FEW = 4 };
 
 struct work_share {
     uint32_t members; /* about: it may be more or fewer that work */
@@ -51,10 +55,10 @@ struct work_share {
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
-    /* What the one that leads says, the others hear, who wait for it. NULL: nobody does. ERR_CANCELLED: a member has
-     * failed; ERR_IO names a file. */
+    /* What the one that leads says, the others hear, who wait for it. NULL: nobody does. Who is called to be idle takes
+     * part in the stage, and no part of it. ERR_CANCELLED: a member has failed; ERR_IO names a file. */
     enum tetlod_status (*call)(void *opaque, enum work_call *io_call, struct tetlod_error *error);
-    /* Behind a call: bytes of the one that leads come to the others; where they are NULL they are dropped. */
+    /* Behind a call: bytes of the one that leads come to those that it called; where they are NULL they are dropped. */
     void (*pass)(void *opaque, void *bytes, size_t size);
     void *opaque;
 };
