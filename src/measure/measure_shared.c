@@ -180,8 +180,8 @@ static void pass_log(struct channel *channel, struct contraction_log *log)
     CHANNEL_VALUE(channel, log->vertex_count);
     CHANNEL_VALUE(channel, log->count);
     CHANNEL_VALUE(channel, log->mark_count);
-    CHANNEL_ARRAY(channel, log->children, 4 * (size_t)log->count);
-    CHANNEL_ARRAY(channel, log->positions, 3 * (size_t)log->count);
+    CHANNEL_WORDS(channel, log->children, 4 * (size_t)log->count, 4);
+    CHANNEL_WORDS(channel, log->positions, 3 * (size_t)log->count, 3);
     CHANNEL_ARRAY(channel, log->marks, log->mark_count);
     CHANNEL_VALUE(channel, fields);
     if (!channel->share->leads) {
@@ -192,7 +192,7 @@ static void pass_log(struct channel *channel, struct contraction_log *log)
     for (uint32_t f = 0; f < fields; f++) {
         struct log_field none = {0}, *field = log->fields ? &log->fields[f] : &none;
         CHANNEL_VALUE(channel, field->components);
-        CHANNEL_ARRAY(channel, field->values, (size_t)field->components * log->count);
+        CHANNEL_WORDS(channel, field->values, (size_t)field->components * log->count, field->components);
     }
 }
 

@@ -3,14 +3,18 @@
 
 #include "src/util/array.h"
 
-/* An array that may be one of the other mesh. */
-static void *pass_shared(struct channel *channel, void *array, void *other, size_t count, size_t element_size)
+/* Is an array that of the other mesh? */
+static bool pass_same(struct channel *channel, const void *array, const void *other)
 {
     uint8_t same = other && array == other;
     CHANNEL_VALUE(channel, same);
-    if (!same)
-        return channel_array(channel, array, count, element_size);
-    return other;
+    return same;
+}
+
+/* Doubles that may be those of the other mesh. */
+static double *pass_doubles(struct channel *channel, double *array, double *other, size_t count, size_t lag)
+{
+    return pass_same(channel, array, other) ? other : CHANNEL_WORDS(channel, array, count, lag);
 }
 
 static void pass_field(struct channel *channel, struct point_field *field, const struct point_field *like,
@@ -21,8 +25,8 @@ static void pass_field(struct channel *channel, struct point_field *field, const
     about.values = NULL;
     CHANNEL_VALUE(channel, about);
     char *name = channel_text(channel, field->name);
-    double *values = pass_shared(channel, field->values, like ? like->values : NULL,
-                                 (size_t)vertices * about.components, sizeof *values);
+    double *values = pass_doubles(channel, field->values, like ? like->values : NULL,
+                                  (size_t)vertices * about.components, about.components);
     about.name = name;
     about.values = values;
     if (!channel->share->leads)
@@ -41,10 +45,11 @@ void mesh_pass(struct channel *channel, struct tetmesh *mesh, const struct tetme
     bool leads = channel->share->leads;
     if (!leads)
         *mesh = about;
-    mesh->positions = pass_shared(channel, mesh->positions, like ? like->positions : NULL, about.vertex_count,
-                                  3 * sizeof *mesh->positions);
-    mesh->corners = pass_shared(channel, mesh->corners, like ? like->corners : NULL, about.tet_count,
-                                4 * sizeof *mesh->corners);
+    mesh->positions = pass_doubles(channel, mesh->positions, like ? like->positions : NULL,
+                                   3 * (size_t)about.vertex_count, 3);
+    mesh->corners = pass_same(channel, mesh->corners, like ? like->corners : NULL)
+                        ? like->corners
+                        : CHANNEL_WORDS(channel, mesh->corners, 4 * (size_t)about.tet_count, 4);
     if (!leads) {
         mesh->fields = array_zero(about.field_count, sizeof *mesh->fields);
         mesh->field_count = mesh->fields ? about.field_count : 0;

@@ -104,23 +104,36 @@ static int build(int argc, char **argv, const struct work_share *share)
     return result;
 }
 
+/* What a job costs on so many ranks: of the rank that takes longest, then of all. Of one rank alone it is not known how
+ * much others would be sent. */
+static void print_row(const struct job_cost *cost, uint32_t ranks, uint32_t n)
+{
+    printf("%-12u %10.2f %10.2f %10.2f", n, job_cost_of(cost, n), job_cost_of(cost, 1) / job_cost_of(cost, n),
+           job_cost_of_all(cost, n));
+    if (ranks > 1)
+        printf(" %10.1f", job_cost_moved(cost, n) / 1e6);
+    printf("\n");
+}
+
 /* What the job has cost, and what it would on other numbers of ranks: processor seconds of the rank that takes longest,
  * which with a core for each thread and a fast network is the time that the job takes. */
 static void print_cost(const struct job_cost *cost, uint32_t ranks, uint32_t asked)
 {
-    const double one = job_cost_of(cost, 1);
     printf("%-12s %6s %10s %10s %10s\n", "stage", "parts", "work s", "longest s", "each s");
     for (uint32_t i = 0; i < cost->stage_count; i++)
         printf("%-12u %6u %10.3f %10.3f %10.3f\n", i + 1, cost->stages[i].parts, cost->stages[i].work,
                cost->stages[i].longest, cost->stages[i].alone);
     printf("%-12s %6s %10s %10s %10.3f\n", "each rank", "", "", "", cost->alone);
     printf("%-12s %6s %10s %10s %10.3f\n\n", "rank 0", "", "", "", cost->leads);
-    printf("%-12s %10s %10s\n", "ranks", "seconds", "speed-up");
+    printf("%-12s %10s %10s %10s%s\n", "ranks", "seconds", "speed-up", "s in all", ranks > 1 ? "   MB moved" : "");
     for (uint32_t n = 1; n < asked; n *= 2)
-        printf("%-12u %10.2f %10.2f\n", n, job_cost_of(cost, n), one / job_cost_of(cost, n));
-    printf("%-12u %10.2f %10.2f\n\n", asked, job_cost_of(cost, asked), one / job_cost_of(cost, asked));
-    printf("on %u ranks: %.0f MB of memory on rank 0, at most %.0f MB on others; a rank received at most %.1f MB\n",
-           ranks, (double)cost->resident[0] / 1e6, (double)cost->resident[1] / 1e6, (double)cost->moved / 1e6);
+        print_row(cost, ranks, n);
+    print_row(cost, ranks, asked);
+    printf("\non %u ranks: %.0f MB of memory on rank 0, at most %.0f MB on others\n", ranks,
+           (double)cost->resident[0] / 1e6, (double)cost->resident[1] / 1e6);
+    printf("%.2f s of processor time in all, %.2f s on the rank that took most\n", cost->spent[1], cost->spent[0]);
+    printf("%.1f MB moved in all, %.1f MB to the rank that received most\n", (double)cost->moved[1] / 1e6,
+           (double)cost->moved[0] / 1e6);
 }
 
 /* Collective. */

@@ -34,6 +34,9 @@ struct result {
 struct stage_time {
     uint32_t parts;
     double begun, all, alone, longest;
+    uint32_t given;       /* on rank 0: parts that others got */
+    uint64_t inputs;      /* bytes of what they got with them */
+    uint64_t results;     /* bytes of all parts */
 };
 
 struct mpi_share {
@@ -54,7 +57,8 @@ struct mpi_share {
     bool over, told;     /* a rank has failed, as all know; it was another one */
     bool ended;          /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
-    uint64_t moved;
+    uint64_t moved;      /* to this rank */
+    uint64_t passed[2];  /* on rank 0: to all, and to few */
     struct stage_time *stages; /* [stage_count] */
     uint32_t stage_count;
     double begun;              /* processor seconds before all */
@@ -152,6 +156,8 @@ static void give_part(struct mpi_share *share, int rank)
     for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
         MPI_Send(input.bytes + at, (int)(given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE), MPI_BYTE, rank,
                  TAG_INPUT, share->comm);
+    this_stage(share)->given += given.is_part != 0;
+    this_stage(share)->inputs += given.size;
     pthread_mutex_unlock(&share->lock);
     buffer_fini(&input);
 }
@@ -209,12 +215,13 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->order = order;
     share->input = input;
     share->next = 0;
+    if (stages) // before others are served
+        share->stages[share->stage_count++] = (struct stage_time){.parts = parts, .begun = process_seconds()};
     if (!agree(share, share->results && start_serving(share))) {
         stop_serving(share);
         return share->told ? other_failed(error)
                            : tetlodi_fail_nomem(error, "the parts", parts * sizeof(struct result));
     }
-    share->stages[share->stage_count++] = (struct stage_time){.parts = parts, .begun = process_seconds()};
     return TETLOD_OK;
 }
 
@@ -296,6 +303,7 @@ static bool make_room(struct mpi_share *share, const uint64_t *list)
 {
     for (uint32_t part = 0; part < share->parts && share->rank == 0; part++) {
         struct result *result = &share->results[part];
+        this_stage(share)->results += list[2 * (size_t)part + 1];
         if (result->bytes)
             continue;
         *result = (struct result){array_new(list[2 * (size_t)part + 1], 1), list[2 * (size_t)part + 1], 0};
@@ -404,6 +412,7 @@ static void pass(void *opaque, void *bytes, size_t size)
         MPI_Bcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->hears);
     }
     share->moved += share->rank ? size : 0;
+    share->passed[share->hears == share->few] += size;
 }
 
 /* ---- cost */
@@ -482,23 +491,26 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
 /* A stage on all ranks. */
 static void sum_stage(const struct mpi_share *share, const struct stage_time *own, struct stage_cost *out)
 {
-    double sums[2] = {own->all - own->alone, own->alone}, most[2] = {own->longest, own->alone};
+    double sums[2] = {own->all - own->alone, own->given ? (double)own->inputs * own->parts / own->given : 0};
+    double most[3] = {own->longest, own->alone, (double)own->results};
     MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
-    MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, share->comm);
+    MPI_Allreduce(MPI_IN_PLACE, most, 3, MPI_DOUBLE, MPI_MAX, share->comm);
     bool sweeps = most[1] > 0; // of few ranks, many parts at once: each has its share
     *out = (struct stage_cost){own->parts, sweeps ? WORK_FEW : UINT32_MAX, sums[0], most[1],
-                               sweeps ? sums[0] / own->parts : most[0]};
+                               sweeps ? sums[0] / own->parts : most[0], sums[1] + most[2]};
 }
 
 enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cost *out, struct tetlod_error *error)
 {
     struct mpi_share *mpi = share->opaque;
     struct rusage usage;
-    double outside = process_seconds() - mpi->begun, least = outside, most;
+    double outside = process_seconds() - mpi->begun, least, most;
     *out = (struct job_cost){.stages = array_zero(mpi->stage_count, sizeof *out->stages),
                              .stage_count = mpi->stage_count};
     if (!agree(mpi, out->stages != NULL))
         return mpi->told ? other_failed(error) : tetlodi_fail_nomem(error, "the stages", mpi->stage_count);
+    MPI_Allreduce(&outside, &out->spent[0], 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
+    MPI_Allreduce(&outside, &out->spent[1], 1, MPI_DOUBLE, MPI_SUM, mpi->comm);
     for (uint32_t i = 0; i < mpi->stage_count; i++) {
         sum_stage(mpi, &mpi->stages[i], &out->stages[i]);
         outside -= mpi->stages[i].all;
@@ -510,10 +522,14 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
     uint64_t resident = (uint64_t)usage.ru_maxrss << 10;
-    uint64_t bytes[3] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0};
-    MPI_Allreduce(MPI_IN_PLACE, bytes, 3, MPI_UINT64_T, MPI_MAX, mpi->comm);
-    out->moved = bytes[0];
+    uint64_t bytes[5] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0,
+                         mpi->rank ? 0 : mpi->passed[0], mpi->rank ? 0 : mpi->passed[1]};
+    MPI_Allreduce(MPI_IN_PLACE, bytes, 5, MPI_UINT64_T, MPI_MAX, mpi->comm);
+    MPI_Allreduce(&mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM, mpi->comm);
+    out->moved[0] = bytes[0];
     memcpy(out->resident, bytes + 1, sizeof out->resident);
+    out->passed[0] = (double)bytes[3];
+    out->passed[1] = (double)bytes[4];
     return TETLOD_OK;
 }
 
@@ -523,12 +539,36 @@ void job_cost_fini(struct job_cost *cost)
     *cost = (struct job_cost){0};
 }
 
+/* Of so many ranks those that do parts of the stage. */
+static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
+{
+    return ranks < stage->ranks ? ranks : stage->ranks;
+}
+
 double job_cost_of(const struct job_cost *cost, uint32_t ranks)
 {
     double seconds = cost->alone + cost->leads;
     for (uint32_t i = 0; i < cost->stage_count; i++) {
         const struct stage_cost *stage = &cost->stages[i];
-        seconds += stage->alone + fmax(stage->work / (ranks < stage->ranks ? ranks : stage->ranks), stage->longest);
+        seconds += stage->alone + fmax(stage->work / ranks_in(stage, ranks), stage->longest);
     }
     return seconds;
+}
+
+double job_cost_of_all(const struct job_cost *cost, uint32_t ranks)
+{
+    double seconds = ranks * cost->alone + cost->leads;
+    for (uint32_t i = 0; i < cost->stage_count; i++)
+        seconds += cost->stages[i].work + ranks_in(&cost->stages[i], ranks) * cost->stages[i].alone;
+    return seconds;
+}
+
+double job_cost_moved(const struct job_cost *cost, uint32_t ranks)
+{
+    double bytes = (ranks - 1) * cost->passed[0] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) * cost->passed[1];
+    for (uint32_t i = 0; i < cost->stage_count; i++) {
+        uint32_t those = ranks_in(&cost->stages[i], ranks);
+        bytes += cost->stages[i].moved * (those - 1) / those;
+    }
+    return bytes;
 }

@@ -28,6 +28,7 @@ struct stage_cost {
     double work;    /* of all ranks, without `alone` */
     double alone;   /* that every one of these ranks spends, however many there are */
     double longest; /* part */
+    double moved;   /* bytes, about, if every part were another rank's than rank 0's: inputs and results */
 };
 
 struct job_cost {
@@ -35,7 +36,9 @@ struct job_cost {
     uint32_t stage_count;
     double alone;  /* outside of stages: of a rank that does not lead */
     double leads;  /* what rank 0 spends more: the end of the measuring, and writing */
-    uint64_t moved;       /* bytes that came to a rank from others, at most */
+    double passed[2];     /* bytes that came from rank 0 to every other one, and besides to every other of a few */
+    double spent[2];      /* of the rank that spent most, and in all */
+    uint64_t moved[2];    /* bytes that came from others to a rank, at most, and in all */
     uint64_t resident[2]; /* most that rank 0 had in memory, and any other one */
 };
 
@@ -45,7 +48,9 @@ TETLOD_CHECKED enum tetlod_status mpi_share_cost(const struct work_share *share,
 void job_cost_fini(struct job_cost *cost);
 
 /* Processor seconds of the rank that takes longest if there were so many: the rank that leads, which waits for the
- * others in every stage. */
+ * others in every stage. Those of all ranks; and bytes that come from one to another. */
 double job_cost_of(const struct job_cost *cost, uint32_t ranks);
+double job_cost_of_all(const struct job_cost *cost, uint32_t ranks);
+double job_cost_moved(const struct job_cost *cost, uint32_t ranks);
 
 #endif

@@ -19,9 +19,15 @@ void channel_bytes(struct channel *channel, void *bytes, size_t size);
 /* An array, which a helper allocates: its address, NULL after a failure. */
 void *channel_array(struct channel *channel, void *array, size_t count, size_t element_size);
 
+/* The same of numbers of so many bytes, which are packed (packed_words.h): each is like the one `lag` before. */
+void *channel_words(struct channel *channel, void *array, size_t count, size_t width, size_t lag);
+
 #define CHANNEL_VALUE(channel, value) channel_bytes((channel), &(value), sizeof(value))
 #define CHANNEL_ARRAY(channel, array, count) \
     ((array) = channel_array((channel), (array), (count), sizeof *(array)))
+
+#define CHANNEL_WORDS(channel, array, count, lag) \
+    ((array) = channel_words((channel), (array), (count), sizeof *(array), (lag)))
 
 /* A text that may be NULL: both ends have it, a helper owns its own. */
 char *channel_text(struct channel *channel, char *text);
