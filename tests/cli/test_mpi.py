@@ -77,7 +77,7 @@ def one_fails():
 
 def models():
     """--model says what a job costs on other numbers of ranks: less on more, and never less than its longest part; all
-    ranks together spend more. What it says of the bytes that move on the ranks that it has is about what has moved."""
+    ranks together spend more. The bytes that it expects to move are about those that do."""
     done = mpi(5, 'build', 'fin.vtu', '-o', 'many.tetlod', '--paged=1500', '--quiet', '--model', '8')
     table, behind = done.stdout.decode().split('MB moved\n')[1].split('\n\n')
     rows = [[float(word) for word in line.split()] for line in table.splitlines()]
