@@ -4,6 +4,7 @@
  * keep, and of a failure it goes to rank 0.
  */
 #include <mpi.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -189,6 +190,16 @@ static int run(int argc, char **argv, int rank)
     return result;
 }
 
+/* Where a rank dies mpirun ends the others: rank 0 says so, and then ends as it would. */
+static void on_end(int number)
+{
+    static const char text[] = "tetlod-mpi: a rank has died, or the job was told to stop: there is no stream; the same "
+                               "command begins anew\n";
+    ssize_t written = write(STDERR_FILENO, text, sizeof text - 1);
+    (void)written;
+    raise(number);
+}
+
 int main(int argc, char **argv)
 {
     int rank, provided;
@@ -201,6 +212,8 @@ int main(int argc, char **argv)
     }
     if (rank && !keep_messages())
         fprintf(stderr, "tetlod-mpi: rank %d: no file can be made in %s\n", rank, spool_folder());
+    if (rank == 0)
+        sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_end, .sa_flags = (int)SA_RESETHAND}, NULL);
     int result = run(argc, argv, rank);
     MPI_Finalize();
     return result;

@@ -15,14 +15,15 @@ struct temporary {
     sigset_t signals, before;
 };
 
-/* Those that would end the process. */
+/* Those that would end the process: also where a handler is there for once, which has something to say before. */
 static void choose_signals(sigset_t *out)
 {
     static const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     sigemptyset(out);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         struct sigaction action;
-        if (sigaction(numbers[i], NULL, &action) == 0 && action.sa_handler == SIG_DFL)
+        if (sigaction(numbers[i], NULL, &action) == 0 &&
+            (action.sa_handler == SIG_DFL || (unsigned)action.sa_flags & (unsigned)SA_RESETHAND))
             sigaddset(out, numbers[i]);
     }
 }
