@@ -14,7 +14,7 @@ static bool pass_same(struct channel *channel, const void *array, const void *ot
 /* Doubles that may be those of the other mesh. */
 static double *pass_doubles(struct channel *channel, double *array, double *other, size_t count, size_t lag)
 {
-    return pass_same(channel, array, other) ? other : CHANNEL_WORDS(channel, array, count, lag);
+    return pass_same(channel, array, other) ? other : channel_words(channel, array, count, sizeof *array, lag);
 }
 
 static void pass_field(struct channel *channel, struct point_field *field, const struct point_field *like,
@@ -47,9 +47,10 @@ void mesh_pass(struct channel *channel, struct tetmesh *mesh, const struct tetme
         *mesh = about;
     mesh->positions = pass_doubles(channel, mesh->positions, like ? like->positions : NULL,
                                    3 * (size_t)about.vertex_count, 3);
-    mesh->corners = pass_same(channel, mesh->corners, like ? like->corners : NULL)
-                        ? like->corners
-                        : CHANNEL_WORDS(channel, mesh->corners, 4 * (size_t)about.tet_count, 4);
+    if (pass_same(channel, mesh->corners, like ? like->corners : NULL))
+        mesh->corners = like->corners;
+    else
+        CHANNEL_WORDS(channel, mesh->corners, 4 * (size_t)about.tet_count, 4);
     if (!leads) {
         mesh->fields = array_zero(about.field_count, sizeof *mesh->fields);
         mesh->field_count = mesh->fields ? about.field_count : 0;

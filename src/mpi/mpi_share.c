@@ -515,9 +515,10 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
         sum_stage(mpi, &mpi->stages[i], &out->stages[i]);
         outside -= mpi->stages[i].all;
     }
-    least = mpi->rank || mpi->ranks == 1 ? outside : INFINITY;
+    least = mpi->rank ? outside : INFINITY;
     most = mpi->rank ? 0 : outside;
     MPI_Allreduce(&least, &out->alone, 1, MPI_DOUBLE, MPI_MIN, mpi->comm);
+    out->alone = mpi->ranks > 1 ? out->alone : 0;
     MPI_Allreduce(&most, &out->leads, 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
