@@ -48,15 +48,17 @@ export class Axes {
 
   /** The same in a saved picture; `factor`: its pixels of one on the screen. */
   drawOn(context, { width, height }, factor) {
-    const { color, fontFamily } = getComputedStyle(this.drawing);
+    const { color, fontFamily, stroke } = getComputedStyle(this.drawing);
     context.save();
     Object.assign(context, { fillStyle: color, globalAlpha: 0.75, textAlign: 'center', textBaseline: 'middle' });
+    Object.assign(context, { strokeStyle: stroke, lineWidth: 2 * factor, lineJoin: 'round' });
     const project = (point) => {
       const { x, y, depth } = this.scene.toPicture(point, [width, height]);
       return { x: x / factor, y: y / factor, depth };
     };
     for (const { x, y, text, name } of this.labels(project, [width / factor, height / factor])) {
       context.font = `${name ? 'italic 600 ' : ''}${12 * factor}px ${fontFamily}`;
+      context.strokeText(text, x * factor, y * factor); // for what is over the picture
       context.fillText(text, x * factor, y * factor);
     }
     context.restore();

@@ -13,12 +13,13 @@ const style = `
 :host { display: block; position: relative; height: 400px; overflow: hidden; font: 14px/1.4 system-ui, sans-serif;
   --tetlod-background: light-dark(#eceff3, #0b0f14); }
 :host([hidden]) { display: none; }
-.stage { position: absolute; inset: 0; background: var(--tetlod-background); color: light-dark(#17202b, #dfe6ee); }
-.on-white { background: #fff; color-scheme: light; } .on-grey { background: #8a9099; color-scheme: light; }
-.on-black { background: #000; color-scheme: dark; }
+.stage { position: absolute; inset: 0; --picture: var(--tetlod-background); background: var(--picture);
+  color: light-dark(#17202b, #dfe6ee); }
+.on-white { --picture: #fff; color-scheme: light; } .on-grey { --picture: #8a9099; color-scheme: light; }
+.on-black { --picture: #000; color-scheme: dark; }
 .picture, .over, .over svg { position: absolute; inset: 0; width: 100%; height: 100%; }
 .picture { touch-action: none; cursor: grab; } .picture canvas { display: block; width: 100%; height: 100%; }
-.over { pointer-events: none; }
+.over { pointer-events: none; stroke: var(--picture); stroke-width: 2px; paint-order: stroke; }
 .over text { font-size: 12px; fill: currentColor; text-anchor: middle; dominant-baseline: central; opacity: .75; }
 .over .name { font-style: italic; font-weight: 600; }
 .bar { position: absolute; left: 50%; bottom: 8px; width: min(430px, 90%); height: 54px; transform: translateX(-50%);

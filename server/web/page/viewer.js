@@ -476,7 +476,8 @@ export class Viewer extends EventTarget {
   async #showNow(state = this.store.state) {
     const spec = specOf(this.difference ? this.difference.plain(state) : state, this.info);
     this.#spec = JSON.stringify(spec);
-    const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
+    const needed = new Set([spec.cellField, spec.regions?.field]);
+    const fields = [...needed].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('fieldsloading', { fields });
     try {
       if (spec.component === 'magnitude' || spec.formula) this.#lengths ??= await import('./lengths.js');
