@@ -304,14 +304,48 @@ async function a_screen_reader_is_told_everything() {
       assert.deepEqual(['main', 'complementary', 'toolbar'].filter((role) => !roles.includes(role)), []);
       const picture = tree.find(({ role }) => role === 'application');
       assert.match(picture.description, /^.+: .*\. .+[%t] .*tetrahedra\.$/);
+    } else {
+      const links = used.filter(({ role }) => role === 'link').map(({ name }) => name);
+      const sizes = links.filter((name) => /^[\d.]+\s%: \d.* tetrahedra, [\d.]+\s.?B$/.test(name));
+      assert.ok(sizes.length >= 3, links.join(' | '));
     }
     await page.context().close();
   }
   await what_changes_is_told();
 }
 
+// Notes what is done every so often, so that a test need not wait for it.
+const noteIntervals = () => {
+  const plain = window.setInterval;
+  window.ticks = [];
+  window.setInterval = (act, ...rest) => {
+    window.ticks.push(act);
+    return plain(act, ...rest);
+  };
+};
+
+const changesAtRest = async () => {
+  const frame = () => new Promise((resolve) => requestAnimationFrame(resolve));
+  const changed = [];
+  for (const tick of window.ticks) tick(); // of what was before
+  await frame();
+  await frame();
+  const note = (records) => changed.push(...records.map(({ target }) => target.id || target.nodeName));
+  const observer = new MutationObserver(note);
+  observer.observe(document.body, { childList: true, subtree: true, characterData: true });
+  for (const tick of window.ticks) tick();
+  await frame();
+  await frame();
+  observer.disconnect();
+  return { changed, ticks: window.ticks.length };
+};
+
 async function what_changes_is_told() {
-  const page = await open(viewer);
+  const page = await openPage(browser, server.url);
+  await page.addInitScript(noteIntervals);
+  await page.goto(viewer);
+  await firstPicture(page);
+  await settled(page);
   const cdp = await page.context().newCDPSession(page);
   const words = () => page.locator('#spoken').innerText();
   await page.waitForFunction(() => /tetrahedra\.$/.test(document.getElementById('spoken')?.textContent));
@@ -319,6 +353,8 @@ async function what_changes_is_told() {
   assert.match(before, /^Pressure: the far walls, 1 slice, 1 isosurface, clipped\. Pressure ≤ [\d.]+\s%/);
   const live = (await treeOf(page, cdp)).filter(({ live: is }) => is === 'polite');
   assert.ok(live.length >= 2, `${live.length} live regions`);
+  const { changed, ticks } = await page.evaluate(changesAtRest);
+  assert.ok(ticks > 0 && !changed.length, `of ${ticks} ticks: ${changed}`);
   await page.locator('#error-percent').fill('2');
   await page.keyboard.press('Enter');
   await page.waitForFunction((was) => document.getElementById('spoken').textContent !== was, before);
@@ -327,6 +363,12 @@ async function what_changes_is_told() {
     return { error: level.errors.Pressure.max, tets: level.tets };
   });
   assert.ok(error <= 0.02 && (await words()).replace(/[^\d]/g, '').endsWith(String(tets)), await words());
+  await page.locator('#help-open').focus();
+  await page.keyboard.press('Enter');
+  await page.locator('#help').waitFor();
+  assert.equal(await page.evaluate(() => document.activeElement.id), 'help'); // its name is told, not its last link's
+  await page.keyboard.press('Escape');
+  assert.equal(await page.evaluate(() => document.activeElement.id), 'help-open');
   await page.context().close();
 }
 

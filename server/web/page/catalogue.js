@@ -163,14 +163,17 @@ function accuracies(stream) {
   const cards = [0.05, 0.01, 0.001].map((error) => {
     const level = stream.levels.find((l) => worst(stream, l, measure) <= error);
     const size = element('span', {}, bytes(level.bytes));
-    tellBytes(stream, level, size).catch(() => {}); // then it is what all fields take
-    return element(
+    const link = element(
       'a',
       { className: 'accuracy', href: `${viewOf(stream)}#error=${error}` },
       element('b', {}, percent(error)),
       element('span', {}, `${count(level.tets)} tetrahedra`),
       size,
     );
+    const say = () => { link.ariaLabel = `${percent(error)}: ${count(level.tets)} tetrahedra, ${size.textContent}`; };
+    say();
+    tellBytes(stream, level, size).then(say, () => {}); // else it is what all fields take
+    return link;
   });
   const name = measure === 'max' ? 'Certified error at most' : 'Error at most';
   return element('div', { className: 'accuracies' }, element('span', { className: 'note' }, name), ...cards);

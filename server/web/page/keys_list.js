@@ -31,7 +31,7 @@ const groups = [
 ];
 
 const dialogHtml = `
-<dialog id="help" aria-labelledby="help-title">
+<dialog id="help" aria-labelledby="help-title" tabindex="-1">
   <h2 id="help-title">Keys</h2>
   <dl id="keys"></dl>
   <a href="${new URL('./notices.txt', import.meta.url)}">Licences</a>
@@ -42,6 +42,7 @@ const dialogHtml = `
 export function showKeys() {
   if (!document.getElementById('help')) make();
   byId('help').showModal();
+  byId('help').focus(); // so that its name is told, not its link's
 }
 
 function make() {

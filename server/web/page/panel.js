@@ -116,17 +116,21 @@ function tellShown() {
 function countFrames() {
   let last = 0;
   let moving = false;
+  let fresh = false; // else nothing is said: screen readers hear of each change
   let intervals = [];
   const isMoving = () => viewer.scene.interactor.isAnimating();
-  const tell = coalesced(() => {
+  const tell = () => {
+    if (!fresh) return;
+    fresh = false;
     const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
     byId('shown-fps').textContent =
       intervals.length > 2 ? `${rate < 9.5 ? significant(rate, 2) : Math.round(rate)} /s` : '–';
-  });
+  };
   viewer.scene.addEventListener('render', () => {
     const now = performance.now();
     if (now - last < 250 || (moving && isMoving())) intervals = [...intervals.slice(-30), now - last];
     last = now;
+    fresh = true;
     moving = isMoving();
   });
   setInterval(tell, 500);
