@@ -108,7 +108,7 @@ PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES) 2>/dev/null) $(if $(fil
 # ---- sources and what is made of them
 FORMAT_SRC := $(sort $(wildcard format/*.c format/*/*.c))
 # What no reader of levels needs: what writes, and what only this program asks of a stream
-WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,grids parts summary box_sums)
+WRITING := $(wildcard format/write/*.c) $(patsubst %,format/read/%.c,exact_values grids parts summary box_sums)
 LIBRARY_SRC := $(sort $(filter-out src/cli/% src/mpi/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 # What builds a stream out of arrays: libtetlod-build
 BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/cells/% src/log/% src/measure/% \

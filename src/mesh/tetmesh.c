@@ -241,6 +241,29 @@ void tetmesh_set_origin(struct tetmesh *mesh, const struct tetlod_info *info, ui
     }
 }
 
+enum tetlod_status tetmesh_shape(const struct tetlod_info *info, uint32_t level, struct tetmesh *out,
+                                 struct tetlod_error *error)
+{
+    const struct tetlod_level *counts = &info->levels[level];
+    *out = (struct tetmesh){.vertex_count = (uint32_t)counts->vertices, .tet_count = (uint32_t)counts->tets,
+                            .position_type = info->position_type};
+    out->fields = array_zero(info->field_count + (size_t)1, sizeof *out->fields); // there may be none
+    while (out->fields && out->field_count < info->field_count) {
+        const struct tetlod_field *field = &info->fields[out->field_count];
+        char *name = strdup(field->name);
+        if (!name)
+            break;
+        out->fields[out->field_count++] = (struct point_field){.name = name, .components = field->components,
+                                                               .type = field->type};
+    }
+    if (out->fields && out->field_count == info->field_count) {
+        tetmesh_set_origin(out, info, level);
+        return TETLOD_OK;
+    }
+    tetmesh_fini(out);
+    return tetlodi_fail_nomem(error, "a level", 0);
+}
+
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2])
 {
     size_t count = (size_t)vertex_count * field->components;

@@ -79,6 +79,10 @@ uint32_t tetmesh_find_region(const struct tetmesh *mesh);
  * original has no origin: its file is the one that is made of the original. */
 void tetmesh_set_origin(struct tetmesh *mesh, const struct tetlod_info *info, uint32_t level);
 
+/* A level's mesh without its arrays: counts, types, names and origin. To be released. */
+TETLOD_CHECKED enum tetlod_status tetmesh_shape(const struct tetlod_info *info, uint32_t level, struct tetmesh *out,
+                                                struct tetlod_error *error);
+
 void point_field_fini(struct point_field *field);
 
 /* Drops points that no tetrahedron uses, keeping the order of the others, and adds their number to unused_points. */

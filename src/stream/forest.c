@@ -375,30 +375,6 @@ void forest_view_values(const void *opaque, uint32_t c, uint64_t first, size_t c
 
 /* ---- a level, as a mesh ---- */
 
-enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out,
-                                struct tetlod_error *error)
-{
-    const struct tetlod_level *counts = &tetlod_info(forest->file)->levels[level];
-    *out = (struct tetmesh){.vertex_count = counts->vertices, .tet_count = counts->tets,
-                            .position_type = forest->columns[0].type};
-    // one more than there are, for there may be none
-    out->fields = array_zero(forest->column_count, sizeof *out->fields);
-    while (out->fields && out->field_count + 1 < forest->column_count) {
-        const struct column *column = &forest->columns[out->field_count + 1];
-        char *name = strdup(column->name);
-        if (!name)
-            break;
-        out->fields[out->field_count++] = (struct point_field){.name = name, .components = column->components,
-                                                               .type = column->type};
-    }
-    if (out->fields && out->field_count + 1 == forest->column_count) {
-        tetmesh_set_origin(out, tetlod_info(forest->file), level);
-        return TETLOD_OK;
-    }
-    tetmesh_fini(out);
-    return tetlodi_fail_nomem(error, "a level", 0);
-}
-
 static bool allocate_arrays(struct tetmesh *mesh)
 {
     mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
@@ -432,7 +408,7 @@ enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, stru
     struct forest_view *view;
     *out = (struct tetmesh){0};
     TETLOD_TRY(forest_view_new(&view, forest, level, error));
-    enum tetlod_status status = forest_shape(forest, level, out, error);
+    enum tetlod_status status = tetmesh_shape(tetlod_info(forest->file), level, out, error);
     if (status == TETLOD_OK && !allocate_arrays(out)) {
         status = tetlodi_fail_nomem(error, "a level", (uint64_t)out->tet_count * 16);
         tetmesh_fini(out);

@@ -53,10 +53,6 @@ uint64_t forest_bytes(const struct forest *forest);
 TETLOD_CHECKED enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                               struct tetlod_error *error);
 
-/* The same without arrays: counts, types and names. */
-TETLOD_CHECKED enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out,
-                                               struct tetlod_error *error);
-
 /* A level of which any rows can be had without the others, in forest_mesh's order. It borrows from the forest, and may
  * be read by any number of threads. */
 struct forest_view;

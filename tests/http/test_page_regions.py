@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Regions of streams in pages: what extract gives, with a certified transition, in the memory that their pages need."""
+"""Regions of streams in pages: what extract gives, with a certified transition, in the memory that their pages need.
+Whole levels that do not fit into memory: decoded into a temporary file."""
 import json
 import os
 import re
@@ -80,9 +81,48 @@ def test_no_stream_in_memory():
             assert status == 200 and decoded() == count
 
 
+LITTLE = '--cache', '1M', '--memory', '2M'  # less than the stream takes
+
+
+def files_of(server):
+    """Temporary files that it holds."""
+    folder = '/proc/%d/fd' % server.process.pid
+    return sum(os.path.basename(SPOOLS) in os.readlink(os.path.join(folder, name)) for name in os.listdir(folder))
+
+
+def test_levels_in_files():
+    """The same bytes, ranges of them, and levels before pages, which are in memory."""
+    with Server(LARGE, *LITTLE, environment={'TMPDIR': SPOOLS}) as server:
+        shown = server.json('/v1/meshes/large')
+        last, root = len(shown['levels']) - 1, shown['first_paged_level'] - 1
+        for level, in_file in (root, False), (last - 1, True), (last, True):
+            for form in 'vtu', 'vtk':
+                path = '/v1/meshes/large/%s/levels/%d/mesh.%s' % (shown['cid'], level, form)
+                whole, (status, head, body) = SERVER.get(path), server.get(path)
+                assert status == 200 and body == whole[2] and head['etag'] == whole[1]['etag'], (path, status, body[:300])
+                assert in_file == (files_of(server) > 0), (path, files_of(server))
+                for first, end in (0, 99), (5000, 300000), (len(body) - 7, len(body) - 1):
+                    assert server.get(path, Range='bytes=%d-%d' % (first, end))[2] == body[first:end + 1]
+
+
+def test_no_temporary_folder():
+    """One line that says so; the rest is served."""
+    with Server(LARGE, *LITTLE, environment={'TMPDIR': SPOOLS + '/none'}) as server:
+        shown = server.json('/v1/meshes/large')
+        at = '/v1/meshes/large/%s/levels/%%d/mesh.vtu' % shown['cid']
+        status, _, body = server.get(at % (len(shown['levels']) - 1))
+        assert status == 503 and b'temporary file' in body and b'TMPDIR' in body, (status, body)
+        assert server.get(at % 0)[0] == 200
+
+
+SPOOLS, LARGE = os.path.join(SCRATCH, 'spools'), os.path.join(SCRATCH, 'large.tetlod')
+os.makedirs(SPOOLS, exist_ok=True)
 tetlod('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
 tetlod('build', 'cube.vtu', '-o', 'cube.tetlod', '--paged=100', '--quiet')
 tetlod('sample', 'fin', '--size', '8', '-o', 'fin.vtu')
 tetlod('build', 'fin.vtu', '-o', 'fin.tetlod', '--paged=100', '--quiet')
-with Server(os.path.join(SCRATCH, 'cube.tetlod'), os.path.join(SCRATCH, 'fin.tetlod')) as SERVER:
-    run([test_as_extract, test_lower_level, test_exact, test_no_stream_in_memory])
+tetlod('sample', 'fin', '--size', '18', '-o', 'large.vtu')
+tetlod('build', 'large.vtu', '-o', 'large.tetlod', '--paged=1500', '--field', 'Pressure', '--quiet')
+with Server(os.path.join(SCRATCH, 'cube.tetlod'), os.path.join(SCRATCH, 'fin.tetlod'), LARGE) as SERVER:
+    run([test_as_extract, test_lower_level, test_exact, test_no_stream_in_memory, test_levels_in_files,
+         test_no_temporary_folder])

@@ -41,7 +41,7 @@ LAYERS = {
         'src/simplify/simplify.h', 'src/simplify/simplify_options.h', 'src/log/contraction_log.h'
     ],
     'src/log': MESHES,
-    'src/stream': MESHES,
+    'src/stream': MESHES + ['format/read/exact_values.h'],
     'src/measure': MESHES + ['src/log/', 'src/stream/'],
     'src/pipeline': MESHES + [
         'format/common/', 'format/coding/', 'format/read/summary.h', 'format/read/box_sums.h', 'format/write/',
