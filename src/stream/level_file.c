@@ -142,7 +142,8 @@ static enum tetlod_status open_file(struct level_file *l, struct tetlod_error *e
                       : mmap(NULL, (size_t)l->size, PROT_READ | PROT_WRITE, MAP_SHARED, l->descriptor, 0);
     failed = !failed && at == MAP_FAILED ? errno : failed;
     if (failed)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "there is no room for a temporary file of %llu MB: %s; TMPDIR names its folder",
+        return tetlodi_fail(error, TETLOD_ERR_IO,
+                            "there is no room for a temporary file of %llu MB: %s; TMPDIR names its folder",
                             (unsigned long long)(l->size >> 20) + 1, strerror(failed));
     l->at = at;
     return TETLOD_OK;
