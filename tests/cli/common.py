@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the command line share: the program, its scratch folder, and results in TAP."""
 import http.server
+import itertools
 import json
 import os
 import subprocess
@@ -10,6 +11,7 @@ from tap import SANITIZED, finish, note, report  # noqa: F401 (for the tests)
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 CONFIG = os.environ.get('CONFIG', 'release')
+PATIENCE = 60
 DATA = os.path.join(ROOT, '..', 'shared', 'data')
 
 
@@ -88,16 +90,18 @@ def info(name):
 
 class Host:
     """A host of files that answers ranges alone, while `with` lasts. `files`: their bytes by name, or None for those of
-    the scratch folder; `asked`: (offset, size) of each range that left."""
+    the scratch folder; `asked`: (offset, size) of each range that left. `trips`: how many requests come together, trip
+    by trip: none of a trip is answered before all of it are there."""
 
-    def __init__(self, files=None):
-        self.files, self.asked = files, []
+    def __init__(self, files=None, trips=()):
+        self.files, self.asked, self.trips, self.here, self.arrived = files, [], trips, 0, threading.Condition()
         host = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
             protocol_version = 'HTTP/1.1'
 
             def do_GET(self):
+                host.wait_for_trip()
                 data = host.read(self.path[1:])
                 first, last = map(int, self.headers['Range'][len('bytes='):].split('-'))
                 part = data[first:last + 1]
@@ -113,6 +117,14 @@ class Host:
 
         self.server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
         self.url = 'http://127.0.0.1:%d/' % self.server.server_port
+
+    def wait_for_trip(self):
+        with self.arrived:
+            self.here += 1
+            end = next((end for end in itertools.accumulate(self.trips) if end >= self.here), self.here)
+            self.arrived.notify_all()
+            if not self.arrived.wait_for(lambda: self.here >= end, PATIENCE):
+                raise TimeoutError('a client asks for one after the other')
 
     def read(self, name):
         if self.files is not None:

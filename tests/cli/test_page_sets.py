@@ -214,6 +214,23 @@ def packages():
         return None if '--paged' in str(problem) else problem
 
 
+def two_trips():
+    """Of a host that answers none before all have asked: the begin, with the index; then all pages at once."""
+    box = [1, 1, 1, 1.5, 1.5, 1.5]
+    region = lambda place: client.read(place, box=box, decoder='library').tets  # noqa: E731
+    file = lambda place: must('extract', place, '--error', '2%', '--box', ','.join(map(str, box)),  # noqa: E731
+                              '-o', 'trips.vtu')
+    for ask, least in (file, 2), (region, 3):
+        with Host() as host:
+            ask(host.url + 'big.tetlod')
+            asked = len(host.asked)
+        with Host(trips=(1, asked - 1)) as host:
+            ask(host.url + 'big.tetlod')
+        if asked not in range(least, 10) or host.here != asked:
+            return least, asked, host.here
+    return None
+
+
 def cut_off():
     """A file without what lies behind the pages of a box."""
     with open(path('cube.tetlod'), 'rb') as file:
@@ -234,6 +251,7 @@ case('values of cells', cells_follow)
 case('of a URL', over_http)
 must('build', path('big.vtu'), '-o', 'level.tetlod', '--max-error', '0', '--quiet')
 case('of the package', packages)
+case('in two trips', two_trips)
 case('of a file that is cut off', cut_off)
 fails('a host that is not there', 1, ['cannot be read'], 'extract', 'http://127.0.0.1:1/x.tetlod', '--error', '1%',
       '-o', 'no.vtu')

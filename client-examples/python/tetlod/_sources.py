@@ -2,6 +2,7 @@
 """Where a stream's bytes come from: memory, a file, a tetlod server, or any web host."""
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import http.client
 import json
@@ -9,6 +10,7 @@ import math
 import os
 import re
 import struct
+import threading
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -21,6 +23,7 @@ from .reference import POINTER_MAGIC, StreamError, pointer_of
 HEADER = 64           # bytes; the stream's whole size is at 32
 FIRST = 1 << 16       # bytes of the first Range request: header and index of most streams, and their first levels
 CHUNK = 1 << 16
+AT_ONCE = 8           # requests
 MAX_TETS = 1 << 30   # of the format
 TIMEOUT = 60          # seconds without a byte
 
@@ -132,7 +135,7 @@ class Remote(Source):
 
     def __init__(self, url: str, headers: Headers, progress: Optional[Progress]) -> None:
         self.name, self.url, self.headers, self.progress = url, url, dict(headers), progress
-        self.data, self.wanted, self.requests = bytearray(), 0, 0
+        self.data, self.wanted, self.requests, self.counting = bytearray(), 0, 0, threading.Lock()
         self.held: List[Tuple[int, bytes]] = []
         self.answer: Optional[http.client.HTTPResponse] = None
         self.tag: Optional[str] = None
@@ -163,9 +166,12 @@ class Remote(Source):
         self.wanted = max(self.wanted, end)
 
     def hold(self, spans: Sequence[Tuple[int, int]]) -> None:
+        """At once, with those from the begin on that somebody wants."""
         missing = [(offset, size) for offset, size in spans if offset + size > len(self.data)]
-        parts = [(offset, self._apart(offset, size)) for offset, size in missing]
-        self.held = [(offset, part) for offset, part in parts if part is not None]
+        with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
+            parts = pool.map(lambda span: self._apart(*span), missing)
+            self.read(0, self.wanted)
+            self.held = [(span[0], part) for span, part in zip(missing, parts) if part is not None]
 
     def close(self) -> None:
         if self.answer is not None:
@@ -218,7 +224,8 @@ class Remote(Source):
         return True
 
     def _open(self, url: str, headers: Dict[str, str]) -> http.client.HTTPResponse:
-        self.requests += 1
+        with self.counting:
+            self.requests += 1
         try:
             request = urllib.request.Request(url, headers={**self.headers, **headers})
             answer: http.client.HTTPResponse = urllib.request.urlopen(request, timeout=TIMEOUT)
