@@ -99,7 +99,7 @@ def test_levels_in_files():
             for form in 'vtu', 'vtk':
                 path = '/v1/meshes/large/%s/levels/%d/mesh.%s' % (shown['cid'], level, form)
                 whole, (status, head, body) = SERVER.get(path), server.get(path)
-                assert status == 200 and body == whole[2] and head['etag'] == whole[1]['etag'], (path, status, body[:300])
+                assert status == 200 and body == whole[2] and head['etag'] == whole[1]['etag'], (path, status)
                 assert in_file == (files_of(server) > 0), (path, files_of(server))
                 for first, end in (0, 99), (5000, 300000), (len(body) - 7, len(body) - 1):
                     assert server.get(path, Range='bytes=%d-%d' % (first, end))[2] == body[first:end + 1]
