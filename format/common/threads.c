@@ -8,11 +8,22 @@
 
 #include <stddef.h>
 
+/* What there is to do, by the caller alone. */
+static int do_alone(tetlodi_task *task, tetlodi_task *commit, void *context, uint32_t count)
+{
+    int good = 1;
+    for (uint32_t i = 0; i < count && good; i++) {
+        good = task(context, i);
+        good = commit ? commit(context, i) : good;
+    }
+    return good;
+}
+
 #if TETLODI_THREADS
 #include <pthread.h>
 #include <stdlib.h>
 
-enum { MAX_HELPERS = 255 };
+enum { MAX_HELPERS = 255, MAX_AHEAD = 64 };
 
 struct tetlodi_helpers {
     pthread_mutex_t mutex;
@@ -20,24 +31,28 @@ struct tetlodi_helpers {
     tetlodi_task *task;
     void *context;
     uint32_t next, count, running; /* tasks: not begun from `next` on; begun and not ended */
+    uint32_t committed, ahead;     /* of these fewer than `ahead` are begun and not committed */
+    uint64_t done;                 /* bit i % MAX_AHEAD: task i has ended and is not committed */
     int dismissed;
     uint32_t thread_count;
     pthread_t threads[];
 };
 
-/* Does tasks as long as there are some. The mutex is held. */
-static void work(struct tetlodi_helpers *helpers)
+/* Does the next task, if it may begin. The mutex is held. */
+static int do_one(struct tetlodi_helpers *helpers)
 {
-    while (helpers->next < helpers->count) {
-        uint32_t number = helpers->next++;
-        helpers->running++;
-        pthread_mutex_unlock(&helpers->mutex);
-        int done = helpers->task(helpers->context, number);
-        pthread_mutex_lock(&helpers->mutex);
-        helpers->running--;
-        if (!done)
-            helpers->next = helpers->count;
-    }
+    if (helpers->next >= helpers->count || helpers->next - helpers->committed >= helpers->ahead)
+        return 0;
+    uint32_t number = helpers->next++;
+    helpers->running++;
+    pthread_mutex_unlock(&helpers->mutex);
+    int done = helpers->task(helpers->context, number);
+    pthread_mutex_lock(&helpers->mutex);
+    helpers->running--;
+    helpers->done |= UINT64_C(1) << number % MAX_AHEAD;
+    if (!done)
+        helpers->next = helpers->count;
+    return 1;
 }
 
 static void *help(void *argument)
@@ -45,7 +60,9 @@ static void *help(void *argument)
     struct tetlodi_helpers *helpers = argument;
     pthread_mutex_lock(&helpers->mutex);
     while (!helpers->dismissed) {
-        work(helpers);
+        while (do_one(helpers))
+            if (helpers->ahead < UINT32_MAX)
+                pthread_cond_signal(&helpers->ended);
         if (!helpers->running)
             pthread_cond_signal(&helpers->ended);
         pthread_cond_wait(&helpers->begun, &helpers->mutex);
@@ -89,20 +106,34 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers)
     free(helpers);
 }
 
+/* The mutex is held. */
+static void begin(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count, uint32_t ahead)
+{
+    helpers->task = task;
+    helpers->context = context;
+    helpers->next = helpers->committed = 0;
+    helpers->count = count;
+    helpers->ahead = ahead;
+    helpers->done = 0;
+    pthread_cond_broadcast(&helpers->begun);
+}
+
 void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count)
 {
     if (!helpers) {
-        for (uint32_t i = 0; i < count && task(context, i); i++)
-            continue;
+        do_alone(task, NULL, context, count);
         return;
     }
     pthread_mutex_lock(&helpers->mutex);
-    helpers->task = task;
-    helpers->context = context;
-    helpers->next = 0;
-    helpers->count = count;
-    pthread_cond_broadcast(&helpers->begun);
+    begin(helpers, task, context, count, UINT32_MAX);
     pthread_mutex_unlock(&helpers->mutex);
+}
+
+/* The mutex is held. */
+static void await_running(struct tetlodi_helpers *helpers)
+{
+    while (helpers->running)
+        pthread_cond_wait(&helpers->ended, &helpers->mutex);
 }
 
 void tetlodi_helpers_wait(struct tetlodi_helpers *helpers)
@@ -110,10 +141,43 @@ void tetlodi_helpers_wait(struct tetlodi_helpers *helpers)
     if (!helpers)
         return;
     pthread_mutex_lock(&helpers->mutex);
-    work(helpers);
-    while (helpers->running)
-        pthread_cond_wait(&helpers->ended, &helpers->mutex);
+    while (do_one(helpers))
+        continue;
+    await_running(helpers);
     pthread_mutex_unlock(&helpers->mutex);
+}
+
+/* Commits the next task, if it has ended, and lets more begin. The mutex is held. */
+static int commit_one(struct tetlodi_helpers *helpers, tetlodi_task *commit, int *io_good)
+{
+    uint64_t bit = UINT64_C(1) << helpers->committed % MAX_AHEAD;
+    if (!(helpers->done & bit))
+        return 0;
+    pthread_mutex_unlock(&helpers->mutex);
+    *io_good = commit(helpers->context, helpers->committed);
+    pthread_mutex_lock(&helpers->mutex);
+    helpers->done &= ~bit;
+    helpers->committed++;
+    pthread_cond_broadcast(&helpers->begun);
+    return 1;
+}
+
+int tetlodi_helpers_in_order(struct tetlodi_helpers *helpers, tetlodi_task *task, tetlodi_task *commit, void *context,
+                             uint32_t count)
+{
+    int good = 1;
+    if (!helpers)
+        return do_alone(task, commit, context, count);
+    pthread_mutex_lock(&helpers->mutex);
+    uint32_t ahead = 2 * (helpers->thread_count + 1);
+    begin(helpers, task, context, count, ahead < MAX_AHEAD ? ahead : MAX_AHEAD);
+    while (good && helpers->committed < count)
+        if (!commit_one(helpers, commit, &good) && !do_one(helpers))
+            pthread_cond_wait(&helpers->ended, &helpers->mutex);
+    helpers->next = helpers->count;
+    await_running(helpers);
+    pthread_mutex_unlock(&helpers->mutex);
+    return good;
 }
 
 #else
@@ -132,13 +196,19 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers)
 void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count)
 {
     (void)helpers;
-    for (uint32_t i = 0; i < count && task(context, i); i++)
-        continue;
+    do_alone(task, NULL, context, count);
 }
 
 void tetlodi_helpers_wait(struct tetlodi_helpers *helpers)
 {
     (void)helpers;
+}
+
+int tetlodi_helpers_in_order(struct tetlodi_helpers *helpers, tetlodi_task *task, tetlodi_task *commit, void *context,
+                             uint32_t count)
+{
+    (void)helpers;
+    return do_alone(task, commit, context, count);
 }
 
 #endif

@@ -28,4 +28,10 @@ void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, 
 /* Until all tasks have ended. The caller takes part. */
 void tetlodi_helpers_wait(struct tetlodi_helpers *helpers);
 
+/* Does task(context, 0 ... count - 1) and, in the order of numbers and on the caller's thread, commit(context, number)
+ * behind each: few tasks are ever ahead of what is committed. A commit that fails, which that of a task that failed has
+ * to, ends it: 0. */
+int tetlodi_helpers_in_order(struct tetlodi_helpers *helpers, tetlodi_task *task, tetlodi_task *commit, void *context,
+                             uint32_t count);
+
 #endif

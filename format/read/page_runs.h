@@ -7,10 +7,8 @@
 #ifndef TETLOD_PAGE_RUNS_H
 #define TETLOD_PAGE_RUNS_H
 
+#include "format/coding/page_part.h"
 #include "format/read/cursor_state.h"
-
-/* The page of tetrahedra of a page that is to come. */
-#define NOT_THERE (UINT32_MAX - 1)
 
 /* Where the root's log ends. */
 struct tetlodi_log_place tetlodi_log_of_root(const struct tetlod_cursor *cursor);

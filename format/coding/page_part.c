@@ -1,0 +1,280 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/coding/page_part.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- what pages have */
+
+int tetlodi_page_shares_init(struct tetlodi_page_shares *shares, struct tetlodi_replay *whole, size_t pages)
+{
+    size_t vertices = whole->vertices, tets = whole->tets;
+    *shares = (struct tetlodi_page_shares){.whole = whole,
+                                           .vertices = whole->vertices,
+                                           .tets = whole->tets,
+                                           .page_of = malloc((tets + 1) * sizeof *shares->page_of),
+                                           .owner = malloc((vertices + 1) * sizeof *shares->owner),
+                                           .local = malloc((vertices + 1) * sizeof *shares->local),
+                                           .tet_begins = malloc((pages + 2) * sizeof *shares->tet_begins),
+                                           .tet_list = malloc((tets + 1) * sizeof *shares->tet_list),
+                                           .inner_begins = malloc((pages + 2) * sizeof *shares->inner_begins),
+                                           .inner_list = malloc((vertices + 1) * sizeof *shares->inner_list)};
+    return shares->page_of && shares->owner && shares->local && shares->tet_begins && shares->tet_list &&
+           shares->inner_begins && shares->inner_list;
+}
+
+void tetlodi_page_shares_fini(struct tetlodi_page_shares *shares)
+{
+    free(shares->page_of);
+    free(shares->owner);
+    free(shares->local);
+    free(shares->tet_begins);
+    free(shares->tet_list);
+    free(shares->inner_begins);
+    free(shares->inner_list);
+    *shares = (struct tetlodi_page_shares){0};
+}
+
+uint64_t tetlodi_page_shares_bytes(const struct tetlodi_replay *whole)
+{
+    return whole->tets * (uint64_t)8 + whole->vertices * (uint64_t)12;
+}
+
+static void find_owners(struct tetlodi_page_shares *shares)
+{
+    const uint32_t *corners = shares->whole->corners;
+    memset(shares->owner, 0xff, shares->vertices * sizeof *shares->owner);
+    for (size_t i = 0; i < 4 * (size_t)shares->tets; i++) {
+        uint32_t page = shares->page_of[i / 4], *owner;
+        if (page == NOT_THERE)
+            continue;
+        owner = &shares->owner[corners[i]];
+        page = page == TETLOD_NONE ? PAGE_SEAM : page; // it is left out
+        *owner = *owner == PAGE_NOBODY || *owner == page ? page : PAGE_SEAM;
+    }
+    for (uint32_t v = 0; v < shares->vertices; v++)
+        shares->seam_count += shares->owner[v] == PAGE_SEAM;
+}
+
+/* Numbers by what has them, in ascending order: one of [count] things, or none (above `things`). */
+static void sort_out(const uint32_t *whose, uint32_t count, uint32_t things, uint32_t *begins, uint32_t *list)
+{
+    memset(begins, 0, (things + (size_t)2) * sizeof *begins);
+    for (uint32_t i = 0; i < count; i++)
+        if (whose[i] < things)
+            begins[whose[i] + 2]++;
+    for (uint32_t k = 2; k < things + 2; k++)
+        begins[k] += begins[k - 1];
+    for (uint32_t i = 0; i < count; i++)
+        if (whose[i] < things)
+            list[begins[whose[i] + 1]++] = i;
+}
+
+void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, uint32_t pages)
+{
+    find_owners(shares);
+    sort_out(shares->page_of, shares->tets, pages, shares->tet_begins, shares->tet_list);
+    sort_out(shares->owner, shares->vertices, pages, shares->inner_begins, shares->inner_list);
+}
+
+/* ---- a page's vertices */
+
+static int compare_numbers(const void *a, const void *b)
+{
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Where a vertex at a seam sits, or where it may. */
+static struct tetlodi_seat *seat_of(const struct tetlodi_page_part *part, uint32_t vertex)
+{
+    uint32_t at = vertex * 0x9e3779b1u;
+    for (at = (at ^ at >> 15) & part->mask; part->seats[at].vertex != PAGE_NOBODY; at = (at + 1) & part->mask)
+        if (part->seats[at].vertex == vertex)
+            break;
+    return &part->seats[at];
+}
+
+/* The vertices at seams, ascending, each once; NULL: out of memory. */
+static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
+                            uint32_t *out_count)
+{
+    const uint32_t *corners = shares->whole->corners;
+    size_t most = 4 * (size_t)part->tet_count, places = 16;
+    most = most < shares->seam_count ? most : shares->seam_count;
+    while (places < 2 * most)
+        places *= 2;
+    uint32_t *list = malloc((most + 1) * sizeof *list);
+    part->seats = malloc(places * sizeof *part->seats);
+    part->mask = (uint32_t)(places - 1);
+    *out_count = 0;
+    if (!list || !part->seats) {
+        free(list);
+        return NULL;
+    }
+    memset(part->seats, 0xff, places * sizeof *part->seats); // PAGE_NOBODY
+    for (uint32_t t = 0; t < part->tet_count; t++)
+        for (const uint32_t *v = corners + 4 * (size_t)part->tets[t], *end = v + 4; v < end; v++) {
+            struct tetlodi_seat *seat = shares->owner[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
+            if (seat && seat->vertex == PAGE_NOBODY)
+                list[(*out_count)++] = seat->vertex = *v;
+        }
+    qsort(list, *out_count, sizeof *list, compare_numbers);
+    return list;
+}
+
+/* The part's vertices: those that it alone has, and those at seams. */
+static int list_vertices(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
+{
+    const uint32_t *inner = shares->inner_list + shares->inner_begins[part->page];
+    uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page], seam_count;
+    uint32_t *seams = list_seams(part, shares, &seam_count);
+    part->listed_count = inner_count + seam_count;
+    part->listed = malloc((part->listed_count + (size_t)1) * sizeof *part->listed);
+    part->seams = malloc(part->listed_count + (size_t)1);
+    part->own = malloc((part->listed_count + (size_t)1) * sizeof *part->own);
+    int done = seams && part->listed && part->seams && part->own;
+    for (uint32_t n = 0, i = 0, s = 0; done && n < part->listed_count; n++) {
+        int seam = i == inner_count || (s < seam_count && seams[s] < inner[i]);
+        part->seams[n] = (uint8_t)seam;
+        part->own[n] = n;
+        part->listed[n] = seam ? seams[s] : inner[i];
+        if (seam)
+            seat_of(part, seams[s])->number = n;
+        else
+            shares->local[inner[i]] = n;
+        s += (uint32_t)seam;
+        i += (uint32_t)!seam;
+    }
+    free(seams);
+    return done;
+}
+
+static uint32_t local_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
+                             uint32_t vertex)
+{
+    return shares->owner[vertex] == PAGE_SEAM ? seat_of(part, vertex)->number : shares->local[vertex];
+}
+
+/* ---- the part */
+
+void tetlodi_page_part_set(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t page)
+{
+    *part = (struct tetlodi_page_part){.page = page,
+                                       .tets = shares->tet_list + shares->tet_begins[page],
+                                       .tet_count = shares->tet_begins[page + 1] - shares->tet_begins[page]};
+}
+
+void tetlodi_page_part_fini(struct tetlodi_page_part *part)
+{
+    free(part->listed);
+    free(part->seams);
+    free(part->seats);
+    free(part->own);
+    if (part->columns)
+        tetlodi_replay_fini(&part->replay);
+    free(part->columns);
+    *part = (struct tetlodi_page_part){0};
+}
+
+/* Codes and values of a vertex. */
+static inline void copy_row(struct tetlodi_column *to, size_t row, const struct tetlodi_column *from, size_t from_row,
+                            size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        to->codes[row * n + i] = from->codes[from_row * n + i];
+    for (size_t i = 0; i < n && from->values; i++)
+        to->values[row * n + i] = from->values[from_row * n + i];
+}
+
+/* The part's columns as they are outside. */
+static int gather_columns(struct tetlodi_page_part *part, const struct tetlodi_replay *whole, size_t vertices)
+{
+    for (uint32_t c = 0; c < whole->column_count; c++) {
+        struct tetlodi_column *column = &part->columns[c];
+        const struct tetlodi_column *from = &whole->columns[c];
+        size_t n = from->components, count = vertices * n;
+        *column = (struct tetlodi_column){.scale = from->scale, .components = from->components,
+                                          .frame_bytes = from->frame_bytes};
+        if (!TETLODI_ROOM(&part->memory, column->codes, column->codes_capacity, count) ||
+            (from->values && !TETLODI_ROOM(&part->memory, column->values, column->values_capacity, count)))
+            return 0;
+        for (size_t v = 0; v < part->listed_count; v++)
+            copy_row(column, v, from, part->listed[v], n);
+    }
+    return 1;
+}
+
+int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
+                             uint32_t vertices, uint32_t tets, uint64_t most)
+{
+    const struct tetlodi_replay *whole = shares->whole;
+    struct tetlodi_replay *replay = &part->replay;
+    part->memory = (struct tetlodi_memory){.most = most};
+    part->columns = calloc(whole->column_count, sizeof *part->columns);
+    tetlodi_replay_init(replay, &part->memory, part->columns, part->columns ? whole->column_count : 0);
+    if (!part->columns || !list_vertices(part, shares) ||
+        !gather_columns(part, whole, part->listed_count + (size_t)vertices) ||
+        !tetlodi_replay_room(replay, part->listed_count + (size_t)vertices, part->tet_count + (size_t)tets))
+        return 0;
+    for (size_t t = 0; t < part->tet_count; t++)
+        for (size_t c = 0; c < 4; c++)
+            replay->corners[4 * t + c] = local_number(part, shares, whole->corners[4 * (size_t)part->tets[t] + c]);
+    replay->vertices = part->listed_count;
+    replay->tets = part->tet_count;
+    if (!tetlodi_replay_base(replay))
+        return 0;
+    for (uint32_t v = 0; v < part->listed_count; v++)
+        replay->stars[v].leaf = whole->stars[part->listed[v]].leaf;
+    return 1;
+}
+
+void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlodi_recorder *recorder,
+                             const struct tetlodi_recorder *whole, uint32_t vertices, uint32_t tets)
+{
+    uint32_t begins[2] = {0, part->listed_count};
+    const struct tetlodi_page_lists lists = {.begins = begins, .vertices = part->own, .seams = part->seams};
+    for (uint32_t f = 0; f + 1 < part->replay.column_count; f++)
+        memcpy(recorder->field_models[f].copied, whole->field_models[f].copied,
+               sizeof recorder->field_models[f].copied);
+    recorder->labels = whole->labels;
+    recorder->max_labels = whole->max_labels;
+    tetlodi_page_begin(recorder, &lists, 0, vertices, tets);
+}
+
+void tetlodi_page_part_scatter(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
+{
+    struct tetlodi_replay *whole = shares->whole;
+    const struct tetlodi_replay *replay = &part->replay;
+    for (size_t t = 0; t < replay->tets; t++) {
+        size_t to = t < part->tet_count ? part->tets[t] : part->first_tet + (t - part->tet_count);
+        for (size_t c = 0; c < 4; c++)
+            whole->corners[4 * to + c] = page_part_outside(part, replay->corners[4 * t + c]);
+    }
+    for (uint32_t v = 0; v < replay->vertices; v++) {
+        uint32_t to = page_part_outside(part, v);
+        if (v < part->listed_count && part->seams[v])
+            continue;
+        for (uint32_t c = 0; c < whole->column_count; c++)
+            copy_row(&whole->columns[c], to, &part->columns[c], v, whole->columns[c].components);
+        if (v >= part->listed_count)
+            whole->parents[to] = page_part_outside(part, replay->parents[v]);
+        whole->stars[to].leaf = replay->stars[v].leaf;
+    }
+}
+
+void tetlodi_page_part_shrink(struct tetlodi_page_part *part)
+{
+    struct tetlodi_replay *replay = &part->replay;
+    free(part->seats);
+    part->seats = NULL;
+    for (uint32_t c = 0; c < replay->column_count; c++) {
+        TETLODI_FREE(&part->memory, part->columns[c].codes, part->columns[c].codes_capacity);
+        TETLODI_FREE(&part->memory, part->columns[c].values, part->columns[c].values_capacity);
+    }
+    TETLODI_FREE(&part->memory, replay->corners, replay->corners_capacity);
+    TETLODI_FREE(&part->memory, replay->parents, replay->parents_capacity);
+    TETLODI_FREE(&part->memory, replay->pool, replay->pool_capacity);
+    TETLODI_FREE(&part->memory, replay->stars, replay->stars_capacity);
+}
+
