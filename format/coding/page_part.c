@@ -237,8 +237,6 @@ void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlod
     for (uint32_t f = 0; f + 1 < part->replay.column_count; f++)
         memcpy(recorder->field_models[f].copied, whole->field_models[f].copied,
                sizeof recorder->field_models[f].copied);
-    recorder->labels = whole->labels;
-    recorder->max_labels = whole->max_labels;
     tetlodi_page_begin(recorder, &lists, 0, vertices, tets);
 }
 

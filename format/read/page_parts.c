@@ -122,14 +122,16 @@ static enum tetlod_status decode_frames(const struct level *level, struct part *
     enum tetlod_status status = frames ? TETLOD_OK : tetlodi_fail_nomem(error, "a page", count * sizeof *frames);
     for (uint32_t c = 0; c < count && status == TETLOD_OK; c++) {
         size_t size;
-        status = tetlodi_read_page_frame(cursor->file, level->number, part->mesh.page, cursor->parts[c], &frames[c], &size,
-                                         error);
+        status = tetlodi_read_page_frame(cursor->file, level->number, part->mesh.page, cursor->parts[c], &frames[c],
+                                         &size, error);
         if (status == TETLOD_OK)
             tetlodi_decode_start(&recorder->coders[c], cursor->file->index.slowest, frames[c], size);
         else
             part->unread = 1;
     }
     if (status == TETLOD_OK) {
+        recorder->labels = whole->labels;
+        recorder->max_labels = whole->max_labels;
         tetlodi_page_part_begin(&part->mesh, recorder, whole, row_of(level, part)->vertices, row_of(level, part)->tets);
         status = decode_records(recorder, part->mesh.page, error);
     }

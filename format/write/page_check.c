@@ -41,9 +41,8 @@ static enum tetlod_status check_group(struct check *check, uint32_t g)
 {
     const struct tetlodi_page_table *table = &check->file->index.pages;
     uint32_t level = table->first_level + g, parts = 1 + check->file->index.info.field_count;
-    const struct tetlodi_replay *replay = &check->cursor->replay;
-    TETLOD_TRY(tetlodi_cursor_stars(check->cursor, check->error));
-    if (!tetlodi_page_writer_begin(&check->pages, replay, &check->groups[g], level))
+    struct tetlodi_replay *replay = &check->cursor->replay;
+    if (!tetlodi_page_writer_begin(&check->pages, check->cursor->helpers, replay, &check->groups[g], level))
         return out_of_memory(check);
     check->pages.table.groups[g].node_count = table->groups[g].node_count; // a tree may be stored again
     uint32_t vertices = replay->vertices, tets = replay->tets;
@@ -64,7 +63,7 @@ static enum tetlod_status check_group(struct check *check, uint32_t g)
         if (!tetlodi_page_writer_page(&check->pages, vertices, tets, check->frames))
             return out_of_memory(check);
     }
-    tetlodi_page_writer_end(&check->pages, replay, check->frames);
+    tetlodi_page_writer_end(&check->pages, check->cursor->helpers, check->frames);
     return TETLOD_OK;
 }
 

@@ -18,8 +18,9 @@ void tetlodi_page_writer_fini(struct tetlodi_page_writer *pages)
         return;
     TETLODI_FREE(pages->memory, pages->pairs, pages->pairs_capacity);
     TETLODI_FREE(pages->memory, pages->former, pages->former_capacity);
+    TETLODI_FREE(pages->memory, pages->added, pages->added_capacity);
     TETLODI_FREE(pages->memory, pages->table.needed, pages->needed_capacity);
-    tetlodi_page_lists_fini(&pages->lists, pages->memory);
+    tetlodi_page_shares_fini(&pages->shares);
     tetlodi_page_table_fini(&pages->table);
     tetlodi_buffer_fini(&pages->section);
     free(pages->boxes);
@@ -53,18 +54,34 @@ static bool same_tree(const struct tetlodi_write_group *group, const struct tetl
 
 /* ---- boxes */
 
-/* Extends the boxes of the group's pages by all tetrahedra as they are. */
-static void extend_boxes(struct tetlodi_page_writer *pages, const struct tetlodi_replay *replay)
+static void extend_box(const struct tetlodi_replay *replay, uint32_t tet, double box[6])
 {
-    double(*boxes)[6] = pages->boxes + pages->table.groups[pages->table.group_count - 1].first_page;
-    for (size_t i = 0; i < 4 * (size_t)replay->tets; i++) {
+    for (size_t i = 4 * (size_t)tet; i < 4 * (size_t)tet + 4; i++) {
         const double *p = replay->columns[0].values + 3 * (size_t)replay->corners[i];
-        double *box = boxes[pages->lists.page_of[i / 4]];
         for (int axis = 0; axis < 3; axis++) {
             box[axis] = p[axis] < box[axis] ? p[axis] : box[axis];
             box[3 + axis] = p[axis] > box[3 + axis] ? p[axis] : box[3 + axis];
         }
     }
+}
+
+/* Extends the box of a page of the group by all its tetrahedra as they are. */
+static int extend_page(void *opaque, uint32_t page)
+{
+    const struct tetlodi_page_writer *pages = opaque;
+    const struct tetlodi_page_shares *shares = &pages->shares;
+    double *box = pages->boxes[pages->table.groups[pages->table.group_count - 1].first_page + page];
+    for (uint32_t i = shares->tet_begins[page]; i < shares->tet_begins[page + 1]; i++)
+        extend_box(shares->whole, shares->tet_list[i], box);
+    for (uint32_t t = pages->added[page]; t < pages->added[page + 1]; t++)
+        extend_box(shares->whole, t, box);
+    return 1;
+}
+
+static void extend_boxes(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers)
+{
+    tetlodi_helpers_start(helpers, extend_page, pages, pages->table.groups[pages->table.group_count - 1].page_count);
+    tetlodi_helpers_wait(helpers);
 }
 
 /* The greatest step of the bounds that is no more than x, or the least that is no less. */
@@ -100,7 +117,7 @@ static int find_needed(struct tetlodi_page_writer *pages, uint32_t tets)
     if (table->group_count == 1)
         return 1;
     for (uint32_t t = 0; t < tets; t++) {
-        uint64_t pair = (uint64_t)pages->lists.page_of[t] << 32 | pages->former[t];
+        uint64_t pair = (uint64_t)pages->shares.page_of[t] << 32 | pages->former[t];
         if (count && pages->pairs[count - 1] == pair)
             continue;
         if (!TETLODI_ROOM(pages->memory, pages->pairs, pages->pairs_capacity, count + 1))
@@ -124,18 +141,28 @@ static int find_needed(struct tetlodi_page_writer *pages, uint32_t tets)
 
 /* ---- a group */
 
-int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, const struct tetlodi_replay *replay,
-                              const struct tetlodi_write_group *group, uint32_t level)
+enum { TETS_A_TASK = 1 << 14 };
+
+static int find_pages(void *opaque, uint32_t task)
+{
+    const struct tetlodi_page_writer *pages = opaque;
+    const struct tetlodi_page_shares *shares = &pages->shares;
+    const struct tetlodi_replay *replay = shares->whole;
+    const struct tetlodi_cut *tree = pages->table.groups[pages->table.group_count - 1].tree;
+    uint32_t begin = task * (uint32_t)TETS_A_TASK, left = shares->tets - begin;
+    for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++)
+        shares->page_of[t] =
+            tetlodi_page_at_corners(tree, replay->columns[0].values, replay->corners + 4 * (size_t)t);
+    return 1;
+}
+
+int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
+                              struct tetlodi_replay *replay, const struct tetlodi_write_group *group, uint32_t level)
 {
     struct tetlodi_page_table *table = &pages->table;
+    struct tetlodi_page_shares *shares = &pages->shares;
     if (!table->groups && !allocate(pages))
         return 0;
-    uint32_t *former = pages->former;
-    size_t former_capacity = pages->former_capacity;
-    pages->former = pages->lists.page_of;
-    pages->former_capacity = pages->lists.page_of_capacity;
-    pages->lists.page_of = former;
-    pages->lists.page_of_capacity = former_capacity;
     struct tetlodi_group *to = &table->groups[table->group_count];
     bool same = table->group_count && same_tree(group, to - 1);
     *to = (struct tetlodi_group){group->pages, table->page_count, same ? 0 : group->nodes, group->tree};
@@ -146,9 +173,20 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, const struct te
     memset(pages->sizes, 0, (1 + (size_t)pages->field_count) * sizeof *pages->sizes);
     pages->vertices = replay->vertices;
     pages->tets = replay->tets;
-    if (!tetlodi_page_lists_make(&pages->lists, replay, to) || !find_needed(pages, replay->tets))
+    tetlodi_page_shares_fini(shares);
+    if (!tetlodi_page_shares_init(shares, replay, group->pages) ||
+        !TETLODI_ROOM(pages->memory, pages->added, pages->added_capacity, group->pages + (size_t)1) ||
+        !TETLODI_ROOM(pages->memory, pages->former, pages->former_capacity, replay->tets))
         return 0;
-    extend_boxes(pages, replay);
+    tetlodi_helpers_start(helpers, find_pages, pages, (replay->tets + TETS_A_TASK - 1) / TETS_A_TASK);
+    tetlodi_helpers_wait(helpers);
+    tetlodi_page_shares_sort(shares, group->pages);
+    if (!find_needed(pages, replay->tets))
+        return 0;
+    memcpy(pages->former, shares->page_of, replay->tets * sizeof *pages->former);
+    for (uint32_t p = 0; p <= group->pages; p++)
+        pages->added[p] = replay->tets;
+    extend_boxes(pages, helpers);
     return 1;
 }
 
@@ -166,16 +204,18 @@ int tetlodi_page_writer_page(struct tetlodi_page_writer *pages, uint32_t vertice
         tetlodi_digest(frames[part].bytes + pages->sizes[part], frame->size, frame->digest);
         pages->sizes[part] = frames[part].size;
     }
-    if (!TETLODI_ROOM(pages->memory, pages->lists.page_of, pages->lists.page_of_capacity, tets))
+    if (!TETLODI_ROOM(pages->memory, pages->former, pages->former_capacity, tets))
         return 0;
+    const uint32_t of_group = number - table->groups[table->group_count - 1].first_page;
     for (uint32_t t = pages->tets; t < tets; t++)
-        pages->lists.page_of[t] = number - table->groups[table->group_count - 1].first_page;
+        pages->former[t] = of_group;
+    pages->added[of_group + 1] = tets;
     pages->vertices = vertices;
     pages->tets = tets;
     return 1;
 }
 
-void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, const struct tetlodi_replay *replay,
+void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
                              const struct tetlodi_buffer *frames)
 {
     struct tetlodi_page_table *table = &pages->table;
@@ -187,7 +227,7 @@ void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, const struct tet
         frame->size += (uint32_t)(frames[part].size - pages->sizes[part]);
         tetlodi_digest(frames[part].bytes + frames[part].size - frame->size, frame->size, frame->digest);
     }
-    extend_boxes(pages, replay);
+    extend_boxes(pages, helpers);
 }
 
 const struct tetlodi_buffer *tetlodi_page_writer_section(struct tetlodi_page_writer *pages, const double (*bounds)[3])

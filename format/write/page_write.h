@@ -3,20 +3,22 @@
 #ifndef TETLOD_PAGE_WRITE_H
 #define TETLOD_PAGE_WRITE_H
 
-#include "format/coding/page_table.h"
+#include "format/coding/page_part.h"
+#include "format/common/threads.h"
 
 struct tetlodi_page_writer {
     struct tetlodi_memory *memory;
     const struct tetlodi_write_group *groups; /* [group_count] borrowed */
     uint32_t group_count, field_count;
     struct tetlodi_page_table table;
-    struct tetlodi_page_lists lists; /* of the group; page_of goes on to the tetrahedra that pages add */
+    struct tetlodi_page_shares shares; /* of the group */
     double (*boxes)[6];              /* [page of all groups] least, greatest */
     uint64_t *pairs;                 /* page of the group, page of the group before: of tetrahedra that are in both */
     uint64_t *sizes;                 /* [1 + field_count] bytes of the level's frames so far */
-    uint32_t *former;                /* [tet] page of the group before */
+    uint32_t *former;                /* [tet] page of the group before, later of the group */
+    uint32_t *added;                 /* [page of the group + 1] where the tetrahedra that it adds begin */
     uint32_t vertices, tets;         /* at the page's begin */
-    size_t pairs_capacity, former_capacity, needed_capacity;
+    size_t pairs_capacity, former_capacity, added_capacity, needed_capacity;
     struct tetlodi_buffer section;
 };
 
@@ -24,9 +26,9 @@ void tetlodi_page_writer_init(struct tetlodi_page_writer *pages, struct tetlodi_
                               const struct tetlodi_write_group *groups, uint32_t group_count, uint32_t field_count);
 void tetlodi_page_writer_fini(struct tetlodi_page_writer *pages);
 
-/* Before a group, which is that level: makes its lists. 0 if out of memory. */
-int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, const struct tetlodi_replay *replay,
-                              const struct tetlodi_write_group *group, uint32_t level);
+/* Before a group, which is that level: finds what its pages have. 0 if out of memory. */
+int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
+                              struct tetlodi_replay *replay, const struct tetlodi_write_group *group, uint32_t level);
 
 /* Behind a page, with which there are so many vertices and tetrahedra, and whose bytes are the last of `frames` [1 +
  * field_count] of the level. 0 if out of memory. */
@@ -34,7 +36,7 @@ int tetlodi_page_writer_page(struct tetlodi_page_writer *pages, uint32_t vertice
                              const struct tetlodi_buffer *frames);
 
 /* Behind the last page, and what the level was padded with: that belongs to the last page that adds something. */
-void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, const struct tetlodi_replay *replay,
+void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
                              const struct tetlodi_buffer *frames);
 
 /* Makes the section from the bounds of the stream. NULL: there are no pages; its `failed` says that memory was out. */

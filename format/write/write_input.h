@@ -100,6 +100,7 @@ struct tetlodi_write_input {
     enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                const struct tetlodi_write_section **out, uint32_t *count, struct tetlod_error *error);
     void *late_opaque;
+    unsigned threads; /* the caller's included; bytes do not depend on it */
     int (*progress)(void *opaque, double done); /* asked now and then by the caller's thread: 0 cancels; may be NULL */
     void *progress_opaque;
 };

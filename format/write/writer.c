@@ -12,16 +12,16 @@
 #include "format/coding/base.h"
 #include "format/coding/index.h"
 #include "format/coding/order.h"
-#include "format/coding/record.h"
 #include "format/coding/record_fields.h"
-#include "format/coding/star_view.h"
 #include "format/coding/tail.h"
 #include "format/common/allowance.h"
 #include "format/fail.h"
 #include "format/write/cells_write.h"
 #include "format/write/container.h"
 #include "format/write/lineage.h"
+#include "format/write/page_encode.h"
 #include "format/write/page_write.h"
+#include "format/write/record_write.h"
 #include "format/write/write_check.h"
 
 /* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
@@ -30,19 +30,12 @@ enum { USUAL_SLOWEST = 6 };
 struct writer {
     const struct tetlodi_write_input *in;
     struct tetlod_error *error;
-    struct lineage lineage; /* `waiting` counts down to the split with which a tetrahedron is there */
-    uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
-    uint32_t *node_at;     /* [slot] */
-    uint32_t *original_of; /* [tet in order of arrival] */
-    uint32_t children[MAX_CHILDREN];
-    uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
-    uint32_t arrived_count;
-    size_t arrived_capacity;
+    struct lineage lineage;
     struct tetlodi_column *columns; /* positions, then the fields */
     struct tetlodi_memory memory;
     struct tetlodi_replay replay;
-    struct tetlodi_recorder recorder;
-    struct tetlodi_encoder *encoders; /* [column] */
+    struct tetlodi_record_writer records; /* of the whole mesh */
+    struct tetlodi_helpers *helpers;
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
     struct tetlodi_buffer order;
     struct tetlodi_cell_parts cells;
@@ -61,43 +54,17 @@ static enum tetlod_status out_of_memory(struct writer *w)
 
 /* ---- numbers */
 
-/* A component of a column at a node. */
-static double value_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
-{
-    const struct tetlodi_write_field *field = column ? &w->in->fields[column - 1] : NULL;
-    const double *values = !field ? w->in->positions : field->values ? field->values : field->exact,
-                 *node_values = field ? field->node_values : w->in->node_positions;
-    size_t n = w->columns[column].components, originals = n * w->in->vertices, at = node * n + component;
-    return at < originals ? values[at] : node_values[at - originals];
-}
-
-static unsigned axis_of(uint32_t column, size_t component)
-{
-    return column ? 0 : (unsigned)component;
-}
-
-/* Is the number that levels have there not the original's but the grid's nearest? */
-static bool is_rounded(const struct writer *w, uint32_t column, uint32_t node)
-{
-    return column && !w->in->fields[column - 1].values && node < w->in->vertices;
-}
-
-static int64_t code_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
-{
-    int64_t code = scale_code(&w->columns[column].scale, axis_of(column, component),
-                              value_of(w, column, node, component));
-    return is_rounded(w, column, node) && code > w->in->fields[column - 1].most ? w->in->fields[column - 1].most : code;
-}
-
 /* Has every number of a column a code? */
 static enum tetlod_status check_column(const struct writer *w, uint32_t c)
 {
     const char *name = c ? w->in->fields[c - 1].name : "positions";
     for (uint32_t node = 0; node < w->lineage.nodes; node++)
         for (size_t k = 0; k < w->columns[c].components; k++) {
-            double value = value_of(w, c, node, k);
-            double back = scale_value(&w->columns[c].scale, axis_of(c, k), code_of(w, c, node, k));
-            if (!isfinite(value) || (!is_rounded(w, c, node) && memcmp(&back, &value, sizeof value) != 0))
+            double value = tetlodi_node_value(&w->records, c, node, k);
+            double back = scale_value(&w->columns[c].scale, c ? 0 : (unsigned)k,
+                                      tetlodi_node_code(&w->records, c, node, k));
+            bool same = memcmp(&back, &value, sizeof value) == 0;
+            if (!isfinite(value) || (!tetlodi_node_is_rounded(&w->records, c, node) && !same))
                 return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name,
                                     value);
         }
@@ -105,19 +72,6 @@ static enum tetlod_status check_column(const struct writer *w, uint32_t c)
 }
 
 /* ---- base mesh */
-
-/* Gives a node a place among the living: its leaves' ancestor. */
-static void settle_node(struct writer *w, uint32_t node, uint32_t slot)
-{
-    w->node_at[slot] = node;
-    for (uint32_t p = w->lineage.range[node].begin; p < w->lineage.range[node].end; p++)
-        w->slot_at[p] = slot;
-}
-
-static uint32_t slot_of(const struct writer *w, uint32_t tet, int corner)
-{
-    return w->slot_at[w->lineage.position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
-}
 
 struct base {
     struct tetlodi_base_guide guide;
@@ -142,18 +96,18 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
         return out_of_memory(w);
     vertices = tets = 0;
     for (uint32_t v = 0; v < w->in->vertices; v++)
-        w->slot_at[v] = TETLOD_NONE;
+        w->records.slot_at[v] = TETLOD_NONE;
     for (uint32_t v = 0; v < w->in->vertices; v++)
-        if (w->slot_at[w->lineage.position[v]] == TETLOD_NONE) {
+        if (w->records.slot_at[w->lineage.position[v]] == TETLOD_NONE) {
             base->roots[vertices] = lineage_root(&w->lineage, v);
-            settle_node(w, base->roots[vertices], vertices);
+            tetlodi_settle_node(&w->records, base->roots[vertices], vertices);
             vertices++;
         }
     for (uint32_t t = 0; t < w->in->tets; t++) {
         if (w->lineage.waiting[t])
             continue;
         for (int c = 0; c < 4; c++)
-            base->corners[4 * (size_t)tets + (size_t)c] = slot_of(w, t, c);
+            base->corners[4 * (size_t)tets + (size_t)c] = tetlodi_slot_of(&w->records, t, c);
         base->tets[tets++] = t;
     }
     base->guide = (struct tetlodi_base_guide){vertices, tets, base->corners, base->vertex_order, base->tet_order,
@@ -166,7 +120,7 @@ static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
     for (uint32_t c = 0; c < w->replay.column_count; c++) {
         size_t n = w->columns[c].components;
         for (size_t k = 0; k < n; k++)
-            w->columns[c].codes[vertex * n + k] = code_of(w, c, node, k);
+            w->columns[c].codes[vertex * n + k] = tetlodi_node_code(&w->records, c, node, k);
     }
 }
 
@@ -177,7 +131,8 @@ static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied
     for (size_t c = 1; c < n; c++)
         for (size_t source = 0; source < c && copied[c] == c; source++) {
             uint32_t node = 0;
-            while (node < w->lineage.nodes && code_of(w, column, node, c) == code_of(w, column, node, source))
+            while (node < w->lineage.nodes && tetlodi_node_code(&w->records, column, node, c) ==
+                                                  tetlodi_node_code(&w->records, column, node, source))
                 node++;
             copied[c] = (uint8_t)(node == w->lineage.nodes ? source : c);
         }
@@ -198,18 +153,18 @@ static bool make_room(struct writer *w, size_t base_vertices)
 
 static enum tetlod_status code_base(struct writer *w, struct base *base)
 {
-    struct tetlodi_recorder *recorder = &w->recorder;
+    struct tetlodi_recorder *recorder = &w->records.recorder;
     TETLOD_TRY(gather_base(w, base));
     if (!make_room(w, base->guide.vertices))
         return tetlodi_no_room(&w->memory, w->error);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->guide.vertices, base->guide.tets, &base->guide, w->error));
     for (uint32_t v = 0; v < base->guide.vertices; v++) {
         uint32_t root = base->roots[base->vertex_order[v]];
-        settle_node(w, root, v);
+        tetlodi_settle_node(&w->records, root, v);
         set_codes(w, v, root);
     }
     for (uint32_t t = 0; t < base->guide.tets; t++)
-        w->original_of[t] = base->tets[base->tet_order[t]];
+        w->records.original_of[t] = base->tets[base->tet_order[t]];
     TETLOD_TRY(tetlodi_base_column(&w->replay, w->columns, recorder->coders, recorder->models->corner, NULL, w->error));
     for (uint32_t c = 1; c < w->replay.column_count; c++) {
         struct tetlodi_field_models *models = &recorder->field_models[c - 1];
@@ -225,32 +180,25 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
 
 /* ---- levels */
 
-static void start_coders(struct writer *w)
-{
-    for (uint32_t c = 0; c < w->replay.column_count; c++)
-        tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->encoders[c], &w->memory);
-}
-
 /* Zero bytes change nothing: a reader wants so many of them as go with what it has to make room for, and to do. */
 static bool goes_with(const struct writer *w, uint32_t level, uint32_t part, uint64_t bytes)
 {
     return is_within(tetlodi_part_numbers(&w->index, level, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes) &&
-           tetlodi_labels_hold(&w->recorder, part, bytes) &&
+           tetlodi_labels_hold(&w->records.recorder, part, bytes) &&
            (part || tetlodi_pages_hold(w->pages.table.page_count, bytes));
 }
 
-/* Closes the coders and adds what they have written to the level: all of it, or a page. */
+/* Closes the coders: what they have written is the level. */
 static enum tetlod_status store_frames(struct writer *w, uint32_t level)
 {
     uint32_t parts = w->in->field_count + 1;
-    for (uint32_t part = 0; part < parts; part++) {
+    int good = tetlodi_finish_coders(&w->records);
+    for (uint32_t part = 0; part < parts && good; part++) {
         struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
-        tetlodi_encode_finish(&w->recorder.coders[part]);
-        tetlodi_put_block(stored, w->encoders[part].bytes, w->encoders[part].size);
-        if (w->encoders[part].failed || stored->failed)
-            return out_of_memory(w);
+        tetlodi_put_block(stored, w->records.encoders[part].bytes, w->records.encoders[part].size);
+        good = !stored->failed;
     }
-    return TETLOD_OK;
+    return good ? TETLOD_OK : out_of_memory(w);
 }
 
 /* Keeps what a level is. Its frames are stored. */
@@ -276,145 +224,6 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     return TETLOD_OK;
 }
 
-/* Does the vertex at a slot split on the way to a level with that many contractions? */
-static bool splits(const struct writer *w, uint32_t slot, uint32_t contractions)
-{
-    uint32_t node = w->node_at[slot];
-    return node >= w->in->vertices && node - w->in->vertices >= contractions;
-}
-
-static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
-{
-    return code_of(w, 0, a, 0) == code_of(w, 0, b, 0) && code_of(w, 0, a, 1) == code_of(w, 0, b, 1) &&
-           code_of(w, 0, a, 2) == code_of(w, 0, b, 2);
-}
-
-/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y,
- * z, so that the sign of where the second lies can be learned. */
-static uint32_t order_children(struct writer *w, uint32_t node)
-{
-    uint32_t count = lineage_child_count(&w->lineage, node), first = 0;
-    memcpy(w->children, lineage_children(&w->lineage, node), count * sizeof *w->children);
-    for (uint32_t c = 1; c < count; c++) {
-        uint32_t a = w->children[c], b = w->children[first];
-        size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0)   ? 0
-                      : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1
-                                                                   : 2;
-        if (!same_place(w, b, node) && (same_place(w, a, node) || code_of(w, 0, a, axis) < code_of(w, 0, b, axis)))
-            first = c;
-    }
-    uint32_t swap = w->children[0];
-    w->children[0] = w->children[first];
-    w->children[first] = swap;
-    return count;
-}
-
-/* Tetrahedra that wait for this record only. */
-static enum tetlod_status list_arrivals(struct writer *w, uint32_t node)
-{
-    uint32_t c = node - w->in->vertices, begin = w->lineage.meeting_begin[c], end = w->lineage.meeting_begin[c + 1];
-    if (!TETLODI_ROOM(&w->memory, w->arrived, w->arrived_capacity, end - begin))
-        return out_of_memory(w);
-    w->arrived_count = 0;
-    for (uint32_t i = begin; i < end; i++)
-        if (--w->lineage.waiting[w->lineage.meeting[i]] == 0)
-            w->arrived[w->arrived_count++] = w->lineage.meeting[i];
-    return TETLOD_OK;
-}
-
-static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
-{
-    unsigned swaps = 0;
-    uint32_t c[4] = {b[0], b[1], b[2], b[3]};
-    for (int i = 0; i < 4; i++)
-        for (int j = i + 1; j < 4 && c[i] != a[i]; j++)
-            if (c[j] == a[i]) {
-                c[j] = c[i];
-                c[i] = a[i];
-                swaps++;
-            }
-    return swaps % 2 == 0;
-}
-
-/* Corners of a waiting tetrahedron, if they are four by now and among them vertex and child. The other two go to x,
- * y. */
-static bool is_there(const struct writer *w, uint32_t tet, uint32_t vertex, uint32_t child, uint32_t corners[4],
-                     uint32_t others[2])
-{
-    int count = 0;
-    for (int c = 0; c < 4; c++) {
-        corners[c] = slot_of(w, tet, c);
-        if (corners[c] != vertex && corners[c] != child && count < 2)
-            others[count++] = corners[c];
-        for (int d = 0; d < c; d++)
-            if (corners[c] == corners[d])
-                return false;
-    }
-    return true;
-}
-
-/* Takes a tetrahedron out of those that wait, into the order of arrival. */
-static void arrive(struct writer *w, uint32_t i, uint32_t *count)
-{
-    w->original_of[w->replay.tets + (*count)++] = w->arrived[i];
-    w->arrived[i] = w->arrived[--w->arrived_count];
-}
-
-/* Plans a waiting tetrahedron at a link edge, and in which orientation it comes back. */
-static void plan_edge(struct writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
-{
-    uint32_t child = w->replay.vertices, corners[4], others[2], implied[4];
-    uint32_t ends[2];
-    tetlodi_star_ends(star, e, ends);
-    uint32_t x = star->link[ends[0]], y = star->link[ends[1]];
-    for (uint32_t i = 0; i < w->arrived_count; i++) {
-        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others))
-            continue;
-        if ((others[0] != x || others[1] != y) && (others[0] != y || others[1] != x))
-            continue;
-        tetlodi_star_between(star, &w->replay, e, child, implied);
-        star->made[e] = is_even_permutation(corners, implied) ? MADE : MADE_FLIPPED;
-        arrive(w, i, count);
-        return;
-    }
-}
-
-static int plan_extras(struct writer *w, struct tetlodi_star_view *star, uint32_t *count)
-{
-    uint32_t child = w->replay.vertices, corners[4], others[2];
-    for (uint32_t i = 0; i < w->arrived_count;) {
-        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others)) {
-            i++;
-            continue;
-        }
-        uint32_t ordered[4] = {star->vertex, child, others[0], others[1]};
-        bool even = is_even_permutation(corners, ordered);
-        if (!TETLODI_ROOM(&w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
-            return 0;
-        star->extras[star->extra_count][0] = others[!even];
-        star->extras[star->extra_count++][1] = others[even];
-        arrive(w, i, count);
-    }
-    return 1;
-}
-
-/* The recorder asks how child number `number` parts from the rest. */
-static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
-{
-    struct writer *w = opaque;
-    uint32_t node = w->children[number], child = w->replay.vertices, count = 0;
-    for (uint32_t i = 0; i < star->size; i++) {
-        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
-        star->labels[i] = 0;
-        for (int c = 0; c < 4 && !star->labels[i]; c++)
-            star->labels[i] = lineage_below(&w->lineage, leaves[c], node);
-    }
-    settle_node(w, node, child);
-    for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
-        plan_edge(w, star, e, &count);
-    return plan_extras(w, star, &count);
-}
-
 /* Asks the caller whether to go on. */
 static enum tetlod_status ask(struct writer *w)
 {
@@ -426,37 +235,14 @@ static enum tetlod_status ask(struct writer *w)
                : tetlodi_fail(w->error, TETLOD_ERR_CANCELLED, "cancelled");
 }
 
-static enum tetlod_status write_record(struct writer *w, uint32_t slot)
-{
-    uint32_t node = w->node_at[slot];
-    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
-    int64_t(*codes)[4] = w->recorder.codes;
-    TETLOD_TRY(list_arrivals(w, node));
-    for (uint32_t i = 0; i < record.children; i++)
-        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
-    for (uint32_t c = 0; c < w->replay.column_count; c++)
-        for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
-            for (uint32_t i = 0; i < record.children; i++)
-                (*codes)[i] = code_of(w, c, w->children[i], k);
-    w->node_at[slot] = w->children[0];
-    TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, w->error));
-    w->replay.label = 0; // the writer never goes back
-    w->replay.records = w->replay.all_records = w->replay.splits = w->replay.all_splits = 0;
-    return TETLOD_OK;
-}
-
-/* The records of a walk, up to so many vertices. */
+/* The records of a level, up to so many vertices. */
 static enum tetlod_status write_records(struct writer *w, uint32_t vertices, uint32_t contractions)
 {
     while (w->replay.vertices < vertices) {
-        if (tetlodi_walk_ended(&w->recorder))
-            return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT,
-                                "the sequence cannot be written: a contraction is in the wrong page");
-        if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
-            continue;
-        if (!w->until_asked--)
+        uint32_t before = w->replay.vertices;
+        TETLOD_TRY(tetlodi_write_vertex(&w->records, contractions, w->error));
+        if (w->replay.vertices > before && !w->until_asked--)
             TETLOD_TRY(ask(w));
-        TETLOD_TRY(write_record(w, w->recorder.walk));
     }
     return TETLOD_OK;
 }
@@ -468,42 +254,44 @@ static const struct tetlodi_write_group *group_of(const struct writer *w, uint32
     return level >= first && level - first < w->in->group_count ? &w->in->groups[level - first] : NULL;
 }
 
+static enum tetlod_status ask_behind_page(void *opaque)
+{
+    return ask(opaque);
+}
+
 /* A level in pages, each with models of its own. */
 static enum tetlod_status write_group(struct writer *w, uint32_t level, const struct tetlodi_write_group *group)
 {
-    uint32_t contractions = w->in->levels[level].contractions, begin = contractions;
-    const struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
-    if (!tetlodi_page_writer_begin(&w->pages, &w->replay, group, level))
+    struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
+    const struct tetlodi_page_encode encode = {.whole = &w->records,
+                                               .pages = &w->pages,
+                                               .group = group,
+                                               .contractions = w->in->levels[level].contractions,
+                                               .slowest = w->index.slowest,
+                                               .frames = frames,
+                                               .helpers = w->helpers,
+                                               .ask = ask_behind_page,
+                                               .opaque = w};
+    if (!tetlodi_page_writer_begin(&w->pages, w->helpers, &w->replay, group, level))
         return out_of_memory(w);
-    for (uint32_t page = 0; page < group->pages; begin = group->ends[page++]) {
-        uint32_t vertices = 0;
-        for (uint32_t c = begin; c < group->ends[page]; c++)
-            vertices += lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
-        if (vertices) {
-            start_coders(w);
-            tetlodi_page_begin(&w->recorder, &w->pages.lists, page, vertices, w->in->tets - w->replay.tets);
-            TETLOD_TRY(write_records(w, w->replay.vertices + vertices, contractions));
-            TETLOD_TRY(store_frames(w, level));
-        }
-        if (!tetlodi_page_writer_page(&w->pages, w->replay.vertices, w->replay.tets, frames))
-            return out_of_memory(w);
-    }
+    TETLODI_FREE(&w->memory, w->replay.pool, w->replay.pool_capacity); // the stars of pages are their own
+    TETLOD_TRY(tetlodi_encode_pages(&encode, w->error));
     TETLOD_TRY(store_level(w, level));
-    tetlodi_page_writer_end(&w->pages, &w->replay, frames);
+    tetlodi_page_writer_end(&w->pages, w->helpers, frames);
     return TETLOD_OK;
 }
 
 static enum tetlod_status write_level(struct writer *w, uint32_t level)
 {
     uint32_t contractions = w->in->levels[level].contractions;
-    uint32_t vertices = w->in->vertices;
-    for (uint32_t c = 0; c < contractions; c++)
-        vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
+    uint32_t vertices = w->replay.vertices;
+    for (uint32_t c = contractions; c < w->in->levels[level - 1].contractions; c++)
+        vertices += lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
     tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
-    tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
+    tetlodi_level_begin(&w->records.recorder, vertices, w->in->tets);
     if (group_of(w, level))
         return write_group(w, level, group_of(w, level));
-    start_coders(w);
+    tetlodi_start_coders(&w->records, w->index.slowest);
     TETLOD_TRY(write_records(w, vertices, contractions));
     TETLOD_TRY(store_frames(w, level));
     return store_level(w, level);
@@ -518,9 +306,9 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
     if (!exact)
         return out_of_memory(w);
     for (uint32_t v = 0; v < w->in->vertices; v++)
-        memcpy(exact + v * n, in->exact + w->node_at[v] * n, n * sizeof *exact);
-    enum tetlod_status status =
-        tetlodi_tail_code(&w->recorder.coders[1 + field], &w->columns[1 + field], w->in->vertices, exact, w->error);
+        memcpy(exact + v * n, in->exact + w->records.node_at[v] * n, n * sizeof *exact);
+    enum tetlod_status status = tetlodi_tail_code(&w->records.recorder.coders[1 + field], &w->columns[1 + field],
+                                                  w->in->vertices, exact, w->error);
     free(exact);
     return status;
 }
@@ -530,7 +318,7 @@ static enum tetlod_status write_tail(struct writer *w, uint32_t level)
     w->index.tail = 1;
     tetlodi_lineage_fini(&w->lineage); // no record is left, and memory is at its peak here
     tetlodi_replay_drop(&w->replay);
-    start_coders(w);
+    tetlodi_start_coders(&w->records, w->index.slowest);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact) {
             TETLOD_TRY(code_tail(w, f));
@@ -543,7 +331,7 @@ static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 static enum tetlod_status write_levels(struct writer *w)
 {
     struct base base = {0};
-    start_coders(w);
+    tetlodi_start_coders(&w->records, w->index.slowest);
     enum tetlod_status status = code_base(w, &base);
     free(base.corners);
     free(base.roots);
@@ -565,16 +353,16 @@ static enum tetlod_status write_levels(struct writer *w)
 static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4])
 {
     const uint32_t *ours = w->replay.corners + 4 * (size_t)tet;
-    const uint32_t *theirs = w->in->corners + 4 * (size_t)w->original_of[tet];
+    const uint32_t *theirs = w->in->corners + 4 * (size_t)w->records.original_of[tet];
     for (int c = 0; c < 4; c++)
         for (uint8_t k = 0; k < 4; k++)
-            if (w->node_at[ours[k]] == theirs[c])
+            if (w->records.node_at[ours[k]] == theirs[c])
                 out[c] = k;
 }
 
 static enum tetlod_status write_order(struct writer *w)
 {
-    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of,
+    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->records.node_at, w->records.original_of,
                                   malloc(4 * (size_t)w->in->tets)};
     struct tetlodi_coder coder;
     struct tetlodi_encoder encoder = {0};
@@ -636,7 +424,7 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     uint32_t count = 0, late_count = 0;
     const struct tetlodi_late_rows rows = {w->cells.row_count, w->cells.tet_of, w->cells.in_parents};
     if (in->late)
-        TETLOD_TRY(in->late(in->late_opaque, w->node_at, &rows, &late, &late_count, w->error));
+        TETLOD_TRY(in->late(in->late_opaque, w->records.node_at, &rows, &late, &late_count, w->error));
     struct tetlodi_write_section *sections =
         calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 4, sizeof *sections);
     if (!sections)
@@ -697,25 +485,23 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     const struct tetlodi_write_input *in = w->in;
     size_t parts = in->field_count + (size_t)1;
     w->memory.most = UINT64_MAX;
-    w->slot_at = malloc(in->vertices * sizeof *w->slot_at);
-    w->node_at = malloc(in->vertices * sizeof *w->node_at);
-    w->original_of = malloc(in->tets * sizeof *w->original_of);
+    w->records.in = in;
+    w->records.lineage = &w->lineage;
+    w->records.replay = &w->replay;
+    w->records.slot_at = malloc(in->vertices * sizeof *w->records.slot_at);
     w->columns = calloc(parts, sizeof *w->columns);
-    w->encoders = calloc(parts, sizeof *w->encoders);
+    w->helpers = tetlodi_helpers_new(in->threads > 1 ? in->threads - 1 : 0);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
-    bool done = w->slot_at && w->node_at && w->original_of && w->columns && w->encoders && w->stored &&
-                tetlodi_index_allocate(&w->index);
+    bool done = w->records.slot_at && w->columns && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
     set_columns(w);
     tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
-    TETLOD_TRY(tetlodi_recorder_init(&w->recorder, &w->replay, w->error));
+    TETLOD_TRY(tetlodi_record_writer_init(&w->records, in->vertices, in->tets, w->error));
     tetlodi_page_writer_init(&w->pages, &w->memory, in->groups, in->group_count, in->field_count);
-    w->recorder.plan = plan_split;
-    w->recorder.opaque = w;
     return TETLOD_OK;
 }
 
@@ -723,13 +509,12 @@ static void release(struct writer *w)
 {
     for (size_t i = 0; i < (w->in->field_count + (size_t)1) * w->in->level_count && w->stored; i++)
         tetlodi_buffer_fini(&w->stored[i]);
-    for (size_t c = 0; c <= w->in->field_count && w->encoders; c++)
-        TETLODI_FREE(&w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
-    tetlodi_recorder_fini(&w->recorder);
+    tetlodi_helpers_free(w->helpers);
+    tetlodi_record_writer_fini(&w->records);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
     tetlodi_lineage_fini(&w->lineage);
-    void *const owned[] = {w->slot_at, w->node_at, w->original_of, w->arrived, w->columns, w->stored, w->encoders};
+    void *const owned[] = {w->records.slot_at, w->columns, w->stored};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
@@ -748,8 +533,8 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
         TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(write_levels(w));
     TETLOD_TRY(ask(w));
-    const struct tetlodi_cells_input cells = {w->in->cells, w->in->cell_field_count, w->in->tets, w->original_of,
-                                              w->in->parents};
+    const struct tetlodi_cells_input cells = {w->in->cells, w->in->cell_field_count, w->in->tets,
+                                              w->records.original_of, w->in->parents};
     if (!tetlodi_cells_encode(&w->cells, &cells))
         return out_of_memory(w);
     if (w->in->keep_order)

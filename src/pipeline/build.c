@@ -664,6 +664,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .parents = build->input->parents,
                                         .late = build->series ? series_sections : NULL,
                                         .late_opaque = build->series,
+                                        .threads = build->options->threads,
                                         .progress = build->options->progress ? encode_progress : NULL,
                                         .progress_opaque = build};
     input.position_bits = mesh->position_grid[0].bits;

@@ -456,8 +456,8 @@ mutant('the page before', 'format/read/page_choice.c', 'tetlodi_page_at_corners(
 mutant('who split may split again', 'format/read/page_choice.c',
        'replay->stars[split->vertex].leaf = 0; // it splits', ';',
        'what is known of vertices by a page goes with it', 'unit/test_page_set')
-mutant('seams with what is left out', 'format/read/page_parts.c',
-       'page = page == TETLOD_NONE ? SEAM : page;', 'if (page == TETLOD_NONE) continue;',
+mutant('seams with what is left out', 'format/coding/page_part.c',
+       'page = page == TETLOD_NONE ? PAGE_SEAM : page;', 'if (page == TETLOD_NONE) continue;',
        'a vertex of a page that is left out does not split', 'unit/test_page_set')
 mutant('the level of what is left out', 'format/read/page_set.c',
        'out[t] = some && level < cursor->level ? level : cursor->level;',

@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: a mesh, and what its pages have (format/coding/page_part.h). 1. Each page, on any thread: a mesh of its own, its
+ * records, its frames. 2. In the order of pages, on the caller's thread: the page is put back, behind what those before
+ * it have added. So few pages are held at a time, and the bytes are those of one thread.
+ */
+#include "format/write/page_encode.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+
+struct job {
+    struct tetlodi_page_part part;
+    struct tetlodi_record_writer records;
+    uint32_t vertices, first_vertex; /* that it adds */
+    enum tetlod_status status;
+    struct tetlod_error error;
+};
+
+struct level {
+    const struct tetlodi_page_encode *in;
+    uint32_t most_tets; /* that pages may add */
+    struct job *jobs;   /* [page] */
+    enum tetlod_status status;
+    struct tetlod_error *error;
+};
+
+static enum tetlod_status no_memory(const struct job *job, struct tetlod_error *error)
+{
+    return tetlodi_fail_nomem(error, "a page", (uint64_t)job->part.tet_count * 64);
+}
+
+/* What the whole mesh's vertices and tetrahedra come from. */
+static void gather_nodes(const struct level *level, struct job *job)
+{
+    const struct tetlodi_record_writer *whole = level->in->whole;
+    for (uint32_t v = 0; v < job->part.listed_count; v++)
+        job->records.node_at[v] = whole->node_at[job->part.listed[v]];
+    for (uint32_t t = 0; t < job->part.tet_count; t++)
+        job->records.original_of[t] = whole->original_of[job->part.tets[t]];
+}
+
+static enum tetlod_status encode_records(const struct level *level, struct job *job)
+{
+    const struct tetlodi_page_encode *in = level->in;
+    struct tetlodi_page_part *part = &job->part;
+    size_t vertices = part->listed_count + (size_t)job->vertices;
+    job->records = (struct tetlodi_record_writer){.in = in->whole->in,
+                                                  .lineage = in->whole->lineage,
+                                                  .slot_at = in->whole->slot_at,
+                                                  .part = part,
+                                                  .replay = &part->replay};
+    TETLOD_TRY(tetlodi_record_writer_init(&job->records, vertices, part->tet_count, &job->error));
+    gather_nodes(level, job);
+    for (uint32_t c = 0; c < part->replay.column_count; c++)
+        if (!TETLODI_ROOM(&part->memory, part->columns[c].before, part->columns[c].before_capacity,
+                          part->columns[c].components))
+            return no_memory(job, &job->error);
+    tetlodi_start_coders(&job->records, in->slowest);
+    job->records.recorder.max_labels = UINT64_MAX;
+    tetlodi_page_part_begin(part, &job->records.recorder, &in->whole->recorder, job->vertices, level->most_tets);
+    while (part->replay.vertices < vertices)
+        TETLOD_TRY(tetlodi_write_vertex(&job->records, in->contractions, &job->error));
+    return tetlodi_finish_coders(&job->records) ? TETLOD_OK : no_memory(job, &job->error);
+}
+
+static int encode_page(void *opaque, uint32_t number)
+{
+    const struct level *level = opaque;
+    const struct tetlodi_page_shares *shares = &level->in->pages->shares;
+    struct job *job = &level->jobs[number];
+    if (!job->vertices)
+        return 1;
+    tetlodi_page_part_set(&job->part, shares, number);
+    job->part.first_vertex = job->first_vertex;
+    job->status = tetlodi_page_part_gather(&job->part, shares, job->vertices, 0, UINT64_MAX)
+                      ? encode_records(level, job)
+                      : no_memory(job, &job->error);
+    return job->status == TETLOD_OK;
+}
+
+/* Puts a page that is encoded behind those before it. */
+static enum tetlod_status put_back(const struct level *level, struct job *job)
+{
+    const struct tetlodi_page_encode *in = level->in;
+    struct tetlodi_record_writer *whole = in->whole;
+    struct tetlodi_page_part *part = &job->part;
+    const uint32_t added = part->replay.tets - part->tet_count;
+    if (added > whole->in->tets - whole->replay->tets)
+        return tetlodi_fail(&job->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: a page has too much");
+    part->first_tet = whole->replay->tets;
+    tetlodi_page_part_scatter(part, &in->pages->shares);
+    for (uint32_t v = 0; v < part->replay.vertices; v++)
+        if (v >= part->listed_count || !part->seams[v])
+            whole->node_at[page_part_outside(part, v)] = job->records.node_at[v];
+    memcpy(whole->original_of + part->first_tet, job->records.original_of + part->tet_count,
+           added * sizeof *whole->original_of);
+    whole->recorder.labels += job->records.recorder.labels;
+    whole->replay->vertices += job->vertices;
+    whole->replay->tets += added;
+    for (uint32_t c = 0; c < part->replay.column_count; c++) {
+        tetlodi_put_block(&in->frames[c], job->records.encoders[c].bytes, job->records.encoders[c].size);
+        if (in->frames[c].failed)
+            return no_memory(job, &job->error);
+    }
+    return TETLOD_OK;
+}
+
+static void drop(struct job *job)
+{
+    tetlodi_record_writer_fini(&job->records);
+    tetlodi_page_part_fini(&job->part);
+}
+
+static int commit_page(void *opaque, uint32_t number)
+{
+    struct level *level = opaque;
+    const struct tetlodi_page_encode *in = level->in;
+    struct job *job = &level->jobs[number];
+    const struct tetlodi_replay *whole = in->whole->replay;
+    if (job->status == TETLOD_OK && job->vertices)
+        job->status = put_back(level, job);
+    drop(job);
+    level->status = job->status;
+    if (level->status != TETLOD_OK && level->error)
+        *level->error = job->error;
+    if (level->status == TETLOD_OK &&
+        !tetlodi_page_writer_page(in->pages, whole->vertices, whole->tets, in->frames))
+        level->status = no_memory(job, level->error);
+    if (level->status == TETLOD_OK && job->vertices)
+        level->status = in->ask(in->opaque);
+    return level->status == TETLOD_OK;
+}
+
+/* How many vertices each page adds, and where. */
+static void count_vertices(const struct level *level)
+{
+    const struct tetlodi_page_encode *in = level->in;
+    const uint32_t first = in->whole->in->vertices;
+    uint32_t vertex = in->whole->replay->vertices, c = in->contractions;
+    for (uint32_t page = 0; page < in->group->pages; page++) {
+        struct job *job = &level->jobs[page];
+        job->first_vertex = vertex;
+        for (; c < in->group->ends[page]; c++)
+            job->vertices += lineage_child_count(in->whole->lineage, first + c) - 1;
+        vertex += job->vertices;
+    }
+}
+
+enum tetlod_status tetlodi_encode_pages(const struct tetlodi_page_encode *encode, struct tetlod_error *error)
+{
+    const struct tetlodi_record_writer *whole = encode->whole;
+    struct level level = {.in = encode,
+                          .most_tets = whole->in->tets - whole->replay->tets,
+                          .jobs = calloc(encode->group->pages, sizeof *level.jobs),
+                          .error = error};
+    if (!level.jobs)
+        return tetlodi_fail_nomem(error, "the pages", encode->group->pages * (uint64_t)sizeof *level.jobs);
+    count_vertices(&level);
+    tetlodi_helpers_in_order(encode->helpers, encode_page, commit_page, &level, encode->group->pages);
+    for (uint32_t page = 0; page < encode->group->pages; page++)
+        drop(&level.jobs[page]);
+    free(level.jobs);
+    return level.status;
+}

@@ -1,0 +1,320 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/write/record_write.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+
+/* ---- numbers */
+
+double tetlodi_node_value(const struct tetlodi_record_writer *w, uint32_t column, uint32_t node, size_t component)
+{
+    const struct tetlodi_write_field *field = column ? &w->in->fields[column - 1] : NULL;
+    const double *values = !field ? w->in->positions : field->values ? field->values : field->exact,
+                 *node_values = field ? field->node_values : w->in->node_positions;
+    size_t n = w->replay->columns[column].components, originals = n * w->in->vertices, at = node * n + component;
+    return at < originals ? values[at] : node_values[at - originals];
+}
+
+static unsigned axis_of(uint32_t column, size_t component)
+{
+    return column ? 0 : (unsigned)component;
+}
+
+bool tetlodi_node_is_rounded(const struct tetlodi_record_writer *w, uint32_t column, uint32_t node)
+{
+    return column && !w->in->fields[column - 1].values && node < w->in->vertices;
+}
+
+int64_t tetlodi_node_code(const struct tetlodi_record_writer *w, uint32_t column, uint32_t node, size_t component)
+{
+    int64_t code = scale_code(&w->replay->columns[column].scale, axis_of(column, component),
+                              tetlodi_node_value(w, column, node, component));
+    bool rounded = tetlodi_node_is_rounded(w, column, node);
+    return rounded && code > w->in->fields[column - 1].most ? w->in->fields[column - 1].most : code;
+}
+
+/* ---- slots */
+
+/* A vertex in numbers of the whole mesh. */
+static uint32_t outside(const struct tetlodi_record_writer *w, uint32_t vertex)
+{
+    return w->part ? page_part_outside(w->part, vertex) : vertex;
+}
+
+void tetlodi_settle_node(struct tetlodi_record_writer *w, uint32_t node, uint32_t slot)
+{
+    const uint32_t number = outside(w, slot);
+    w->node_at[slot] = node;
+    for (uint32_t p = w->lineage->range[node].begin; p < w->lineage->range[node].end; p++)
+        w->slot_at[p] = number;
+}
+
+uint32_t tetlodi_slot_of(const struct tetlodi_record_writer *w, uint32_t tet, int corner)
+{
+    return w->slot_at[w->lineage->position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
+}
+
+/* Does the vertex at a slot split on the way to a level with that many contractions? */
+static bool splits(const struct tetlodi_record_writer *w, uint32_t slot, uint32_t contractions)
+{
+    uint32_t node = w->node_at[slot];
+    return node >= w->in->vertices && node - w->in->vertices >= contractions;
+}
+
+/* The first axis along which two nodes are at different places; 3: at the same. */
+static size_t axis_between(const struct tetlodi_record_writer *w, uint32_t a, uint32_t b)
+{
+    size_t axis = 0;
+    while (axis < 3 && tetlodi_node_code(w, 0, a, axis) == tetlodi_node_code(w, 0, b, axis))
+        axis++;
+    return axis;
+}
+
+static bool same_place(const struct tetlodi_record_writer *w, uint32_t a, uint32_t b)
+{
+    return axis_between(w, a, b) == 3;
+}
+
+/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y,
+ * z, so that the sign of where the second lies can be learned. */
+static uint32_t order_children(struct tetlodi_record_writer *w, uint32_t node)
+{
+    uint32_t count = lineage_child_count(w->lineage, node), first = 0;
+    memcpy(w->children, lineage_children(w->lineage, node), count * sizeof *w->children);
+    for (uint32_t c = 1; c < count; c++) {
+        uint32_t a = w->children[c], b = w->children[first];
+        size_t axis = axis_between(w, a, b);
+        bool less = axis < 3 && tetlodi_node_code(w, 0, a, axis) < tetlodi_node_code(w, 0, b, axis);
+        if (!same_place(w, b, node) && (same_place(w, a, node) || less))
+            first = c;
+    }
+    uint32_t swap = w->children[0];
+    w->children[0] = w->children[first];
+    w->children[first] = swap;
+    return count;
+}
+
+/* Tetrahedra that wait for this record only. */
+static bool list_arrivals(struct tetlodi_record_writer *w, uint32_t node)
+{
+    uint32_t c = node - w->in->vertices, begin = w->lineage->meeting_begin[c], end = w->lineage->meeting_begin[c + 1];
+    size_t tets = w->replay->tets + (size_t)(end - begin);
+    if (!TETLODI_ROOM(w->memory, w->arrived, w->arrived_capacity, end - begin) ||
+        !TETLODI_ROOM(w->memory, w->original_of, w->original_capacity, tets))
+        return false;
+    w->arrived_count = 0;
+    for (uint32_t i = begin; i < end; i++)
+        if (--w->lineage->waiting[w->lineage->meeting[i]] == 0)
+            w->arrived[w->arrived_count++].tet = w->lineage->meeting[i];
+    return true;
+}
+
+static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
+{
+    unsigned swaps = 0;
+    uint32_t c[4] = {b[0], b[1], b[2], b[3]};
+    for (int i = 0; i < 4; i++)
+        for (int j = i + 1; j < 4 && c[i] != a[i]; j++)
+            if (c[j] == a[i]) {
+                c[j] = c[i];
+                c[i] = a[i];
+                swaps++;
+            }
+    return swaps % 2 == 0;
+}
+
+/* Is a tetrahedron there, between the vertex and its child? */
+static void look_at(const struct tetlodi_record_writer *w, struct tetlodi_arrival *arrival, uint32_t vertex,
+                    uint32_t child)
+{
+    uint32_t *corners = arrival->corners;
+    int count = 0;
+    arrival->there = true;
+    for (int c = 0; c < 4; c++) {
+        corners[c] = tetlodi_slot_of(w, arrival->tet, c);
+        if (corners[c] != vertex && corners[c] != child && count < 2)
+            arrival->others[count++] = corners[c];
+        for (int d = 0; d < c; d++)
+            arrival->there &= corners[c] != corners[d];
+    }
+}
+
+/* Takes a tetrahedron out of those that wait, into the order of arrival. */
+static void arrive(struct tetlodi_record_writer *w, uint32_t i, uint32_t *count)
+{
+    w->original_of[w->replay->tets + (*count)++] = w->arrived[i].tet;
+    w->arrived[i] = w->arrived[--w->arrived_count];
+}
+
+/* Plans a waiting tetrahedron at a link edge, and in which orientation it comes back. */
+static void plan_edge(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
+{
+    uint32_t ends[2], implied[4], i = 0;
+    tetlodi_star_ends(star, e, ends);
+    const uint32_t x = outside(w, star->link[ends[0]]), y = outside(w, star->link[ends[1]]);
+    for (; i < w->arrived_count; i++) {
+        const uint32_t *others = w->arrived[i].others;
+        if (w->arrived[i].there && ((others[0] == x && others[1] == y) || (others[0] == y && others[1] == x)))
+            break;
+    }
+    if (i == w->arrived_count)
+        return;
+    tetlodi_star_between(star, w->replay, e, w->replay->vertices, implied);
+    for (int c = 0; c < 4; c++)
+        implied[c] = outside(w, implied[c]);
+    star->made[e] = is_even_permutation(w->arrived[i].corners, implied) ? MADE : MADE_FLIPPED;
+    arrive(w, i, count);
+}
+
+/* A vertex of the whole mesh in numbers of the part; TETLOD_NONE: it has no such vertex. */
+static uint32_t inside(const struct tetlodi_record_writer *w, uint32_t number)
+{
+    const struct tetlodi_page_part *part = w->part;
+    uint32_t low = 0, high = part ? part->listed_count : 0;
+    if (!part)
+        return number;
+    if (number >= part->first_vertex)
+        low = part->listed_count + (number - part->first_vertex);
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (part->listed[middle] < number)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low <= w->replay->vertices && page_part_outside(part, low) == number ? low : TETLOD_NONE;
+}
+
+/* What the rule of link edges leaves. 0 if out of memory. */
+static int plan_extras(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t *count)
+{
+    uint32_t ordered[4] = {outside(w, star->vertex), outside(w, w->replay->vertices)};
+    for (uint32_t i = 0; i < w->arrived_count;) {
+        const struct tetlodi_arrival *arrival = &w->arrived[i];
+        const uint32_t x = arrival->there ? inside(w, arrival->others[0]) : TETLOD_NONE,
+                       y = arrival->there ? inside(w, arrival->others[1]) : TETLOD_NONE;
+        if (x == TETLOD_NONE || y == TETLOD_NONE) {
+            i++;
+            continue;
+        }
+        memcpy(ordered + 2, arrival->others, sizeof arrival->others);
+        bool even = is_even_permutation(arrival->corners, ordered);
+        if (!TETLODI_ROOM(w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
+            return 0;
+        star->extras[star->extra_count][0] = even ? x : y;
+        star->extras[star->extra_count++][1] = even ? y : x;
+        arrive(w, i, count);
+    }
+    return 1;
+}
+
+/* The recorder asks how child number `number` parts from the rest. */
+static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
+{
+    struct tetlodi_record_writer *w = opaque;
+    uint32_t node = w->children[number], child = w->replay->vertices, count = 0;
+    for (uint32_t i = 0; i < star->size; i++) {
+        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
+        star->labels[i] = 0;
+        for (int c = 0; c < 4 && !star->labels[i]; c++)
+            star->labels[i] = lineage_below(w->lineage, leaves[c], node);
+    }
+    tetlodi_settle_node(w, node, child);
+    for (uint32_t i = 0; i < w->arrived_count; i++)
+        look_at(w, &w->arrived[i], outside(w, star->vertex), outside(w, child));
+    for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
+        plan_edge(w, star, e, &count);
+    return plan_extras(w, star, &count);
+}
+
+static enum tetlod_status no_memory(const struct tetlodi_record_writer *w, struct tetlod_error *error)
+{
+    return tetlodi_fail_nomem(error, "the stream", (uint64_t)w->in->tets * 64);
+}
+
+static enum tetlod_status wrong_page(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                        "the sequence cannot be written: a contraction is in the wrong page");
+}
+
+static enum tetlod_status write_record(struct tetlodi_record_writer *w, uint32_t slot, struct tetlod_error *error)
+{
+    uint32_t node = w->node_at[slot];
+    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
+    int64_t(*codes)[4] = w->recorder.codes;
+    if (!list_arrivals(w, node))
+        return no_memory(w, error);
+    for (uint32_t i = 0; i < record.children; i++)
+        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
+    for (uint32_t c = 0; c < w->replay->column_count; c++)
+        for (size_t n = w->replay->columns[c].components, k = 0; k < n; k++, codes++)
+            for (uint32_t i = 0; i < record.children; i++)
+                (*codes)[i] = tetlodi_node_code(w, c, w->children[i], k);
+    w->node_at[slot] = w->children[0];
+    TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, error));
+    if (w->part && w->arrived_count)
+        return wrong_page(error);
+    w->replay->label = 0; // the writer never goes back
+    w->replay->records = w->replay->all_records = w->replay->splits = w->replay->all_splits = 0;
+    return TETLOD_OK;
+}
+
+
+enum tetlod_status tetlodi_write_vertex(struct tetlodi_record_writer *w, uint32_t contractions,
+                                        struct tetlod_error *error)
+{
+    if (tetlodi_walk_ended(&w->recorder))
+        return wrong_page(error);
+    if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+        return TETLOD_OK;
+    return write_record(w, w->recorder.walk, error);
+}
+
+/* ---- beginning and end */
+
+enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *w, size_t vertices, size_t tets,
+                                              struct tetlod_error *error)
+{
+    w->memory = w->replay->memory;
+    w->encoders = calloc(w->replay->column_count, sizeof *w->encoders);
+    if (!w->encoders || !TETLODI_ROOM(w->memory, w->node_at, w->node_capacity, vertices) ||
+        !TETLODI_ROOM(w->memory, w->original_of, w->original_capacity, tets))
+        return no_memory(w, error);
+    TETLOD_TRY(tetlodi_recorder_init(&w->recorder, w->replay, error));
+    w->recorder.plan = plan_split;
+    w->recorder.opaque = w;
+    return TETLOD_OK;
+}
+
+void tetlodi_record_writer_fini(struct tetlodi_record_writer *w)
+{
+    tetlodi_recorder_fini(&w->recorder);
+    for (size_t c = 0; w->encoders && c < w->replay->column_count; c++)
+        TETLODI_FREE(w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
+    free(w->encoders);
+    w->encoders = NULL;
+    if (!w->memory)
+        return;
+    TETLODI_FREE(w->memory, w->node_at, w->node_capacity);
+    TETLODI_FREE(w->memory, w->original_of, w->original_capacity);
+    TETLODI_FREE(w->memory, w->arrived, w->arrived_capacity);
+}
+
+void tetlodi_start_coders(struct tetlodi_record_writer *w, unsigned slowest)
+{
+    for (uint32_t c = 0; c < w->replay->column_count; c++)
+        tetlodi_encode_start(&w->recorder.coders[c], slowest, &w->encoders[c], w->memory);
+}
+
+int tetlodi_finish_coders(struct tetlodi_record_writer *w)
+{
+    int good = 1;
+    for (uint32_t c = 0; c < w->replay->column_count; c++) {
+        tetlodi_encode_finish(&w->recorder.coders[c]);
+        good &= !w->encoders[c].failed;
+    }
+    return good;
+}

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The records of a mesh that is written, or of a page of it: what the contraction forest says of each, told to the
+ * recorder. Not installed. */
+#ifndef TETLOD_RECORD_WRITE_H
+#define TETLOD_RECORD_WRITE_H
+
+#include "format/coding/page_part.h"
+#include "format/write/lineage.h"
+
+/* A tetrahedron that comes with a record and has not come yet. */
+struct tetlodi_arrival {
+    uint32_t tet; /* its original number */
+    bool there;   /* its corners are four by now, and among them are the vertex and its child; then: */
+    uint32_t corners[4], others[2]; /* numbers of the whole mesh; those but the vertex and its child */
+};
+
+struct tetlodi_record_writer {
+    const struct tetlodi_write_input *in;
+    struct lineage *lineage;    /* borrowed; `waiting` counts down to the split with which a tetrahedron is there */
+    uint32_t *slot_at;          /* [position] the leaf's living ancestor, a vertex of the whole mesh; borrowed */
+    const struct tetlodi_page_part *part; /* that is written, or NULL: the whole mesh */
+    uint32_t *node_at;          /* [vertex] */
+    uint32_t *original_of;      /* [tet in order of arrival] */
+    size_t node_capacity, original_capacity;
+    uint32_t children[MAX_CHILDREN];
+    struct tetlodi_arrival *arrived;
+    uint32_t arrived_count;
+    size_t arrived_capacity;
+    struct tetlodi_memory *memory; /* borrowed, as are the replay and its columns: positions, then the fields */
+    struct tetlodi_replay *replay;
+    struct tetlodi_recorder recorder;
+    struct tetlodi_encoder *encoders; /* [column] */
+};
+
+/* All is set up to the lineage, slots, the part and the replay, whose memory it takes: room for so many vertices and
+ * tetrahedra. On failure it can be freed. */
+TETLOD_CHECKED enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *writer, size_t vertices,
+                                                             size_t tets, struct tetlod_error *error);
+void tetlodi_record_writer_fini(struct tetlodi_record_writer *writer);
+
+/* A component of a column at a node: as it is, and its code; where levels have the grid's nearest number and not the
+ * original's, that is rounded. */
+double tetlodi_node_value(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node, size_t component);
+int64_t tetlodi_node_code(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node, size_t component);
+bool tetlodi_node_is_rounded(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node);
+
+/* A corner's living ancestor. */
+uint32_t tetlodi_slot_of(const struct tetlodi_record_writer *writer, uint32_t tet, int corner);
+
+/* Gives a node a place among the living: a vertex becomes its leaves' ancestor. */
+void tetlodi_settle_node(struct tetlodi_record_writer *writer, uint32_t node, uint32_t vertex);
+
+/* Starts the coders of all columns, and ends them: then encoders have their bytes. 0 if memory was out. */
+void tetlodi_start_coders(struct tetlodi_record_writer *writer, unsigned slowest);
+int tetlodi_finish_coders(struct tetlodi_record_writer *writer);
+
+/* Passes a vertex of the walk or writes its record, on the way to a level with so many contractions. */
+TETLOD_CHECKED enum tetlod_status tetlodi_write_vertex(struct tetlodi_record_writer *writer, uint32_t contractions,
+                                                       struct tetlod_error *error);
+
+#endif
