@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/write/lineage.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -85,38 +86,89 @@ static uint32_t meetings(const struct lineage *l, uint32_t tet, uint32_t out[3])
     return count;
 }
 
-static enum tetlod_status list_meetings(struct lineage *l, struct tetlod_error *error)
+enum { A_TASK = 1 << 14 };
+
+/* Tetrahedra or contractions of a task. */
+static uint32_t task_end(uint32_t task, uint32_t count)
 {
-    uint32_t out[3], contractions = l->in->contractions;
-    uint64_t total = 0;
-    for (uint32_t t = 0; t < l->in->tets; t++) {
+    uint32_t begin = task * (uint32_t)A_TASK;
+    return count - begin < A_TASK ? count : begin + A_TASK;
+}
+
+static void do_all(struct tetlodi_helpers *helpers, tetlodi_task *task, struct lineage *l, uint32_t count)
+{
+    tetlodi_helpers_start(helpers, task, l, (count + A_TASK - 1) / A_TASK);
+    tetlodi_helpers_wait(helpers);
+}
+
+static int count_meetings(void *opaque, uint32_t task)
+{
+    const struct lineage *l = opaque;
+    uint32_t out[3];
+    for (uint32_t t = task * (uint32_t)A_TASK, end = task_end(task, l->in->tets); t < end; t++) {
         l->waiting[t] = (uint8_t)meetings(l, t, out);
         for (uint32_t i = 0; i < l->waiting[t]; i++)
-            l->meeting_begin[out[i] - l->in->vertices + 1]++;
-        total += l->waiting[t];
+            atomic_fetch_add_explicit((_Atomic uint32_t *)&l->meeting_begin[out[i] - l->in->vertices + 1], 1,
+                                      memory_order_relaxed);
+    }
+    return 1;
+}
+
+/* meeting_begin[c + 1] is where the next of contraction c goes, and in the end where they end. */
+static int fill_meetings(void *opaque, uint32_t task)
+{
+    const struct lineage *l = opaque;
+    uint32_t out[3];
+    for (uint32_t t = task * (uint32_t)A_TASK, end = task_end(task, l->in->tets); t < end; t++)
+        for (uint32_t i = 0, count = meetings(l, t, out); i < count; i++)
+            l->meeting[atomic_fetch_add_explicit((_Atomic uint32_t *)&l->meeting_begin[out[i] - l->in->vertices + 1],
+                                                 1, memory_order_relaxed)] = t;
+    return 1;
+}
+
+static int compare_numbers(const void *a, const void *b)
+{
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Threads have filled them in any order. */
+static int sort_meetings(void *opaque, uint32_t task)
+{
+    const struct lineage *l = opaque;
+    for (uint32_t c = task * (uint32_t)A_TASK, end = task_end(task, l->in->contractions); c < end; c++) {
+        uint32_t *first = l->meeting + l->meeting_begin[c], count = l->meeting_begin[c + 1] - l->meeting_begin[c];
+        bool sorted = true;
+        for (uint32_t i = 1; i < count && sorted; i++)
+            sorted = first[i - 1] < first[i];
+        if (!sorted)
+            qsort(first, count, sizeof *first, compare_numbers);
+    }
+    return 1;
+}
+
+static enum tetlod_status list_meetings(struct lineage *l, struct tetlodi_helpers *helpers, struct tetlod_error *error)
+{
+    uint32_t contractions = l->in->contractions, *begin = l->meeting_begin;
+    uint64_t total = 0;
+    do_all(helpers, count_meetings, l, l->in->tets);
+    for (uint32_t c = 0; c < contractions; c++) { // from counts, one place on, to where they begin
+        uint32_t count = begin[c + 1];
+        begin[c + 1] = (uint32_t)total;
+        total += count;
     }
     if (total > UINT32_MAX)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the mesh is too large");
     l->meeting = malloc((total ? total : 1) * sizeof *l->meeting);
-    uint32_t *next = malloc((contractions + (size_t)1) * sizeof *next);
-    if (!l->meeting || !next) {
-        free(next);
+    if (!l->meeting)
         return out_of_memory(l, error);
-    }
-    for (uint32_t c = 0; c < contractions; c++)
-        l->meeting_begin[c + 1] += l->meeting_begin[c];
-    memcpy(next, l->meeting_begin, contractions * sizeof *next);
-    for (uint32_t t = 0; t < l->in->tets; t++) {
-        uint32_t count = meetings(l, t, out);
-        for (uint32_t i = 0; i < count; i++)
-            l->meeting[next[out[i] - l->in->vertices]++] = t;
-    }
-    free(next);
+    do_all(helpers, fill_meetings, l, l->in->tets);
+    do_all(helpers, sort_meetings, l, contractions);
     return TETLOD_OK;
 }
 
 enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in,
-                                        struct tetlod_error *error)
+                                        struct tetlodi_helpers *helpers, struct tetlod_error *error)
 {
     uint32_t nodes = in->vertices + in->contractions;
     *out = (struct lineage){.in = in,
@@ -130,7 +182,7 @@ enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlod
         return out_of_memory(out, error);
     TETLOD_TRY(link_parents(out, error));
     number_leaves(out);
-    return list_meetings(out, error);
+    return list_meetings(out, helpers, error);
 }
 
 void tetlodi_lineage_trim(struct lineage *lineage, uint32_t contractions)

@@ -6,6 +6,7 @@
 
 #include <stdbool.h>
 
+#include "format/common/threads.h"
 #include "format/write/write_input.h"
 
 enum { MAX_CHILDREN = 4 };
@@ -24,9 +25,10 @@ struct lineage {
     uint8_t *waiting;         /* [tet] nodes in which its corners meet */
 };
 
-/* The input is borrowed. ERR_ARGUMENT: it is no forest; ERR_LIMIT; ERR_NOMEM. *out can be freed in any case. */
+/* The input is borrowed; helpers may be NULL. ERR_ARGUMENT: it is no forest; ERR_LIMIT; ERR_NOMEM. *out can be freed in
+ * any case. */
 enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in,
-                                        struct tetlod_error *error);
+                                        struct tetlodi_helpers *helpers, struct tetlod_error *error);
 void tetlodi_lineage_fini(struct lineage *lineage);
 
 /* Gives back the parents, which only the base mesh needs, and the meetings of all but the first contractions. */

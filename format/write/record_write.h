@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The records of a mesh that is written, or of a page of it: what the contraction forest says of each, told to the
- * recorder. Not installed. */
+/* The records of a mesh that is written, or of a page of it: the recorder asks, the contraction forest answers. Not
+ * installed. */
 #ifndef TETLOD_RECORD_WRITE_H
 #define TETLOD_RECORD_WRITE_H
 

@@ -528,7 +528,7 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
 {
     TETLOD_TRY(check_input(w));
     TETLOD_TRY(allocate(w, slowest));
-    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->in, w->error));
+    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->in, w->helpers, w->error));
     for (uint32_t c = 0; c <= w->in->field_count; c++)
         TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(write_levels(w));

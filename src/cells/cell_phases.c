@@ -354,7 +354,8 @@ static enum tetlod_status run_phase(struct cell_run *run)
     uint32_t *order = NULL;
     enum tetlod_status status;
     TETLOD_TRY_DONE(cells_make_scratch(run));
-    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->error));
+    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->pool,
+                                   run->error));
     TETLOD_TRY_DONE(choose_limit(run));
     order = order_cells(run);
     if (!order)

@@ -11,6 +11,7 @@
 #include "src/cells/partition.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -32,6 +33,9 @@ enum { SEAM_WEIGHT = 3, CROSSING = 4 };
 /* Tetrahedra that the window is found by, candidates on each axis, and tetrahedra that their cost is counted on. */
 enum { RANKED = 4096, CANDIDATES = 24, COUNTED = 1 << 15 };
 
+/* Tetrahedra that a thread parts at a time. */
+enum { CHUNK = 1 << 14 };
+
 struct cutter {
     const struct tetmesh *mesh;
     const uint8_t *was_seam;
@@ -39,6 +43,9 @@ struct cutter {
     struct partition *out;
     size_t tree_room, box_room, begin_room;
     double (*ranked)[2]; /* [RANKED] middle and end of a box on the axis */
+    struct pool *pool;
+    uint32_t *spare;     /* [tet] */
+    uint32_t *below;     /* [chunk of tetrahedra] */
     struct tetlod_error *error;
 };
 
@@ -65,21 +72,6 @@ static enum tetlod_status no_memory(const struct cutter *cutter)
     return tetlodi_fail_nomem(cutter->error, "the partition", 8 * (uint64_t)cutter->mesh->tet_count);
 }
 
-static void points_of(const struct tetmesh *mesh, uint32_t tet, const double *points[4])
-{
-    for (int c = 0; c < 4; c++)
-        points[c] = mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)tet + (size_t)c];
-}
-
-static double middle_on(const struct tetmesh *mesh, uint32_t tet, int axis)
-{
-    const double *points[4];
-    double middle[3];
-    points_of(mesh, tet, points);
-    tetlodi_middle_of_box(points, middle);
-    return middle[axis];
-}
-
 static void extent_on(const struct tetmesh *mesh, uint32_t tet, int axis, double out[2])
 {
     const uint32_t *corners = mesh->corners + 4 * (size_t)tet;
@@ -89,6 +81,14 @@ static void extent_on(const struct tetmesh *mesh, uint32_t tet, int axis, double
         out[0] = x < out[0] ? x : out[0];
         out[1] = x > out[1] ? x : out[1];
     }
+}
+
+/* As tetlodi_middle_of_box. */
+static double middle_on(const struct tetmesh *mesh, uint32_t tet, int axis)
+{
+    double extent[2];
+    extent_on(mesh, tet, axis, extent);
+    return (extent[0] + extent[1]) / 2;
 }
 
 static bool was_at_seam(const struct cutter *cutter, uint32_t tet)
@@ -115,7 +115,7 @@ static uint32_t list_candidates(const struct cutter *cutter, const struct range 
         uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / ranked)];
         double extent[2];
         extent_on(cutter->mesh, tet, axis, extent);
-        cutter->ranked[i][0] = middle_on(cutter->mesh, tet, axis);
+        cutter->ranked[i][0] = (extent[0] + extent[1]) / 2;
         cutter->ranked[i][1] = extent[1];
     }
     qsort(cutter->ranked, ranked, sizeof *cutter->ranked, by_middle);
@@ -211,18 +211,51 @@ static bool choose_cut(const struct cutter *cutter, const struct range *range, d
     return least != UINT64_MAX;
 }
 
-/* Puts what is below the cut first, in order; where the second part begins. `spare` has room for the range. */
-static uint32_t part_range(const struct cutter *cutter, const struct range *range, const struct tetlodi_cut *cut,
-                           uint32_t *spare)
+struct parting {
+    const struct tetmesh *mesh;
+    uint32_t *tets, *spare, count; /* of the range */
+    const struct tetlodi_cut *cut;
+    uint32_t *below;               /* [chunk] how many of its tetrahedra are below the cut */
+};
+
+/* In each chunk what is below the cut comes first, and the rest is in `spare`, at the chunk's begin. */
+static void part_chunks(void *context, unsigned worker, size_t begin, size_t end)
 {
-    uint32_t *tets = cutter->out->tets, kept = range->begin, count = 0;
-    for (uint32_t i = range->begin; i < range->end; i++)
-        if (middle_on(cutter->mesh, tets[i], cut->axis) < (double)cut->at)
-            tets[kept++] = tets[i];
-        else
-            spare[count++] = tets[i];
-    memcpy(tets + kept, spare, count * sizeof *tets);
-    return kept;
+    const struct parting *parting = context;
+    (void)worker;
+    for (size_t chunk = begin; chunk < end; chunk++) {
+        size_t first = chunk * CHUNK, last = first + CHUNK < parting->count ? first + CHUNK : parting->count;
+        size_t kept = first, rest = first;
+        for (size_t i = first; i < last; i++) {
+            const uint32_t tet = parting->tets[i];
+            if (middle_on(parting->mesh, tet, parting->cut->axis) < (double)parting->cut->at)
+                parting->tets[kept++] = tet;
+            else
+                parting->spare[rest++] = tet;
+        }
+        parting->below[chunk] = (uint32_t)(kept - first);
+    }
+}
+
+/* Puts what is below the cut first, in order; where the second part begins. */
+static uint32_t part_range(const struct cutter *cutter, const struct range *range, const struct tetlodi_cut *cut)
+{
+    struct parting parting = {cutter->mesh, cutter->out->tets + range->begin, cutter->spare,
+                              range->end - range->begin, cut, cutter->below};
+    const size_t count = parting.count, chunks = (count + CHUNK - 1) / CHUNK;
+    size_t kept = 0, to;
+    pool_run(cutter->pool, chunks, 1, part_chunks, &parting);
+    for (size_t chunk = 0; chunk < chunks; chunk++) {
+        memmove(parting.tets + kept, parting.tets + chunk * CHUNK, parting.below[chunk] * sizeof *parting.tets);
+        kept += parting.below[chunk];
+    }
+    to = kept;
+    for (size_t chunk = 0; chunk < chunks; chunk++) {
+        size_t size = chunk + 1 < chunks ? CHUNK : count - chunk * CHUNK, rest = size - parting.below[chunk];
+        memcpy(parting.tets + to, parting.spare + chunk * CHUNK, rest * sizeof *parting.tets);
+        to += rest;
+    }
+    return range->begin + (uint32_t)kept;
 }
 
 static bool reserve(struct cutter *cutter)
@@ -247,7 +280,7 @@ static void add_cell(struct partition *out, const struct range *range)
 }
 
 /* Cuts a range in two parts, or makes a cell of it. */
-static bool cut_range(struct cutter *cutter, const struct range *range, uint32_t *spare, struct range parts[2])
+static bool cut_range(struct cutter *cutter, const struct range *range, struct range parts[2])
 {
     struct partition *out = cutter->out;
     uint32_t n = range->end - range->begin, cells = (uint32_t)ceil(n / (FILLED * cutter->cell_tets));
@@ -256,7 +289,7 @@ static bool cut_range(struct cutter *cutter, const struct range *range, uint32_t
         out->tree[range->parent].beyond = out->nodes;
     if (range->cuts < MAX_CUTS && n > MAX_FILLED * cutter->cell_tets &&
         choose_cut(cutter, range, (double)(cells / 2) / cells, &cut)) {
-        uint32_t middle = part_range(cutter, range, &cut, spare);
+        uint32_t middle = part_range(cutter, range, &cut);
         if (middle > range->begin && middle < range->end) {
             parts[0] = (struct range){range->begin, middle, range->box, range->cuts + 1, TETLOD_NONE};
             parts[1] = (struct range){middle, range->end, range->box, range->cuts + 1, out->nodes};
@@ -273,23 +306,45 @@ static bool cut_range(struct cutter *cutter, const struct range *range, uint32_t
 static enum tetlod_status cut_all(struct cutter *cutter)
 {
     struct range stack[MAX_CUTS + 1];
-    uint32_t depth = 1, *spare = array_new(cutter->mesh->tet_count, sizeof *spare);
+    uint32_t depth = 1;
     stack[0] = (struct range){0,
                               cutter->mesh->tet_count,
                               {{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}},
                               0,
                               TETLOD_NONE};
-    bool room = spare;
+    bool room = true;
     while (depth && room) {
         struct range parts[2], range = stack[--depth];
         room = reserve(cutter);
-        if (room && cut_range(cutter, &range, spare, parts)) {
+        if (room && cut_range(cutter, &range, parts)) {
             stack[depth++] = parts[1];
             stack[depth++] = parts[0];
         }
     }
-    free(spare);
     return room ? TETLOD_OK : no_memory(cutter);
+}
+
+struct seams {
+    const struct tetmesh *mesh;
+    struct partition *out;
+    _Atomic uint32_t *cell_of; /* [vertex] a cell that has it, or TETLOD_NONE */
+};
+
+/* Of the cells that come to a vertex at least one finds another one there, in whatever order they come. */
+static void mark_seams(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct seams *seams = context;
+    const struct partition *out = seams->out;
+    (void)worker;
+    for (size_t cell = begin; cell < end; cell++)
+        for (size_t i = 4 * (size_t)out->begins[cell]; i < 4 * (size_t)out->begins[cell + 1]; i++) {
+            uint32_t v = seams->mesh->corners[4 * (size_t)out->tets[i / 4] + i % 4];
+            if (atomic_load_explicit(&seams->cell_of[v], memory_order_relaxed) == cell)
+                continue;
+            uint32_t other = atomic_exchange_explicit(&seams->cell_of[v], (uint32_t)cell, memory_order_relaxed);
+            if (other != TETLOD_NONE && other != cell)
+                atomic_store_explicit((_Atomic uint8_t *)&out->seams[v], 1, memory_order_relaxed);
+        }
 }
 
 /* Vertices with tetrahedra in several cells. */
@@ -297,32 +352,33 @@ static enum tetlod_status find_seams(const struct cutter *cutter)
 {
     const struct tetmesh *mesh = cutter->mesh;
     struct partition *out = cutter->out;
-    uint32_t *cell_of = array_new(mesh->vertex_count, sizeof *cell_of);
+    struct seams seams = {mesh, out, array_new(mesh->vertex_count, sizeof *seams.cell_of)};
     out->seams = array_zero(mesh->vertex_count, 1);
-    if (!cell_of || !out->seams) {
-        free(cell_of);
+    if (!seams.cell_of || !out->seams) {
+        free(seams.cell_of);
         return no_memory(cutter);
     }
-    memset(cell_of, 0xff, mesh->vertex_count * sizeof *cell_of);
-    for (uint32_t cell = 0; cell < out->cells; cell++)
-        for (uint32_t i = out->begins[cell]; i < out->begins[cell + 1]; i++)
-            for (int c = 0; c < 4; c++) {
-                uint32_t v = mesh->corners[4 * (size_t)out->tets[i] + (size_t)c];
-                out->seams[v] |= cell_of[v] != TETLOD_NONE && cell_of[v] != cell;
-                cell_of[v] = cell;
-            }
-    free(cell_of);
+    memset(seams.cell_of, 0xff, mesh->vertex_count * sizeof *seams.cell_of);
+    pool_run(cutter->pool, out->cells, 1, mark_seams, &seams);
+    free(seams.cell_of);
     return TETLOD_OK;
 }
 
 enum tetlod_status partition_make(struct partition *out, const struct tetmesh *mesh, uint32_t cell_tets,
-                                  const uint8_t *was_seam, struct tetlod_error *error)
+                                  const uint8_t *was_seam, struct pool *pool, struct tetlod_error *error)
 {
-    struct cutter cutter = {.mesh = mesh, .was_seam = was_seam, .cell_tets = cell_tets, .out = out, .error = error};
+    struct cutter cutter = {.mesh = mesh,
+                            .was_seam = was_seam,
+                            .cell_tets = cell_tets,
+                            .out = out,
+                            .ranked = array_new(RANKED, sizeof *cutter.ranked),
+                            .pool = pool,
+                            .spare = array_new(mesh->tet_count, sizeof *cutter.spare),
+                            .below = array_new(mesh->tet_count / CHUNK + (size_t)1, sizeof *cutter.below),
+                            .error = error};
     enum tetlod_status status = TETLOD_OK;
     *out = (struct partition){.tets = array_new(mesh->tet_count, sizeof *out->tets)};
-    cutter.ranked = array_new(RANKED, sizeof *cutter.ranked);
-    if (!out->tets || !cutter.ranked)
+    if (!out->tets || !cutter.ranked || !cutter.spare || !cutter.below)
         TETLOD_TRY_DONE(no_memory(&cutter));
     for (uint32_t t = 0; t < mesh->tet_count; t++)
         out->tets[t] = t;
@@ -330,6 +386,8 @@ enum tetlod_status partition_make(struct partition *out, const struct tetmesh *m
     status = find_seams(&cutter);
 done:
     free(cutter.ranked);
+    free(cutter.spare);
+    free(cutter.below);
     if (status != TETLOD_OK)
         partition_fini(out);
     return status;

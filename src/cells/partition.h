@@ -9,6 +9,7 @@
 
 #include "format/common/cuts.h"
 #include "src/mesh/tetmesh.h"
+#include "src/util/parallel.h"
 
 struct partition {
     struct tetlodi_cut *tree; /* [nodes] in preorder; owned */
@@ -19,9 +20,11 @@ struct partition {
     uint8_t *seams;            /* [vertex] it has tetrahedra in several cells; owned */
 };
 
-/* Cuts the mesh. was_seam[vertex]: it was at a seam of the last partition; NULL: there was none. ERR_NOMEM. */
+/* Cuts the mesh, on the pool's threads. was_seam[vertex]: it was at a seam of the last partition; NULL: there was none.
+ * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status partition_make(struct partition *out, const struct tetmesh *mesh, uint32_t cell_tets,
-                                                 const uint8_t *was_seam, struct tetlod_error *error);
+                                                 const uint8_t *was_seam, struct pool *pool,
+                                                 struct tetlod_error *error);
 void partition_fini(struct partition *partition);
 
 #endif
