@@ -6,7 +6,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
-import { fileHost, folderHost, program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
+import { cellStream, fileHost, folderHost, program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
@@ -438,6 +438,51 @@ async function boxes_bring_their_pages() {
   host.close();
 }
 
+// With what else is drawn of them: values of cells, hidden regions, slices, a clip box.
+async function boxes_of_pages_have_cells_and_regions() {
+  cellStream();
+  const [source, path] = ['cells.vtk', 'pagedcells.tetlod'].map((name) => join(SCRATCH, name));
+  const options = ['--paged=100', '--bands', 'fine', '--field', 'heat', '--region', 'material', '--quiet'];
+  execFileSync(TETLOD, ['build', source, ...options, '-o', path]);
+  const stream = await opened(new Blob([readFileSync(path)]), 'heat', { surface: true });
+  const refine = { boxes: [[0, 0, 0, 0.5, 0.5, 0.5]], target: { error: 0 } };
+  const show = async (tag, spec) => {
+    const drawn = new Promise((resolve) => {
+      const hear = ({ detail }) => {
+        if (detail.tag !== tag || detail.finer?.boxLevel === undefined) return;
+        stream.removeEventListener('pictures', hear);
+        resolve();
+      };
+      stream.addEventListener('pictures', hear);
+    });
+    await stream.show({ field: 'heat', surface: true, morph: false, refine, tag, ...spec });
+    await drawn;
+  };
+  await show(1, { cellField: 'load' });
+  const [load, material] = [await stream.cells('load'), await stream.cells('material')];
+  const levels = [];
+  for (const place of [0.1, 0.3, 0.95].map((c) => [c, c + 0.01, c + 0.02])) {
+    const { tet, cells, level } = await stream.probe(place);
+    assert.deepEqual([cells.load, cells.material], [[load[tet]], [material[tet]]]);
+    levels.push(level);
+  }
+  assert.ok(levels[0] === levels[1] && levels[0] > levels[2], `${levels}`);
+  const regions = { field: 'material', hidden: [30] };
+  const slices = [{ origin: [0.5, 0.5, 0.25], normal: [0, 0, 1] }];
+  await show(2, { cellField: 'material', regions, slices, box: [0, 0, 0, 1, 1, 0.7] });
+  const { positions, tets, numbers: originals } = await stream.drawn();
+  assert.ok(originals.length > 100 && originals.every((number) => material[number] !== 30));
+  let volume = 0;
+  for (let t = 0; t < tets.length; t += 4) {
+    const [a, b, c, d] = [0, 1, 2, 3].map((k) => positions.subarray(3 * tets[t + k], 3 * tets[t + k] + 3));
+    const [u, v, w] = [b, c, d].map((p) => [...p].map((x, i) => x - a[i]));
+    const normal = u.map((_, i) => u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+    volume += Math.abs(normal.reduce((sum, n, i) => sum + n * w[i], 0)) / 6;
+  }
+  assert.ok(Math.abs(volume - (0.7 - 0.5 * 0.5 * 0.2)) < 1e-9, `${volume}`);
+  stream.close();
+}
+
 async function bytes_are_given_back() {
   const stream = await opened(new Blob([bytes]));
   const sides = [
@@ -630,11 +675,15 @@ async function slow_frames_have_fewer_pixels() {
       scene.dispatchEvent(new Event('render'));
       seen.push(scene.view.getCanvas().width);
     }
+    window.shot = scene.capture();
+    camera.setPosition(...camera.getPosition().map((c) => c + 0.01));
+    scene.dispatchEvent(new Event('render'));
     delete performance.now;
-    scene.cameraRests();
     return seen;
   });
   const [full] = widths;
+  assert.equal(await page.evaluate(async () => (await window.shot).width), full, 'a saved picture has all pixels');
+  await page.evaluate(() => window.tetlod.scene.cameraRests());
   assert.ok(widths.at(-1) <= full / 4 + 1, `${widths}`); // at once, if frames were slow before
   await page.waitForFunction((width) => window.tetlod.scene.view.getCanvas().width === width, full);
   await settled(page);
@@ -776,6 +825,7 @@ await run([
   what_is_seen_is_fine_and_nothing_cracks,
   pages_pass_into_each_other,
   boxes_bring_their_pages,
+  boxes_of_pages_have_cells_and_regions,
   bytes_are_given_back,
   a_host_that_fails_is_told_and_asked_again,
   from_a_server_field_by_field,

@@ -103,6 +103,7 @@ export class Scene extends EventTarget {
     this.range = [0, 1];
     this.bottom = 80; // as the other borders
     this.share = 1; // of the screen's pixels in each direction, that are drawn
+    this.captures = 0; // that are being made
     this.looked = null; // one of `views`, until the camera is moved otherwise
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
@@ -221,7 +222,7 @@ export class Scene extends EventTarget {
 
   /** Draws only a share of the screen's pixels in each direction, from now on. */
   thin(share) {
-    if (share === this.share) return;
+    if (share === this.share || this.captures) return;
     this.share = share;
     this.fill();
     this.window.render(); // the canvas is empty
@@ -589,6 +590,15 @@ export class Scene extends EventTarget {
   // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
   async capture(size = null) {
     this.thin(1);
+    this.captures++; // what is drawn on the way has all pixels
+    try {
+      return await this.captured(size);
+    } finally {
+      this.captures--;
+    }
+  }
+
+  async captured(size) {
     const image = new Image();
     const camera = this.renderer.getActiveCamera();
     const across = camera.getUseHorizontalViewAngle();
