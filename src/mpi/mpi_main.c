@@ -215,6 +215,7 @@ int main(int argc, char **argv)
     if (rank == 0)
         sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_end, .sa_flags = (int)SA_RESETHAND}, NULL);
     int result = run(argc, argv, rank);
+    signal(SIGTERM, SIG_DFL); // what there is to say is said: mpirun may end the others as soon as one has failed
     MPI_Finalize();
     return result;
 }

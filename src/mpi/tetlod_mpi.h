@@ -12,7 +12,7 @@
  * (ghosts) are marked. The pieces' arrays are borrowed for the call.
  *
  * Caveats. Pieces are gathered: rank 0 has the whole mesh in memory while a stream is built (about 115 bytes a
- * tetrahedron), the others have it while they measure, and rank 0 between the steps of a series. MPI_Init_thread with
+ * tetrahedron), three others have it while they measure, and rank 0 between the steps of a series. MPI_Init_thread with
  * MPI_THREAD_SERIALIZED, or one thread a rank (options.threads 1). `write`, `progress` and `warn` are called on rank 0
  * alone. All ranks return the same status; the message says which rank has failed first.
  */
