@@ -15,6 +15,15 @@
  * up what is waited for, looking takes time from them and from it: after each longer wait the time is halved. */
 static const double MAX_SPIN = 400e-6, MIN_SPIN = 10e-6;
 
+/* A thread may look for no longer in all than this share of the time that it has worked: where jobs are so small that
+ * their caller does nearly all of it, the others sleep. */
+static const double SPIN_SHARE = 0.25;
+
+/* What a thread has worked and what it has looked, in seconds. */
+struct account {
+    double worked, looked;
+};
+
 struct job {
     void (*body)(void *context, unsigned worker, size_t begin, size_t end);
     void *context;
@@ -30,6 +39,7 @@ struct pool {
     atomic_uint call;     /* counts the jobs */
     atomic_uint working;  /* threads that have not finished the job */
     double spin; /* of the one that calls */
+    struct account account;
     bool dismissed;
     struct job job;
     atomic_size_t next;
@@ -64,6 +74,13 @@ static bool comes_to(const atomic_uint *value, unsigned number, bool not, double
     return false;
 }
 
+/* How long a thread may look for what it waits for. */
+static double spin_within(const struct account *account, double spin)
+{
+    double left = SPIN_SHARE * account->worked - account->looked;
+    return left < spin ? left : spin;
+}
+
 static double spin_after(double spin, double waited)
 {
     if (waited < MAX_SPIN)
@@ -75,10 +92,13 @@ static void *serve(void *argument)
 {
     struct pool *pool = argument;
     const unsigned worker = 1 + atomic_fetch_add(&pool->numbered, 1);
+    struct account account = {0};
     double spin = MAX_SPIN;
     for (unsigned seen = 0;; seen++) {
         double begun = monotonic_seconds();
-        if (!comes_to(&pool->call, seen, true, begun + spin)) {
+        bool came = comes_to(&pool->call, seen, true, begun + spin_within(&account, spin));
+        account.looked += monotonic_seconds() - begun;
+        if (!came) {
             pthread_mutex_lock(&pool->mutex);
             while (atomic_load(&pool->call) == seen)
                 pthread_cond_wait(&pool->called, &pool->mutex);
@@ -86,8 +106,10 @@ static void *serve(void *argument)
         }
         if (pool->dismissed)
             return NULL;
-        spin = spin_after(spin, monotonic_seconds() - begun);
+        double called = monotonic_seconds();
+        spin = spin_after(spin, called - begun);
         work(pool, worker);
+        account.worked += monotonic_seconds() - called;
         if (atomic_fetch_sub(&pool->working, 1) == 1) {
             pthread_mutex_lock(&pool->mutex);
             pthread_cond_signal(&pool->finished);
@@ -144,7 +166,9 @@ unsigned pool_size(const struct pool *pool)
 static void await_others(struct pool *pool)
 {
     double begun = monotonic_seconds();
-    if (!comes_to(&pool->working, 0, false, begun + pool->spin)) {
+    bool came = comes_to(&pool->working, 0, false, begun + spin_within(&pool->account, pool->spin));
+    pool->account.looked += monotonic_seconds() - begun;
+    if (!came) {
         pthread_mutex_lock(&pool->mutex);
         while (atomic_load(&pool->working))
             pthread_cond_wait(&pool->finished, &pool->mutex);
@@ -159,7 +183,9 @@ static void run_all(struct pool *pool, const struct job *job)
     atomic_store(&pool->next, 0);
     if (pool->size > 1)
         call(pool);
+    double begun = monotonic_seconds();
     work(pool, 0);
+    pool->account.worked += monotonic_seconds() - begun;
     if (pool->size > 1)
         await_others(pool);
 }
