@@ -12,6 +12,7 @@ int tetlodi_page_shares_init(struct tetlodi_page_shares *shares, struct tetlodi_
     *shares = (struct tetlodi_page_shares){.whole = whole,
                                            .vertices = whole->vertices,
                                            .tets = whole->tets,
+                                           .pages = (uint32_t)pages,
                                            .page_of = malloc((tets + 1) * sizeof *shares->page_of),
                                            .owner = malloc((vertices + 1) * sizeof *shares->owner),
                                            .local = malloc((vertices + 1) * sizeof *shares->local),
@@ -52,8 +53,10 @@ static void find_owners(struct tetlodi_page_shares *shares)
         page = page == TETLOD_NONE ? PAGE_SEAM : page; // it is left out
         *owner = *owner == PAGE_NOBODY || *owner == page ? page : PAGE_SEAM;
     }
-    for (uint32_t v = 0; v < shares->vertices; v++)
+    for (uint32_t v = 0; v < shares->vertices; v++) {
+        shares->local[v] = shares->owner[v] == PAGE_SEAM ? PAGE_SEAM : 0;
         shares->seam_count += shares->owner[v] == PAGE_SEAM;
+    }
 }
 
 /* Numbers by what has them, in ascending order: one of [count] things, or none (above `things`). */
@@ -70,11 +73,24 @@ static void sort_out(const uint32_t *whose, uint32_t count, uint32_t things, uin
             list[begins[whose[i] + 1]++] = i;
 }
 
-void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, uint32_t pages)
+enum { TET_LIST, INNER_LIST, LISTS };
+
+static int make_list(void *opaque, uint32_t kind)
 {
-    find_owners(shares);
-    sort_out(shares->page_of, shares->tets, pages, shares->tet_begins, shares->tet_list);
-    sort_out(shares->owner, shares->vertices, pages, shares->inner_begins, shares->inner_list);
+    struct tetlodi_page_shares *shares = opaque;
+    if (kind == INNER_LIST) {
+        find_owners(shares);
+        sort_out(shares->owner, shares->vertices, shares->pages, shares->inner_begins, shares->inner_list);
+    } else {
+        sort_out(shares->page_of, shares->tets, shares->pages, shares->tet_begins, shares->tet_list);
+    }
+    return 1;
+}
+
+void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, struct tetlodi_helpers *helpers)
+{
+    tetlodi_helpers_start(helpers, make_list, shares, LISTS);
+    tetlodi_helpers_wait(helpers);
 }
 
 /* ---- a page's vertices */
@@ -115,7 +131,7 @@ static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi
     memset(part->seats, 0xff, places * sizeof *part->seats); // PAGE_NOBODY
     for (uint32_t t = 0; t < part->tet_count; t++)
         for (const uint32_t *v = corners + 4 * (size_t)part->tets[t], *end = v + 4; v < end; v++) {
-            struct tetlodi_seat *seat = shares->owner[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
+            struct tetlodi_seat *seat = shares->local[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
             if (seat && seat->vertex == PAGE_NOBODY)
                 list[(*out_count)++] = seat->vertex = *v;
         }
@@ -153,7 +169,8 @@ static int list_vertices(struct tetlodi_page_part *part, const struct tetlodi_pa
 static uint32_t local_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
                              uint32_t vertex)
 {
-    return shares->owner[vertex] == PAGE_SEAM ? seat_of(part, vertex)->number : shares->local[vertex];
+    uint32_t number = shares->local[vertex];
+    return number == PAGE_SEAM ? seat_of(part, vertex)->number : number;
 }
 
 /* ---- the part */

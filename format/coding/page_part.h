@@ -8,6 +8,7 @@
 #define TETLOD_PAGE_PART_H
 
 #include "format/coding/record.h"
+#include "format/common/threads.h"
 
 /* Who has a vertex, beside the number of a page: PAGE_SEAM if several, or one and what is left out. */
 #define PAGE_NOBODY UINT32_MAX
@@ -19,18 +20,18 @@
 /* What each page of a level has, of the mesh before it. */
 struct tetlodi_page_shares {
     struct tetlodi_replay *whole;        /* borrowed */
-    uint32_t vertices, tets;             /* before the level */
+    uint32_t vertices, tets, pages;      /* before the level */
     uint32_t seam_count;                 /* vertices at seams */
     uint32_t *page_of;                   /* [tet] */
     uint32_t *owner;                     /* [vertex] the one page that has it, or PAGE_SEAM */
-    uint32_t *local;                     /* [vertex] its number in its page, if it is not at a seam */
+    uint32_t *local;                     /* [vertex] its number in its page, or PAGE_SEAM */
     uint32_t *tet_begins, *tet_list;     /* [page + 1]; tetrahedra page by page, ascending */
     uint32_t *inner_begins, *inner_list; /* the same of vertices that are not at seams */
 };
 
 /* Room for so many pages; 0 if there is none. The caller then sets page_of and sorts. */
 int tetlodi_page_shares_init(struct tetlodi_page_shares *shares, struct tetlodi_replay *whole, size_t pages);
-void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, uint32_t pages);
+void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, struct tetlodi_helpers *helpers);
 void tetlodi_page_shares_fini(struct tetlodi_page_shares *shares);
 
 /* Bytes that it takes, but for those of pages. */

@@ -236,7 +236,7 @@ static void list_parts(struct level *level)
     uint32_t vertex, tet, p = first_page(level, &vertex, &tet);
     tetlodi_helpers_start(cursor->helpers, find_some, level, (level->shares.tets + TETS_A_TASK - 1) / TETS_A_TASK);
     tetlodi_helpers_wait(cursor->helpers);
-    tetlodi_page_shares_sort(&level->shares, group->page_count);
+    tetlodi_page_shares_sort(&level->shares, cursor->helpers);
     for (; p < group->first_page + group->page_count; p++) {
         const struct tetlodi_page *row = &cursor->file->index.pages.pages[p];
         uint32_t own = p - group->first_page;

@@ -180,7 +180,7 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
         return 0;
     tetlodi_helpers_start(helpers, find_pages, pages, (replay->tets + TETS_A_TASK - 1) / TETS_A_TASK);
     tetlodi_helpers_wait(helpers);
-    tetlodi_page_shares_sort(shares, group->pages);
+    tetlodi_page_shares_sort(shares, helpers);
     if (!find_needed(pages, replay->tets))
         return 0;
     memcpy(pages->former, shares->page_of, replay->tets * sizeof *pages->former);
