@@ -662,6 +662,7 @@ async function nothing_cracks_on_the_way() {
 
 // Where frames are slow, here by a clock that runs fast, a picture that moves has fewer pixels; at rest it has all.
 async function slow_frames_have_fewer_pixels() {
+  await page.waitForFunction(() => window.tetlod.scene.share === 1); // at rest
   const widths = await page.evaluate(() => {
     const { scene } = window.tetlod;
     const camera = scene.renderer.getActiveCamera();
