@@ -216,8 +216,20 @@ export class Scene extends EventTarget {
   // The canvas has the container's size, in the pixels that are drawn.
   fill() {
     const { width, height } = this.container.getBoundingClientRect();
+    const before = this.pixels;
     this.pixels = this.share * Math.min(window.devicePixelRatio || 1, 2);
     this.view.setSize(...[width, height].map((length) => Math.max(1, Math.round(length * this.pixels))));
+    if (before && before !== this.pixels) this.scaleGesture(this.pixels / before);
+  }
+
+  // Where a gesture began, and was last, is remembered in the pixels that were drawn then.
+  scaleGesture(factor) {
+    const { startingEventPositions } = this.interactor.get();
+    const { previousPosition } = this.interactor.getInteractorStyle().get();
+    for (const place of new Set([...Object.values(startingEventPositions ?? {}), previousPosition].filter(Boolean))) {
+      place.x *= factor;
+      place.y *= factor;
+    }
   }
 
   /** Draws only a share of the screen's pixels in each direction, from now on. */
