@@ -249,19 +249,38 @@ int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void
     return failed;
 }
 
+/* Of this process: a child's are its own. */
+static bool watch_process(uint64_t limit)
+{
+    memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+    memory.single = open_single();
+    memory.limit = limit;
+    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
+    return memory.statm >= 0 && start_watching();
+}
+
+/* A child has no timers, and its files of the system are its parent's. It reads for its parent (src/io/services/
+ * contain.h), which holds what the child has sent: it gets half of the limit. */
+static void begin_in_child(void)
+{
+    unlock();
+    atomic_store(&memory.watched, 0);
+    close(memory.statm);
+    if (memory.single >= 0)
+        close(memory.single);
+    watch_process(memory.limit / 2); // if not, it takes more than that
+}
+
 enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *error)
 {
     struct spool probe;
     TETLOD_TRY(spool_open(&probe, error));
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
-    memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-    memory.single = open_single();
-    memory.limit = limit;
-    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
-    memory.libraries = look().files;
     memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
-    if (memory.statm < 0 || !start_watching())
+    bool watched = watch_process(limit);
+    memory.libraries = look().files;
+    if (!watched || pthread_atfork(lock, unlock, begin_in_child) != 0)
         return tetlodi_fail(error, TETLOD_ERR_NOMEM, "the memory in use cannot be looked at");
     atomic_store(&memory.on, true);
     return TETLOD_OK;
