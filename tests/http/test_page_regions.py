@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Regions of streams in pages: what extract gives, with a certified transition, in the memory that their pages need.
 Whole levels that do not fit into memory: decoded into a temporary file."""
+import contextlib
 import json
 import os
 import re
@@ -86,8 +87,11 @@ LITTLE = '--cache', '1M', '--memory', '2M'  # less than the stream takes
 
 def files_of(server):
     """Temporary files that it holds."""
-    folder = '/proc/%d/fd' % server.process.pid
-    return sum(os.path.basename(SPOOLS) in os.readlink(os.path.join(folder, name)) for name in os.listdir(folder))
+    folder, count = '/proc/%d/fd' % server.process.pid, 0
+    for name in os.listdir(folder):
+        with contextlib.suppress(FileNotFoundError):  # it was closed meanwhile
+            count += os.path.basename(SPOOLS) in os.readlink(os.path.join(folder, name))
+    return count
 
 
 def test_levels_in_files():
