@@ -13,10 +13,6 @@ const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump
 const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
-// A view for boxes alone, which sees nothing; one that follows the camera says its own budgets.
-const unseen = { planes: [[0, 0, 0, -1]], eye: [0, 0, 0], near: 1, scale: 0, parallel: true, pixels: Number.MAX_VALUE,
-  tets: 2_000_000, bytes: 64_000_000, id: null };
-
 const mostRegions = 500; // that somebody may want to choose from
 
 // Which numbers there are, ascending, and how many tetrahedra have each; null: too many.
@@ -659,7 +655,7 @@ export class Engine {
   get #pagesWanted() {
     const { refine } = this.#spec ?? {};
     const boxes = refine && this.#base.paged && refine.level >= this.#base.paged ? refine : null;
-    return this.#look || boxes ? { ...(this.#look ?? unseen), boxes } : null;
+    return this.#look || boxes ? { ...this.#look, boxes } : null;
   }
 
   #follow() {

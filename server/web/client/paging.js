@@ -10,6 +10,18 @@ const mostFrames = 257; // MAX_PAGE_FRAMES
 const atOnce = 4; // requests
 const steps = [64, 8, 1]; // times the pixels: much is brought and shown in steps, the coarse one first
 const much = 100_000; // bytes
+// A view for boxes alone, which sees nothing; one that follows the camera says its own budgets.
+const unseen = {
+  planes: [[0, 0, 0, -1]],
+  eye: [0, 0, 0],
+  near: 1,
+  scale: 0,
+  parallel: true,
+  pixels: Number.MAX_VALUE,
+  tets: 2_000_000,
+  bytes: 64_000_000,
+  id: null,
+};
 const coarser = 4; // times the pixels, of pages that come while the camera moves
 
 export class Pager {
@@ -49,7 +61,8 @@ export class Pager {
    * From now on the mesh is to be what this view needs: as pages.js has it, with `field` and `measure` of the error,
    * and an `id`. `again`: it is offered also if it is the same as before.
    */
-  look(look, again = false) {
+  look(wanted, again = false) {
+    const look = wanted && { ...unseen, ...wanted };
     this.#look = look;
     if (again) this.#shown = this.#reached = null;
     if (this.#fetching && look) {

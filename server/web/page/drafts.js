@@ -9,6 +9,26 @@ const stillness = 250; // milliseconds without a frame
 const wanted = 35; // of one of the coarser level's
 const fewest = 2000; // tetrahedra of that
 
+// Where a gesture began, and was last, is remembered in the pixels that were drawn then.
+function scaleGesture(interactor, factor) {
+  const { startingEventPositions } = interactor.get();
+  const { previousPosition } = interactor.getInteractorStyle().get();
+  for (const place of new Set([...Object.values(startingEventPositions ?? {}), previousPosition].filter(Boolean))) {
+    place.x *= factor;
+    place.y *= factor;
+  }
+}
+
+// Draws a share of the screen's pixels in each direction, from now on.
+function thin(scene, share) {
+  if (share === scene.share) return;
+  const before = scene.pixels;
+  scene.share = share;
+  scene.resize();
+  scaleGesture(scene.interactor, scene.pixels / before);
+  scene.window.render(); // the canvas is empty
+}
+
 export class Drafts {
   #viewer;
   #pictures = null;
@@ -19,6 +39,7 @@ export class Drafts {
   #place = ''; // of the camera
   #morphs = false;
   #resting = 0; // a timer
+  #saving = 0; // another
   #waits = false; // for pages, to draw all pixels
   #share = 1; // of the pixels in each direction, while something moves; the next time, too
   #longest = 0; // frame of a movement
@@ -31,7 +52,17 @@ export class Drafts {
       if (this.#waits) this.#rest();
     });
     viewer.scene.addEventListener('camera', () => this.#rest());
+    viewer.scene.addEventListener('capture', () => this.#save());
     viewer.scene.addEventListener('render', () => this.#look());
+  }
+
+  // A saved picture is of one of the next frames: these have all pixels.
+  #save() {
+    thin(this.#viewer.scene, 1);
+    clearTimeout(this.#saving);
+    this.#saving = setTimeout(() => {
+      this.#saving = 0;
+    }, stillness);
   }
 
   // Of what is no longer shown.
@@ -50,7 +81,7 @@ export class Drafts {
     this.#waits = Boolean(looking) && !settled;
     if (scene.closed) return;
     scene.draft(null);
-    if (!this.#waits) scene.thin(1);
+    if (!this.#waits) thin(scene, 1);
   }
 
   // Whether something has moved since the last frame.
@@ -77,7 +108,7 @@ export class Drafts {
     if (this.#slow > 1 && this.#share > fewestPixels) this.#share /= 2;
     else if (this.#slow > 1 && animates && !scene.fine) this.#roughen(took);
     if (this.#share < scene.share) this.#slow = 0;
-    scene.thin(Math.min(this.#share, scene.share));
+    if (!this.#saving) thin(scene, Math.min(this.#share, scene.share));
   }
 
   #roughen(took) {

@@ -64,7 +64,7 @@ function boxLines(renderer, bounds) {
 }
 
 export class Scene extends EventTarget {
-  // Events: 'render' after every frame, 'camera' when the camera came to rest.
+  // Events: 'render' after every frame, 'camera' when the camera came to rest, 'capture' before a picture is saved.
   constructor(container) {
     super();
     this.container = container;
@@ -103,7 +103,6 @@ export class Scene extends EventTarget {
     this.range = [0, 1];
     this.bottom = 80; // as the other borders
     this.share = 1; // of the screen's pixels in each direction, that are drawn
-    this.captures = 0; // that are being made
     this.looked = null; // one of `views`, until the camera is moved otherwise
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
@@ -208,36 +207,10 @@ export class Scene extends EventTarget {
     const camera = this.renderer.getActiveCamera();
     camera.setUseHorizontalViewAngle(width < height);
     camera.setWindowCenter(0, (borders.top - this.bottom) / Math.max(height, 1));
-    this.fill();
+    this.pixels = this.share * Math.min(window.devicePixelRatio || 1, 2);
+    this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
     if (this.looked) this.fit(this.looked);
     this.render();
-  }
-
-  // The canvas has the container's size, in the pixels that are drawn.
-  fill() {
-    const { width, height } = this.container.getBoundingClientRect();
-    const before = this.pixels;
-    this.pixels = this.share * Math.min(window.devicePixelRatio || 1, 2);
-    this.view.setSize(...[width, height].map((length) => Math.max(1, Math.round(length * this.pixels))));
-    if (before && before !== this.pixels) this.scaleGesture(this.pixels / before);
-  }
-
-  // Where a gesture began, and was last, is remembered in the pixels that were drawn then.
-  scaleGesture(factor) {
-    const { startingEventPositions } = this.interactor.get();
-    const { previousPosition } = this.interactor.getInteractorStyle().get();
-    for (const place of new Set([...Object.values(startingEventPositions ?? {}), previousPosition].filter(Boolean))) {
-      place.x *= factor;
-      place.y *= factor;
-    }
-  }
-
-  /** Draws only a share of the screen's pixels in each direction, from now on. */
-  thin(share) {
-    if (share === this.share || this.captures) return;
-    this.share = share;
-    this.fill();
-    this.window.render(); // the canvas is empty
   }
 
   // ---- what is shown
@@ -601,16 +574,7 @@ export class Scene extends EventTarget {
 
   // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
   async capture(size = null) {
-    this.thin(1);
-    this.captures++; // what is drawn on the way has all pixels
-    try {
-      return await this.captured(size);
-    } finally {
-      this.captures--;
-    }
-  }
-
-  async captured(size) {
+    this.dispatchEvent(new Event('capture'));
     const image = new Image();
     const camera = this.renderer.getActiveCamera();
     const across = camera.getUseHorizontalViewAngle();
