@@ -749,8 +749,17 @@ async function fingers_turn_and_probe() {
   const far = ([x, y, z, fx, fy, fz]) => Math.hypot(x - fx, y - fy, z - fz);
   const turned = await camera();
   assert.ok(Math.abs(far(turned) / far(before) - 1) < 1e-3, 'one finger turns');
+  await touch.evaluate(() => { // as where frames are slow; then all pixels are drawn again, with the fingers down
+    const { scene } = window.tetlod;
+    scene.share = 0.5;
+    scene.resize();
+  });
   await fingers('touchStart', [[150, 200], [250, 200]]);
-  await touch.evaluate(() => window.tetlod.scene.thin(0.5)); // as where frames are slow
+  await touch.waitForFunction(() => {
+    const { scene } = window.tetlod;
+    scene.dispatchEvent(new Event('capture'));
+    return scene.share === 1;
+  });
   for (let i = 1; i <= 6; i++) await fingers('touchMove', [[150 - 8 * i, 200], [250 + 8 * i, 200]]);
   await fingers('touchEnd', []);
   await touch.waitForFunction((was) => {
