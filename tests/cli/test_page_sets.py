@@ -220,7 +220,7 @@ def two_trips():
     region = lambda place: client.read(place, box=box, decoder='library').tets  # noqa: E731
     file = lambda place: must('extract', place, '--error', '2%', '--box', ','.join(map(str, box)),  # noqa: E731
                               '-o', 'trips.vtu')
-    for ask, least in (file, 2), (region, 3):
+    for ask, least in (file, 2), (region, 2 if SANITIZED else 3):  # the stream is smaller there
         with Host() as host:
             ask(host.url + 'big.tetlod')
             asked = len(host.asked)
