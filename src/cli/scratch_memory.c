@@ -149,7 +149,10 @@ static int open_single(void)
 static void bring_single(const struct region *region)
 {
     struct uffdio_register pages = {{(uintptr_t)region->at, region->size}, UFFDIO_REGISTER_MODE_WP, 0};
-    if (memory.single >= 0 && region->file >= 0)
+    if (region->file < 0)
+        return;
+    madvise(region->at, region->size, MADV_NOHUGEPAGE); // of files, too: a touch would bring in 2 MB
+    if (memory.single >= 0)
         ioctl(memory.single, UFFDIO_REGISTER, &pages); // where it fails more is read
 }
 
