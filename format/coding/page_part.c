@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/common/ascending.h"
+
 /* ---- what pages have */
 
 int tetlodi_page_shares_init(struct tetlodi_page_shares *shares, struct tetlodi_replay *whole, size_t pages)
@@ -95,12 +97,6 @@ void tetlodi_page_shares_sort(struct tetlodi_page_shares *shares, struct tetlodi
 
 /* ---- a page's vertices */
 
-static int compare_numbers(const void *a, const void *b)
-{
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Where a vertex at a seam sits, or where it may. */
 static struct tetlodi_seat *seat_of(const struct tetlodi_page_part *part, uint32_t vertex)
 {
@@ -135,7 +131,7 @@ static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi
             if (seat && seat->vertex == PAGE_NOBODY)
                 list[(*out_count)++] = seat->vertex = *v;
         }
-    qsort(list, *out_count, sizeof *list, compare_numbers);
+    ascending_sort(list, *out_count);
     return list;
 }
 

@@ -12,6 +12,7 @@
 #include "format/coding/record_fields.h"
 #include "format/coding/star_view.h"
 #include "format/common/allowance.h"
+#include "format/common/ascending.h"
 #include "format/fail.h"
 
 static void number_init(struct tetlodi_number *number, size_t count)
@@ -437,19 +438,11 @@ static uint32_t walk_end(const struct tetlodi_recorder *recorder)
 /* The place of a vertex that is there: of a page's own, if the walk is of a page. */
 static uint32_t place_of(const struct tetlodi_recorder *recorder, uint32_t vertex)
 {
-    uint32_t low = 0, high = recorder->listed_count;
     if (!recorder->paged)
         return vertex;
     if (vertex >= recorder->level_start)
         return recorder->listed_count + (vertex - recorder->level_start);
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        if (recorder->listed[middle] < vertex)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    return ascending_place(recorder->listed, recorder->listed_count, vertex);
 }
 
 /* Tetrahedra (vertex, child, x, y) that no edge of the link implies, or that are there more than once. */

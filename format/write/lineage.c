@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/common/ascending.h"
 #include "format/fail.h"
 
 static enum tetlod_status out_of_memory(const struct lineage *l, struct tetlod_error *error)
@@ -126,12 +127,6 @@ static int fill_meetings(void *opaque, uint32_t task)
     return 1;
 }
 
-static int compare_numbers(const void *a, const void *b)
-{
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Threads have filled them in any order. */
 static int sort_meetings(void *opaque, uint32_t task)
 {
@@ -142,7 +137,7 @@ static int sort_meetings(void *opaque, uint32_t task)
         for (uint32_t i = 1; i < count && sorted; i++)
             sorted = first[i - 1] < first[i];
         if (!sorted)
-            qsort(first, count, sizeof *first, compare_numbers);
+            ascending_sort(first, count);
     }
     return 1;
 }

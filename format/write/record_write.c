@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/common/ascending.h"
 #include "format/fail.h"
 
 /* ---- numbers */
@@ -172,19 +173,12 @@ static void plan_edge(struct tetlodi_record_writer *w, struct tetlodi_star_view 
 static uint32_t inside(const struct tetlodi_record_writer *w, uint32_t number)
 {
     const struct tetlodi_page_part *part = w->part;
-    uint32_t low = 0, high = part ? part->listed_count : 0;
+    uint32_t place;
     if (!part)
         return number;
-    if (number >= part->first_vertex)
-        low = part->listed_count + (number - part->first_vertex);
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        if (part->listed[middle] < number)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low <= w->replay->vertices && page_part_outside(part, low) == number ? low : TETLOD_NONE;
+    place = number < part->first_vertex ? ascending_place(part->listed, part->listed_count, number)
+                                        : part->listed_count + (number - part->first_vertex);
+    return place <= w->replay->vertices && page_part_outside(part, place) == number ? place : TETLOD_NONE;
 }
 
 /* What the rule of link edges leaves. 0 if out of memory. */

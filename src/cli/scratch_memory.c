@@ -59,7 +59,7 @@ static struct {
     size_t page, smallest, piece;
     uint64_t limit, libraries, in_memory, in_files, peak, given_back;
     int statm; /* file of the system that says what is resident */
-    int single; /* file by which regions are told to bring in single pages, or -1 */
+    int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */

@@ -55,8 +55,8 @@ struct work_share {
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
-    /* What the one that leads says, the others hear, who wait for it. NULL: nobody does. Who is called to be idle takes
-     * part in the stage, and no part of it. ERR_CANCELLED: a member has failed; ERR_IO names a file. */
+    /* The leader sends *io_call, the others wait for it; NULL: there are no others. One that is called to be idle joins
+     * the stage and takes no part of it. ERR_CANCELLED: a member has failed; ERR_IO names a file. */
     enum tetlod_status (*call)(void *opaque, enum work_call *io_call, struct tetlod_error *error);
     /* Behind a call: bytes of the one that leads come to those that it called; where they are NULL they are dropped. */
     void (*pass)(void *opaque, void *bytes, size_t size);

@@ -42,7 +42,7 @@ const dialogHtml = `
 export function showKeys() {
   if (!document.getElementById('help')) make();
   byId('help').showModal();
-  byId('help').focus(); // so that its name is told, not its link's
+  byId('help').focus(); // its name is read, not its link's
 }
 
 function make() {
