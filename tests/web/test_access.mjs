@@ -16,7 +16,11 @@ async function open(url, options) {
   if (url.includes('/view/')) {
     await firstPicture(page);
     await settled(page);
-  } else await page.getByRole('link', { name: 'View' }).first().waitFor();
+  } else {
+    await page.getByRole('link', { name: 'View' }).first().waitFor();
+    await page.waitForFunction(() => [...document.querySelectorAll('section')].every( // those in sight are described
+      (section) => section.getBoundingClientRect().top > innerHeight || section.querySelector('.body')));
+  }
   return page;
 }
 
