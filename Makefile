@@ -568,6 +568,13 @@ bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
 
+## bench-busy: what two threads gain alone, and beside BUSY=1 endless loops (MESHES=cube:60; REPEAT=5)
+.PHONY: bench-busy
+BENCHES += bench-busy
+bench-busy: needs
+	$(Q)$(MAKE) --no-print-directory all
+	@/usr/bin/python3 tests/bench/busy.py $(BINARY) $(MESHES)
+
 ## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million;
 ##   REPEAT=5)
 .PHONY: bench-io
