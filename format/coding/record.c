@@ -486,11 +486,8 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
         tetlodi_star_between(star, replay, e, child, corners);
         for (int c = 0; c < 4; c++)
             __builtin_prefetch(replay->stars + corners[c]);
-        if (star->made[e] == MADE_FLIPPED) {
-            uint32_t swap = corners[0];
-            corners[0] = corners[1];
-            corners[1] = swap;
-        }
+        if (star->made[e] == MADE_FLIPPED)
+            corners_flip(corners);
     }
     for (uint32_t i = 0; i < star->extra_count; i++) {
         uint32_t *corners = replay->corners + 4 * ((size_t)replay->tets + count++);

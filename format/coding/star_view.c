@@ -82,13 +82,22 @@ static void gather(struct tetlodi_star_view *view, const struct tetlodi_replay *
     }
 }
 
+/* The ends of a link edge, by number in the link. */
+static void ends_of(const struct tetlodi_star_view *view, uint32_t e, uint32_t ends[2])
+{
+    const uint32_t *others = view->others[view->edge[e].first / 3];
+    unsigned opposite = view->edge[e].first % 3;
+    ends[0] = others[opposite == 0];
+    ends[1] = others[2 - (opposite == 2)];
+}
+
 /* The place in a hash table of edge (x, y): taken by it, or free. */
 static uint32_t *find_edge(const struct tetlodi_star_view *view, uint32_t mask, uint32_t x, uint32_t y)
 {
     uint32_t low = x < y ? x : y, high = x < y ? y : x, at = low * 0x9e3779b1u + high * 0x85ebca6bu;
     for (at = (at ^ at >> 15) & mask; view->table[at] != TETLOD_NONE; at = (at + 1) & mask) {
         uint32_t ends[2];
-        tetlodi_star_ends(view, view->table[at], ends);
+        ends_of(view, view->table[at], ends);
         if ((ends[0] == x && ends[1] == y) || (ends[0] == y && ends[1] == x))
             break;
     }
@@ -151,18 +160,20 @@ int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_re
     if (!TETLODI_ROOM(replay->memory, view->table, view->table_capacity, places + 1))
         return 0;
     memset(view->table, 0xff, places * sizeof *view->table); // TETLOD_NONE
-    view->edge_count = small ? number_edges(view) : number_edges_large(view, (uint32_t)places - 1);
+    view->mask = small ? 0 : (uint32_t)places - 1;
+    view->edge_count = small ? number_edges(view) : number_edges_large(view, view->mask);
     memset(view->seen, 0, view->edge_count);
     memset(view->made, 0, view->edge_count);
     return 1;
 }
 
-void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_t ends[2])
+uint32_t tetlodi_star_edge(const struct tetlodi_star_view *view, uint32_t x, uint32_t y)
 {
-    const uint32_t *others = view->others[view->edge[e].first / 3];
-    unsigned opposite = view->edge[e].first % 3;
-    ends[0] = others[opposite == 0];
-    ends[1] = others[2 - (opposite == 2)];
+    uint32_t first = view->first_mark - view->link_count, links = view->link_count;
+    uint32_t a = view->mark[x] - first, b = view->mark[y] - first;
+    if (a >= links || b >= links)
+        return TETLOD_NONE;
+    return view->mask ? *find_edge(view, view->mask, a, b) : view->table[(size_t)links * a + b];
 }
 
 /* By which corner the vertex is and which other one is not on the edge: where the corners of the tetrahedron between

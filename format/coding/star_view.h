@@ -31,7 +31,7 @@ struct tetlodi_star_view {
     uint8_t *seen, *made;    /* of edges */
     uint32_t (*extras)[2];   /* vertices */
     uint32_t *mark, *table;  /* numbers in the link of vertices, from first_mark on; of edges */
-    uint32_t first_mark;
+    uint32_t first_mark, mask; /* mask: of a hash table of edges; 0: it has all pairs */
     size_t others_capacity, edges_capacity, labels_capacity, contexts_capacity, link_capacity, positions_capacity,
         codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity, mark_capacity,
         table_capacity;
@@ -41,12 +41,20 @@ struct tetlodi_star_view {
 int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex);
 void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory);
 
-/* The ends of a link edge, by number in the link. */
-void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_t ends[2]);
+/* The link edge between two vertices that are there, none of them the star's own; TETLOD_NONE: there is none. */
+uint32_t tetlodi_star_edge(const struct tetlodi_star_view *view, uint32_t x, uint32_t y);
 
 /* The corners of the tetrahedron that comes back at edge e between the split vertex and child (SPEC 7.4). */
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
                           uint32_t child, uint32_t corners[4]);
+
+/* The other orientation of a tetrahedron. */
+static inline void corners_flip(uint32_t corners[4])
+{
+    uint32_t swap = corners[0];
+    corners[0] = corners[1];
+    corners[1] = swap;
+}
 
 /* Their positions, with the vertex's and the child's. */
 void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex,

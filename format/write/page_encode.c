@@ -39,7 +39,8 @@ static void gather_nodes(const struct level *level, struct job *job)
     for (uint32_t v = 0; v < job->part.listed_count; v++)
         job->records.node_at[v] = whole->node_at[job->part.listed[v]];
     for (uint32_t t = 0; t < job->part.tet_count; t++)
-        job->records.original_of[t] = whole->original_of[job->part.tets[t]];
+        tetlodi_settle_tet(&job->records, t, whole->original_of[job->part.tets[t]],
+                           job->part.replay.corners + 4 * (size_t)t);
 }
 
 static enum tetlod_status encode_records(const struct level *level, struct job *job)

@@ -57,6 +57,34 @@ uint32_t tetlodi_slot_of(const struct tetlodi_record_writer *w, uint32_t tet, in
     return w->slot_at[w->lineage->position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
 }
 
+void tetlodi_settle_tet(struct tetlodi_record_writer *w, uint32_t number, uint32_t tet, const uint32_t corners[4])
+{
+    uint32_t slots[4];
+    unsigned places = 0;
+    for (int c = 0; c < 4; c++)
+        slots[c] = outside(w, corners[c]);
+    for (unsigned c = 0; c < 4; c++) {
+        uint32_t slot = tetlodi_slot_of(w, tet, (int)c);
+        places |= c << (slot == slots[0] ? 0 : slot == slots[1] ? 2 : slot == slots[2] ? 4 : 6);
+    }
+    w->original_of[number] = tet;
+    w->places[number] = (uint8_t)places;
+}
+
+/* Does the leaf that a star's tetrahedron has at its vertex come from a node? */
+static inline bool goes_with(const struct tetlodi_record_writer *w, uint32_t corner, const struct leaf_range *range)
+{
+    uint32_t place = (w->places[corner / 4] >> 2 * (corner & 3)) & 3u;
+    uint32_t leaf = w->in->corners[4 * (size_t)w->original_of[corner / 4] + place];
+    return w->lineage->position[leaf] - range->begin < range->end - range->begin;
+}
+
+bool tetlodi_tets_room(struct tetlodi_record_writer *w, size_t tets)
+{
+    return TETLODI_ROOM(w->memory, w->original_of, w->original_capacity, tets) &&
+           TETLODI_ROOM(w->memory, w->places, w->places_capacity, tets);
+}
+
 /* Does the vertex at a slot split on the way to a level with that many contractions? */
 static bool splits(const struct tetlodi_record_writer *w, uint32_t slot, uint32_t contractions)
 {
@@ -101,14 +129,15 @@ static uint32_t order_children(struct tetlodi_record_writer *w, uint32_t node)
 static bool list_arrivals(struct tetlodi_record_writer *w, uint32_t node)
 {
     uint32_t c = node - w->in->vertices, begin = w->lineage->meeting_begin[c], end = w->lineage->meeting_begin[c + 1];
-    size_t tets = w->replay->tets + (size_t)(end - begin);
     if (!TETLODI_ROOM(w->memory, w->arrived, w->arrived_capacity, end - begin) ||
-        !TETLODI_ROOM(w->memory, w->original_of, w->original_capacity, tets))
+        !tetlodi_tets_room(w, w->replay->tets + (size_t)(end - begin)))
         return false;
     w->arrived_count = 0;
     for (uint32_t i = begin; i < end; i++)
-        if (--w->lineage->waiting[w->lineage->meeting[i]] == 0)
+        if (--w->lineage->waiting[w->lineage->meeting[i]] == 0) {
             w->arrived[w->arrived_count++].tet = w->lineage->meeting[i];
+            __builtin_prefetch(w->in->corners + 4 * (size_t)w->lineage->meeting[i]);
+        }
     return true;
 }
 
@@ -126,49 +155,6 @@ static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
     return swaps % 2 == 0;
 }
 
-/* Is a tetrahedron there, between the vertex and its child? */
-static void look_at(const struct tetlodi_record_writer *w, struct tetlodi_arrival *arrival, uint32_t vertex,
-                    uint32_t child)
-{
-    uint32_t *corners = arrival->corners;
-    int count = 0;
-    arrival->there = true;
-    for (int c = 0; c < 4; c++) {
-        corners[c] = tetlodi_slot_of(w, arrival->tet, c);
-        if (corners[c] != vertex && corners[c] != child && count < 2)
-            arrival->others[count++] = corners[c];
-        for (int d = 0; d < c; d++)
-            arrival->there &= corners[c] != corners[d];
-    }
-}
-
-/* Takes a tetrahedron out of those that wait, into the order of arrival. */
-static void arrive(struct tetlodi_record_writer *w, uint32_t i, uint32_t *count)
-{
-    w->original_of[w->replay->tets + (*count)++] = w->arrived[i].tet;
-    w->arrived[i] = w->arrived[--w->arrived_count];
-}
-
-/* Plans a waiting tetrahedron at a link edge, and in which orientation it comes back. */
-static void plan_edge(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
-{
-    uint32_t ends[2], implied[4], i = 0;
-    tetlodi_star_ends(star, e, ends);
-    const uint32_t x = outside(w, star->link[ends[0]]), y = outside(w, star->link[ends[1]]);
-    for (; i < w->arrived_count; i++) {
-        const uint32_t *others = w->arrived[i].others;
-        if (w->arrived[i].there && ((others[0] == x && others[1] == y) || (others[0] == y && others[1] == x)))
-            break;
-    }
-    if (i == w->arrived_count)
-        return;
-    tetlodi_star_between(star, w->replay, e, w->replay->vertices, implied);
-    for (int c = 0; c < 4; c++)
-        implied[c] = outside(w, implied[c]);
-    star->made[e] = is_even_permutation(w->arrived[i].corners, implied) ? MADE : MADE_FLIPPED;
-    arrive(w, i, count);
-}
-
 /* A vertex of the whole mesh in numbers of the part; TETLOD_NONE: it has no such vertex. */
 static uint32_t inside(const struct tetlodi_record_writer *w, uint32_t number)
 {
@@ -181,25 +167,74 @@ static uint32_t inside(const struct tetlodi_record_writer *w, uint32_t number)
     return place <= w->replay->vertices && page_part_outside(part, place) == number ? place : TETLOD_NONE;
 }
 
+/* Is a tetrahedron there, between the vertex and its child, and at which edge of the link? */
+static void look_at(const struct tetlodi_record_writer *w, struct tetlodi_arrival *arrival,
+                    const struct tetlodi_star_view *star)
+{
+    const uint32_t ends[2] = {outside(w, star->vertex), outside(w, w->replay->vertices)};
+    uint32_t *corners = arrival->corners;
+    int others = 0;
+    arrival->there = true;
+    for (int c = 0; c < 4; c++) {
+        uint32_t slot = tetlodi_slot_of(w, arrival->tet, c);
+        corners[c] = slot == ends[0] ? star->vertex : slot == ends[1] ? w->replay->vertices : inside(w, slot);
+        arrival->there &= corners[c] != TETLOD_NONE;
+        if (slot != ends[0] && slot != ends[1] && others < 2)
+            arrival->others[others++] = corners[c];
+        for (int d = 0; d < c; d++)
+            arrival->there &= corners[c] != corners[d];
+    }
+    arrival->edge = arrival->there ? tetlodi_star_edge(star, arrival->others[0], arrival->others[1]) : TETLOD_NONE;
+}
+
+/* Takes a tetrahedron out of those that wait, into the order of arrival, with its corners as the stream has them. */
+static void arrive(struct tetlodi_record_writer *w, uint32_t i, const uint32_t corners[4], uint32_t *count)
+{
+    tetlodi_settle_tet(w, w->replay->tets + (*count)++, w->arrived[i].tet, corners);
+    w->arrived[i] = w->arrived[--w->arrived_count];
+}
+
+/* The first of those that wait at the first edge from `edge` on; arrived_count: there is none. */
+static uint32_t next_at_edge(const struct tetlodi_record_writer *w, uint32_t edge)
+{
+    uint32_t least = TETLOD_NONE, found = w->arrived_count;
+    for (uint32_t i = 0; i < w->arrived_count; i++)
+        if (w->arrived[i].edge >= edge && w->arrived[i].edge < least) {
+            least = w->arrived[i].edge;
+            found = i;
+        }
+    return found;
+}
+
+/* Plans a waiting tetrahedron at its link edge, and in which orientation it comes back. */
+static void plan_edge(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t i, uint32_t *count)
+{
+    uint32_t corners[4], e = w->arrived[i].edge;
+    tetlodi_star_between(star, w->replay, e, w->replay->vertices, corners);
+    star->made[e] = is_even_permutation(w->arrived[i].corners, corners) ? MADE : MADE_FLIPPED;
+    if (star->made[e] == MADE_FLIPPED)
+        corners_flip(corners);
+    arrive(w, i, corners, count);
+}
+
 /* What the rule of link edges leaves. 0 if out of memory. */
 static int plan_extras(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t *count)
 {
-    uint32_t ordered[4] = {outside(w, star->vertex), outside(w, w->replay->vertices)};
     for (uint32_t i = 0; i < w->arrived_count;) {
         const struct tetlodi_arrival *arrival = &w->arrived[i];
-        const uint32_t x = arrival->there ? inside(w, arrival->others[0]) : TETLOD_NONE,
-                       y = arrival->there ? inside(w, arrival->others[1]) : TETLOD_NONE;
-        if (x == TETLOD_NONE || y == TETLOD_NONE) {
+        uint32_t corners[4] = {star->vertex, w->replay->vertices, arrival->others[0], arrival->others[1]};
+        if (!arrival->there) {
             i++;
             continue;
         }
-        memcpy(ordered + 2, arrival->others, sizeof arrival->others);
-        bool even = is_even_permutation(arrival->corners, ordered);
+        if (!is_even_permutation(arrival->corners, corners)) {
+            corners[2] = arrival->others[1];
+            corners[3] = arrival->others[0];
+        }
         if (!TETLODI_ROOM(w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
             return 0;
-        star->extras[star->extra_count][0] = even ? x : y;
-        star->extras[star->extra_count++][1] = even ? y : x;
-        arrive(w, i, count);
+        memcpy(star->extras[star->extra_count++], corners + 2, sizeof *star->extras);
+        arrive(w, i, corners, count);
     }
     return 1;
 }
@@ -208,18 +243,18 @@ static int plan_extras(struct tetlodi_record_writer *w, struct tetlodi_star_view
 static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
 {
     struct tetlodi_record_writer *w = opaque;
-    uint32_t node = w->children[number], child = w->replay->vertices, count = 0;
-    for (uint32_t i = 0; i < star->size; i++) {
-        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
-        star->labels[i] = 0;
-        for (int c = 0; c < 4 && !star->labels[i]; c++)
-            star->labels[i] = lineage_below(w->lineage, leaves[c], node);
-    }
-    tetlodi_settle_node(w, node, child);
+    uint32_t node = w->children[number], count = 0;
+    const struct leaf_range range = w->lineage->range[node];
+    for (uint32_t i = 0; i < star->size; i++)
+        star->labels[i] = goes_with(w, star->corners[i], &range);
+    tetlodi_settle_node(w, node, w->replay->vertices);
     for (uint32_t i = 0; i < w->arrived_count; i++)
-        look_at(w, &w->arrived[i], outside(w, star->vertex), outside(w, child));
-    for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
-        plan_edge(w, star, e, &count);
+        look_at(w, &w->arrived[i], star);
+    for (uint32_t i = next_at_edge(w, 0); i < w->arrived_count;) {
+        uint32_t edge = w->arrived[i].edge;
+        plan_edge(w, star, i, &count);
+        i = next_at_edge(w, edge + 1);
+    }
     return plan_extras(w, star, &count);
 }
 
@@ -234,6 +269,15 @@ static enum tetlod_status wrong_page(struct tetlod_error *error)
                         "the sequence cannot be written: a contraction is in the wrong page");
 }
 
+/* The corners that the labels of a star are found from, in time. */
+static void prefetch_corners(const struct tetlodi_record_writer *w, uint32_t slot)
+{
+    const struct tetlodi_star *star = &w->replay->stars[slot];
+    const uint32_t *corners = w->replay->pool + star->at;
+    for (uint32_t i = 0; i < star->size; i++)
+        __builtin_prefetch(w->in->corners + 4 * (size_t)w->original_of[corners[i] / 4]);
+}
+
 static enum tetlod_status write_record(struct tetlodi_record_writer *w, uint32_t slot, struct tetlod_error *error)
 {
     uint32_t node = w->node_at[slot];
@@ -241,6 +285,7 @@ static enum tetlod_status write_record(struct tetlodi_record_writer *w, uint32_t
     int64_t(*codes)[4] = w->recorder.codes;
     if (!list_arrivals(w, node))
         return no_memory(w, error);
+    prefetch_corners(w, slot);
     for (uint32_t i = 0; i < record.children; i++)
         record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
     for (uint32_t c = 0; c < w->replay->column_count; c++)
@@ -275,7 +320,7 @@ enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *w, s
     w->memory = w->replay->memory;
     w->encoders = calloc(w->replay->column_count, sizeof *w->encoders);
     if (!w->encoders || !TETLODI_ROOM(w->memory, w->node_at, w->node_capacity, vertices) ||
-        !TETLODI_ROOM(w->memory, w->original_of, w->original_capacity, tets))
+        !tetlodi_tets_room(w, tets))
         return no_memory(w, error);
     TETLOD_TRY(tetlodi_recorder_init(&w->recorder, w->replay, error));
     w->recorder.plan = plan_split;
@@ -294,6 +339,7 @@ void tetlodi_record_writer_fini(struct tetlodi_record_writer *w)
         return;
     TETLODI_FREE(w->memory, w->node_at, w->node_capacity);
     TETLODI_FREE(w->memory, w->original_of, w->original_capacity);
+    TETLODI_FREE(w->memory, w->places, w->places_capacity);
     TETLODI_FREE(w->memory, w->arrived, w->arrived_capacity);
 }
 

@@ -11,7 +11,8 @@
 struct tetlodi_arrival {
     uint32_t tet; /* its original number */
     bool there;   /* its corners are four by now, and among them are the vertex and its child; then: */
-    uint32_t corners[4], others[2]; /* numbers of the whole mesh; those but the vertex and its child */
+    uint32_t corners[4], others[2]; /* vertices of the part; those but the vertex and its child */
+    uint32_t edge;                  /* of the link, between the others; TETLOD_NONE: it has none */
 };
 
 struct tetlodi_record_writer {
@@ -21,7 +22,8 @@ struct tetlodi_record_writer {
     const struct tetlodi_page_part *part; /* that is written, or NULL: the whole mesh */
     uint32_t *node_at;          /* [vertex] */
     uint32_t *original_of;      /* [tet in order of arrival] */
-    size_t node_capacity, original_capacity;
+    uint8_t *places;            /* [the same] which of the original's corners each of its four is, two bits each */
+    size_t node_capacity, original_capacity, places_capacity;
     uint32_t children[MAX_CHILDREN];
     struct tetlodi_arrival *arrived;
     uint32_t arrived_count;
@@ -49,6 +51,11 @@ uint32_t tetlodi_slot_of(const struct tetlodi_record_writer *writer, uint32_t te
 
 /* Gives a node a place among the living: a vertex becomes its leaves' ancestor. */
 void tetlodi_settle_node(struct tetlodi_record_writer *writer, uint32_t node, uint32_t vertex);
+
+/* Makes an original tetrahedron number `number` in the order of arrival, its corners in the order of `corners`. There
+ * is room, for so many of them. */
+void tetlodi_settle_tet(struct tetlodi_record_writer *writer, uint32_t number, uint32_t tet, const uint32_t corners[4]);
+bool tetlodi_tets_room(struct tetlodi_record_writer *writer, size_t tets);
 
 /* Starts the coders of all columns, and ends them: then encoders have their bytes. 0 if memory was out. */
 void tetlodi_start_coders(struct tetlodi_record_writer *writer, unsigned slowest);

@@ -164,7 +164,7 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
         set_codes(w, v, root);
     }
     for (uint32_t t = 0; t < base->guide.tets; t++)
-        w->records.original_of[t] = base->tets[base->tet_order[t]];
+        tetlodi_settle_tet(&w->records, t, base->tets[base->tet_order[t]], w->replay.corners + 4 * (size_t)t);
     TETLOD_TRY(tetlodi_base_column(&w->replay, w->columns, recorder->coders, recorder->models->corner, NULL, w->error));
     for (uint32_t c = 1; c < w->replay.column_count; c++) {
         struct tetlodi_field_models *models = &recorder->field_models[c - 1];
