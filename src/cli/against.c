@@ -352,8 +352,7 @@ static double finer_error(const struct tetlod_info *info, uint32_t k, uint32_t f
     return error;
 }
 
-/* Is the stored error between the two, or what it is for the sake of the next finer level? In pages some are not known
- * (SPEC 7.6). */
+/* Is the stored error between the two, or what it is for the sake of the next finer level? Some are not known (3.4) */
 static enum tetlod_status check_between(const struct against *a, uint32_t k, uint32_t f, enum tetlod_measure measure,
                                         const struct measured *least, const struct measured *most)
 {
@@ -364,7 +363,7 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
            high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
-    if (isnan(stored) && info->page_count > 0)
+    if (isnan(stored))
         return TETLOD_OK;
     // of a range without scale it is 0 or the whole, by the last bit of a number that has few
     if (range[1] > range[0] && !range_has_scale(range) && (stored == 0 || stored == 1))

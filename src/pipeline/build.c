@@ -38,6 +38,9 @@ static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 /* Exact maxima up to this fraction of the range are not looked for. */
 static const double NO_DIFFERENCE = 1e-12;
 
+/* Of fewer tetrahedra every level is measured: it takes a second or two. */
+enum { MEASURED_WHOLE = 1 << 18 };
+
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
@@ -356,12 +359,13 @@ static bool is_named(const struct build *build, uint32_t mark)
     return false;
 }
 
-/* Which marks are measured: all, but in pages those where users look, with the finest and the coarsest, if what was
- * measured is not all that is known of a field. */
+/* Which marks are measured: all of a small mesh. Of a large one, and in pages, those where users look, with the finest
+ * and the coarsest, if levels end at errors that are proved for all fields. */
 static void list_asked(const struct build *build)
 {
     uint32_t marks = build->log.mark_count;
-    bool all = !build->groups.count || build_asks_overlay(build->options);
+    bool all = (build->mesh->tet_count < MEASURED_WHOLE && !build->groups.count) ||
+               !metric_is_certified(build->options->metric) || build_asks_overlay(build->options);
     for (uint32_t f = 0; f < build->mesh->field_count; f++)
         all |= !is_controlled(build, f);
     for (uint32_t mark = 0; mark < marks; mark++)

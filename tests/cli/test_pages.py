@@ -174,10 +174,9 @@ def bands():
     return None if good else groups
 
 
-def measured_where_users_look():
+def measured_where_users_look(stream):
     """Of the finest level, the coarsest, and the coarsest within an error that has a name; of others only what is proved
     is known."""
-    stream = info('cube.tetlod')
     errors = [level['errors'][stream['fields'][0]['name']] for level in stream['levels']]
     names = [digit / 10 ** power for power in range(7) for digit in (1, 2, 5)]
     for k, error in enumerate(errors[:-2]):
@@ -186,6 +185,22 @@ def measured_where_users_look():
         if ('sampled' in error, 'rms' in error) != (named, named):
             return k, error
     return None if sum('rms' in error for error in errors) < len(errors) else 'all are measured'
+
+
+def large_meshes_are_measured_so():
+    """From 2^18 tetrahedra on, without pages; another metric's limits are not proved, so all are measured."""
+    must('sample', 'cube', '--size', '36', '-o', 'large.vtu')
+    options = '--max-error', '0.0001', '--growth', '1.02'
+    stream = build('large.vtu', 'large.tetlod', *options)
+    must('verify', 'large.tetlod', '--against', 'large.vtu')
+    must('extract', 'large.tetlod', '--error', '0.00009', '--measure', 'sampled', '-o', 'sampled.tetlod')
+    within = [level for level in stream['levels'] if level['errors']['xyz'].get('sampled', 1) <= 0.00009]
+    if info('sampled.tetlod')['tets'] != within[0]['tets']:
+        return 'another level'
+    whole = build('large.vtu', 'large.tetlod', *options, '--metric', 'sva')
+    if not all('sampled' in level['errors']['xyz'] for level in whole['levels']):
+        return 'another metric'
+    return 'pages' if 'pages' in stream else measured_where_users_look(stream)
 
 
 def volume(points, tets):
@@ -258,7 +273,9 @@ case('the original comes back, in its order', original_comes_back)
 case('regions, values of cells, exact sums', parts_of_cells)
 must('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
 case('boxes, and files that are cut off', boxes_and_cut_files)
-case('levels are measured where users look', measured_where_users_look)
+case('levels are measured where users look', measured_where_users_look, info('cube.tetlod'))
+if not SANITIZED:
+    case('those of a large mesh without pages, too', large_meshes_are_measured_so)
 case('bands', bands)
 if numpy and not SANITIZED:  # Python alone
     case('any closed set of pages is a mesh', closed_sets)
