@@ -401,6 +401,31 @@ static enum tetlod_status build_topologies(struct build_request *request, struct
 
 /* ---- memory */
 
+/* Takes what --memory says. Else several programs take their share each: until the mesh is known, what they need in
+ * any case. */
+static enum tetlod_status take_memory(struct build_request *request, struct tetlod_error *error)
+{
+    const struct build_options *options = &request->build;
+    const struct work_share *share = options->share;
+    request->by_share = share && share->call && !share->keeps_parts && share->members > 1 && !options->memory;
+    return scratch_memory_take(request->scratch,
+                               request->by_share ? build_share_bytes(NULL, options, share->members) : options->memory,
+                               error);
+}
+
+/* All programs hear what their share is. */
+static enum tetlod_status allow_share(struct build_options *options, const struct tetmesh *mesh,
+                                      struct tetlod_error *error)
+{
+    const struct work_share *share = options->share;
+    enum work_call call = CALL_MEMORY;
+    options->memory = build_share_bytes(mesh, options, share->members);
+    scratch_memory_allow(options->memory);
+    TETLOD_TRY(share->call(share->opaque, &call, error));
+    share->pass(share->opaque, &options->memory, sizeof options->memory);
+    return TETLOD_OK;
+}
+
 /* Chooses between memory and files. */
 static enum tetlod_status fit_memory(struct build_request *request, const struct input *in, struct tetlod_error *error)
 {
@@ -408,6 +433,8 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     struct build_options *options = &request->build;
     options->controls = in->controls;
     options->control_count = in->count;
+    if (request->by_share && !options->series)
+        TETLOD_TRY(allow_share(options, &in->mesh, error));
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
     if (!options->spools)
         scratch_memory_stay();
@@ -434,16 +461,36 @@ static enum tetlod_status fit_share(struct build_request *request, struct tetlod
     return TETLOD_OK;
 }
 
+/* The exit status of a failure. Of ranks the one that has failed by itself is heard. */
+static int fail(const struct build_request *request, const struct tetlod_error *error)
+{
+    bool is_others = error->status == TETLOD_ERR_CANCELLED && request->reading.options.sharing;
+    return is_others ? EXIT_FAILED : cli_fail(error);
+}
+
+/* What a helper is called for besides the build: it reads pieces, and hears what its share of the memory is. */
+static enum tetlod_status help_otherwise(void *opaque, enum work_call call, struct tetlod_error *error)
+{
+    const struct build_request *request = opaque;
+    const struct work_share *share = request->build.share;
+    uint64_t bytes = 0;
+    if (call == CALL_PIECES)
+        return io_read_help(share, &request->reading.options, error);
+    share->pass(share->opaque, &bytes, sizeof bytes);
+    scratch_memory_allow(bytes);
+    return TETLOD_OK;
+}
+
 /* Of one that has no mesh. */
-static int help_others(const struct build_request *request)
+static int help_others(struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
-    enum tetlod_status status = scratch_memory_take(request->scratch, request->build.memory, &error);
+    enum tetlod_status status = take_memory(request, &error);
     if (status == TETLOD_OK)
-        status = build_helper(request->build.share, request->build.threads, &error);
+        status = build_helper(request->build.share, request->build.threads, help_otherwise, request, &error);
     if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
         error = inner;
-    return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+    return status == TETLOD_OK ? EXIT_DONE : fail(request, &error);
 }
 
 /* One of them writes. */
@@ -461,7 +508,7 @@ static int build(struct build_request *request)
     struct input in;
     struct topology_spool spool = {0};
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    enum tetlod_status status = scratch_memory_take(request->scratch, request->build.memory, &error);
+    enum tetlod_status status = take_memory(request, &error);
     in = (struct input){0};
     if (status == TETLOD_OK)
         status = prepare(request, &in, &error);
@@ -484,7 +531,7 @@ static int build(struct build_request *request)
     }
     if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
         error = inner;
-    int result = status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+    int result = status == TETLOD_OK ? EXIT_DONE : fail(request, &error);
     if (status == TETLOD_OK && !request->quiet)
         build_notes(request, &in.read, &in.mesh, in.controls, in.count, &report);
     if (status == TETLOD_OK && request->json)
@@ -500,10 +547,13 @@ static int build(struct build_request *request)
 int build_together(int argc, char **argv, const struct work_share *share)
 {
     struct build_request request;
+    const struct io_sharing sharing = {.share = share};
     int result = build_request_parse(&request, argc, argv);
     if (result != EXIT_DONE)
         return result;
     request.build.share = share;
+    if (share && share->call && !share->keeps_parts)
+        request.reading.options.sharing = &sharing;
     if (work_helps(share))
         return help_others(&request);
     request.quiet |= !build_writes(&request.build);

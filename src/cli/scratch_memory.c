@@ -46,6 +46,9 @@ static const double MEMORY_SHARE = 0.25;
 static const double MIN_LEFT = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
 enum { LOOK_AGAIN = 250000, BETWEEN = 5 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
+/* Where more is free than all threads bring in meanwhile, the next look is later: so many times as late at most. */
+enum { LATEST = 16 };
+
 struct region {
     char *at;
     size_t size; /* in bytes, whole pages */
@@ -56,8 +59,10 @@ struct region {
 static struct {
     atomic_bool on, stays;
     atomic_uint watched; /* threads */
-    size_t page, smallest, piece;
-    uint64_t limit, libraries, in_memory, in_files, peak, given_back;
+    size_t page, piece;
+    atomic_size_t smallest;
+    atomic_ullong limit;
+    uint64_t libraries, in_memory, in_files, peak, given_back;
     int statm; /* file of the system that says what is resident */
     int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
@@ -182,29 +187,54 @@ static void take_pieces(uint64_t low)
     }
 }
 
+/* This thread's timer, and how many times LOOK_AGAIN it waits. */
+static _Thread_local timer_t own_timer;
+static _Thread_local unsigned own_wait;
+
+static bool set_wait(unsigned times)
+{
+    const long wait = (long)times * LOOK_AGAIN;
+    own_wait = times;
+    return timer_settime(own_timer, 0, &(struct itimerspec){{.tv_nsec = wait}, {.tv_nsec = wait}}, NULL) == 0;
+}
+
+/* A signal and a look take some microseconds of each thread: programs that wait for others would do little else. */
+static void wait_by(struct resident now)
+{
+    uint64_t most = allowed(), between = BETWEEN * (uint64_t)atomic_load(&memory.watched);
+    uint64_t left = now.all < most ? most - now.all : 0;
+    unsigned times = 1;
+    while (times < LATEST && 2 * times * between <= left)
+        times *= 2;
+    if (times != own_wait)
+        set_wait(times);
+}
+
 /* Takes pages of files until little is resident. A signal's handler: where its thread has the lock, the next one takes
  * them. While another thread takes them, this one waits: it would bring in more. */
 static void take_pages(int signal)
 {
     const int before = errno;
+    const struct resident now = look();
     (void)signal;
-    if (!has_lock && is_above(look(), allowed())) {
+    if (!has_lock && is_above(now, allowed())) {
         lock();
         take_pieces(allowed() - (uint64_t)(GIVEN_BACK * (double)memory.limit));
         unlock();
     }
+    wait_by(now);
     errno = before;
 }
 
 /* A timer whose signal this thread gets. */
 static bool watch_thread(timer_t *out)
 {
-    const struct itimerspec every = {{.tv_nsec = LOOK_AGAIN}, {.tv_nsec = LOOK_AGAIN}};
     struct sigevent event = {.sigev_notify = SIGEV_THREAD_ID, .sigev_signo = SIGPROF};
     event._sigev_un._tid = gettid(); // glibc has no other name for it
     if (timer_create(CLOCK_MONOTONIC, &event, out) != 0)
         return false;
-    if (timer_settime(*out, 0, &every, NULL) != 0) {
+    own_timer = *out;
+    if (!set_wait(1)) {
         timer_delete(*out);
         return false;
     }
@@ -252,13 +282,19 @@ int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void
     return failed;
 }
 
+static void set_limit(uint64_t limit)
+{
+    atomic_store(&memory.limit, limit);
+    atomic_store(&memory.smallest, limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION);
+    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
+}
+
 /* Of this process: a child's are its own. */
 static bool watch_process(uint64_t limit)
 {
     memory.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
     memory.single = open_single();
-    memory.limit = limit;
-    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
+    set_limit(limit);
     return memory.statm >= 0 && start_watching();
 }
 
@@ -280,7 +316,6 @@ enum tetlod_status scratch_memory_begin(uint64_t limit, struct tetlod_error *err
     TETLOD_TRY(spool_open(&probe, error));
     spool_close(&probe);
     memory.page = (size_t)sysconf(_SC_PAGESIZE);
-    memory.smallest = limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION;
     bool watched = watch_process(limit);
     memory.libraries = look().files;
     if (!watched || pthread_atfork(lock, unlock, begin_in_child) != 0)
@@ -294,6 +329,14 @@ enum tetlod_status scratch_memory_take(const char *folder, uint64_t limit, struc
     if (folder && setenv("TMPDIR", folder, 1) != 0)
         return tetlodi_fail_nomem(error, "the environment", strlen(folder));
     return limit ? scratch_memory_begin(limit, error) : TETLOD_OK;
+}
+
+void scratch_memory_allow(uint64_t limit)
+{
+    lock();
+    if (atomic_load(&memory.on) && limit > atomic_load(&memory.limit))
+        set_limit(limit);
+    unlock();
 }
 
 void scratch_memory_stay(void)
@@ -502,7 +545,7 @@ static void *resize_region(struct region *region, size_t size)
 
 static bool is_large(size_t size)
 {
-    return atomic_load_explicit(&memory.on, memory_order_relaxed) && size >= memory.smallest;
+    return atomic_load_explicit(&memory.on, memory_order_relaxed) && size >= atomic_load(&memory.smallest);
 }
 
 /* Regions begin with a page; hardly anything else does. */

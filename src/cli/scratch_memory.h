@@ -25,6 +25,9 @@ TETLOD_CHECKED enum tetlod_status scratch_memory_begin(uint64_t limit, struct te
 /* What the options --scratch and --memory ask for: NULL, and 0, where they are not given. */
 TETLOD_CHECKED enum tetlod_status scratch_memory_take(const char *folder, uint64_t limit, struct tetlod_error *error);
 
+/* More may be resident than was said at first. */
+void scratch_memory_allow(uint64_t limit);
+
 /* All that is needed fits into memory: arrays that are made from now on are not in files. */
 void scratch_memory_stay(void);
 

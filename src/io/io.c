@@ -10,12 +10,14 @@
 #include "src/io/read_input.h"
 #include "src/io/readers/readers.h"
 #include "src/io/registry.h"
+#include "src/io/services/pieces.h"
 #include "src/mesh/cell_average.h"
 #include "src/mesh/ids.h"
 #include "src/mesh/nan_fill.h"
 #include "src/mesh/originals.h"
 #include "src/mesh/tet_clean.h"
 #include "src/util/array.h"
+#include "src/util/channel.h"
 
 bool io_format(size_t number, struct io_format *out)
 {
@@ -197,6 +199,8 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
                            struct io_report *report, struct tetlod_error *error)
 {
     struct io_report unasked;
+    struct io_read_options own;
+    struct io_sharing sharing;
     const char *solution = options ? options->solution : NULL;
     const struct format *format = format_by_extension(path);
     char *names[2] = {NULL, NULL};
@@ -204,6 +208,13 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     report = report ? report : &unasked;
     *report = (struct io_report){0};
     *out = (struct tetmesh){0};
+    if (options && options->sharing) {
+        sharing = *options->sharing;
+        sharing.path = path;
+        own = *options;
+        own.sharing = &sharing;
+        options = &own;
+    }
     if (!format || format->files != SIBLING)
         status = read_files(out, path, solution, options, report, error);
     else if (solution)
@@ -220,6 +231,27 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     if (status != TETLOD_OK)
         tetmesh_fini(out);
     return status;
+}
+
+enum tetlod_status io_read_help(const struct work_share *share, const struct io_read_options *options,
+                                struct tetlod_error *error)
+{
+    struct channel channel = {share, TETLOD_OK};
+    struct io_sharing sharing = {.share = share};
+    struct io_read_options own = *options;
+    struct tetmesh none;
+    char *path = channel_text(&channel, NULL), *time = channel_text(&channel, NULL);
+    CHANNEL_VALUE(&channel, sharing.pieces);
+    own.sharing = &sharing;
+    own.time = time;
+    enum tetlod_status status = path ? io_read(&none, path, &own, NULL, error) : channel.status;
+    if (status == TETLOD_OK) { // it has no pieces here
+        tetmesh_fini(&none);
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "%.400s: is another file where the first rank is", path);
+    }
+    free(path);
+    free(time);
+    return status == TETLOD_MORE ? TETLOD_OK : status;
 }
 
 bool io_is_stream(const char *path)

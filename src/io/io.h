@@ -12,11 +12,17 @@
 #include "src/io/writers/vtkhdf_stream.h"
 #include "src/io/writers/writers.h"
 #include "src/mesh/tetmesh.h"
+#include "src/util/work_share.h"
 
 /* Reads and validates (tetmesh_validate) a mesh file. `report` may be NULL. Every message starts with the path. ERR_IO
  * for what the system refuses (missing, unreadable, a directory), ERR_MESH for contents. On failure *out is empty. */
 TETLOD_CHECKED enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error);
+
+/* Of a helper that is called for CALL_PIECES (work_share.h): reads its part of them, with the options that the one that
+ * leads has. */
+TETLOD_CHECKED enum tetlod_status io_read_help(const struct work_share *share, const struct io_read_options *options,
+                                               struct tetlod_error *error);
 
 /* A format, for a list of them. */
 struct io_format {

@@ -248,7 +248,7 @@ enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
     struct build_control *controls = NULL;
     enum tetlod_status status = library_options(options, &given, &build, error);
     if (status == TETLOD_OK && work_helps(share))
-        return build_helper(share, build.threads, error);
+        return build_helper(share, build.threads, NULL, NULL, error);
     build.share = share;
     build.paged = share ? BUILD_CELL_TETS : build.paged; // programs that build together do so by cells
     if (status == TETLOD_OK)

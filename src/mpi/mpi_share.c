@@ -28,6 +28,7 @@ struct result {
     unsigned char *bytes;
     uint64_t size;
     double begun; /* processor seconds of its thread */
+    bool arrived; /* the bytes are in mpi_share.arrived */
 };
 
 /* What a stage costs this rank. */
@@ -54,6 +55,7 @@ struct mpi_share {
     enum tetlod_status served; /* what it has come to, and why */
     struct tetlod_error why;
     struct result *results; /* [part] */
+    unsigned char *arrived; /* on rank 0: all that others have done, in one array, which may be in a file */
     bool over, told;     /* a rank has failed, as all know; it was another one */
     bool ended;          /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
@@ -116,9 +118,12 @@ static enum tetlod_status other_failed(struct tetlod_error *error)
 static void drop_results(struct mpi_share *share)
 {
     for (uint32_t part = 0; part < share->parts && share->results; part++)
-        free(share->results[part].bytes);
+        if (!share->results[part].arrived)
+            free(share->results[part].bytes);
     free(share->results);
+    free(share->arrived);
     share->results = NULL;
+    share->arrived = NULL;
     share->parts = 0;
 }
 
@@ -301,17 +306,23 @@ static bool list_results(const struct mpi_share *share, uint64_t **out)
 /* Room for what others have done, on rank 0. */
 static bool make_room(struct mpi_share *share, const uint64_t *list)
 {
+    uint64_t all = 0, at = 0;
     for (uint32_t part = 0; part < share->parts && share->rank == 0; part++) {
-        struct result *result = &share->results[part];
         this_stage(share)->results += list[2 * (size_t)part + 1];
+        all += share->results[part].bytes ? 0 : list[2 * (size_t)part + 1];
+    }
+    if (share->rank)
+        return true;
+    share->arrived = array_new(all, 1);
+    for (uint32_t part = 0; part < share->parts && share->arrived; part++) {
+        struct result *result = &share->results[part];
         if (result->bytes)
             continue;
-        *result = (struct result){array_new(list[2 * (size_t)part + 1], 1), list[2 * (size_t)part + 1], 0};
-        share->moved += result->size;
-        if (!result->bytes)
-            return false;
+        *result = (struct result){share->arrived + at, list[2 * (size_t)part + 1], 0, true};
+        at += result->size;
     }
-    return true;
+    share->moved += all;
+    return share->arrived != NULL;
 }
 
 /* Rank 0 is the other one, or the owner. */

@@ -6,7 +6,10 @@
 #include "src/measure/measure_shared.h"
 #include "src/util/parallel.h"
 
-enum tetlod_status build_helper(const struct work_share *share, unsigned threads, struct tetlod_error *error)
+enum tetlod_status build_helper(const struct work_share *share, unsigned threads,
+                                enum tetlod_status (*other)(void *opaque, enum work_call call,
+                                                            struct tetlod_error *error),
+                                void *opaque, struct tetlod_error *error)
 {
     enum work_call call = CALL_OVER;
     threads = threads ? threads : parallel_cores();
@@ -16,7 +19,11 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
             return TETLOD_OK;
         if (call == CALL_IDLE)
             TETLOD_TRY(measure_idle(share, error));
+        else if (call == CALL_CELLS)
+            TETLOD_TRY(cells_help(share, threads, error));
+        else if (call == CALL_SAMPLES)
+            TETLOD_TRY(measure_help(share, threads, error));
         else
-            TETLOD_TRY(call == CALL_CELLS ? cells_help(share, threads, error) : measure_help(share, threads, error));
+            TETLOD_TRY(other(opaque, call, error));
     }
 }

@@ -5,9 +5,12 @@
 
 #include "src/util/work_share.h"
 
-/* Does what it is called for, until the build is over. `threads` 0: all cores. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED:
- * another member has failed. */
+/* Does what it is called for, until the build is over. `threads` 0: all cores. What is no part of building, reading and
+ * memory, is `other`'s, which may be NULL where nobody calls for it. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED: another
+ * member has failed; or what `other` fails with. */
 TETLOD_CHECKED enum tetlod_status build_helper(const struct work_share *share, unsigned threads,
-                                               struct tetlod_error *error);
+                                               enum tetlod_status (*other)(void *opaque, enum work_call call,
+                                                                           struct tetlod_error *error),
+                                               void *opaque, struct tetlod_error *error);
 
 #endif

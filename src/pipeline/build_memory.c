@@ -17,6 +17,10 @@ enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONEN
  * a tetrahedron of a cell: measured. */
 enum { CELL_TET = 300, ROOT_TET = 600 };
 
+/* What a library that joins programs takes (OpenMPI: 20 MB, measured), and room to work: a mesh that takes little more
+ * than that is not worth files. */
+enum { SHARING = 128 << 20 };
+
 static unsigned long long megabytes(uint64_t bytes)
 {
     return (bytes >> 20) + 1;
@@ -56,6 +60,17 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
 uint64_t build_spooled_bytes(const struct build_options *options)
 {
     return PROGRAM + options->paged * (uint64_t)(CELL_TET * options->threads + ROOT_TET);
+}
+
+uint64_t build_share_bytes(const struct tetmesh *mesh, const struct build_options *options, uint32_t members)
+{
+    struct build_options whole = *options, cells = *options;
+    whole.paged = 0;
+    cells.paged = options->paged ? options->paged : BUILD_CELL_TETS;
+    uint64_t least = SHARING + build_spooled_bytes(&cells);
+    uint64_t share = mesh ? build_bytes(mesh, &whole) / members : 0;
+    share += share / 2 + 2 * (uint64_t)CELL_TET * cells.paged;
+    return share > least ? share : least;
 }
 
 enum tetlod_status build_fit_memory(const struct tetmesh *mesh, struct build_options *options,

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Meshes in pieces that know the numbers of the whole one: what is read does not tell into which pieces it was cut."""
 import os
+import re
 
 import numpy as np
 import vtk
 
 from common import CONFIG, case, finish, must, path, report, tetlod, write
+import mpi_job
 from meshes import add_arrays, converted, tet_mesh, vtk_mesh
 
 PIECES = 3
@@ -64,6 +66,20 @@ def vtk_case():
     save_pvtu(*mesh, pieces, [pieces[(p + 1) % PIECES][:20] for p in range(PIECES)])
     whole, (parts, said) = as_vtu('whole.vtu')[0], as_vtu('all.pvtu')
     return None if parts == whole and '%d ghost' % (20 * PIECES) in said else said
+
+
+def ranks_case(name, field):
+    """Ranks that read some pieces each build what one program does."""
+    differs = mpi_job.same((2,), [path(name)], '--field', field, '--paged=300')
+    done = mpi_job.mpi(2, 'build', path(name), '-o', 'many.tetlod', '--field', field, '--quiet', '--model', '2')
+    return differs or (None if re.search(r'\n1 +%d ' % PIECES, done.stdout.decode()) else done)  # the first stage
+
+
+def ranks_fail():
+    """The rank that reads the piece says that it is not there."""
+    done = mpi_job.mpi(2, 'build', path('in.e.3.0'), '-o', path('no.tetlod'))
+    said = mpi_job.own_lines(done)
+    return None if done.returncode and len(said) == 1 and 'piece 2 of 3' in said[0] else done
 
 
 def stream_case():
@@ -167,6 +183,9 @@ def missing_piece_case():
 case('VTK: numbers of points and cells, with ghosts', vtk_case)
 if CONFIG == 'release':
     case('VTK: the same levels', stream_case)
+NO_RANKS = mpi_job.missing()
+if not NO_RANKS:
+    case('VTK: pieces and their ghosts, by ranks', ranks_case, 'all.pvtu', 'heat')
 case('VTK: a crack is not glued', crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
@@ -177,5 +196,9 @@ except ImportError as missing:
     finish()
 case('Exodus: pieces with maps', exodus_case, True)
 case('Exodus: pieces without maps', exodus_case, False)
+if not NO_RANKS:
+    case('Exodus: pieces, by ranks', ranks_case, 'in.e.3.0', 'heat')
 case('Exodus: a piece that is not there', missing_piece_case)
+if not NO_RANKS:
+    case('Exodus: a piece that no rank finds', ranks_fail)
 finish()

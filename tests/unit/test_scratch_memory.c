@@ -127,10 +127,28 @@ static void test_single_pages(void)
     free((void *)(uintptr_t)bytes);
 }
 
+/* What is allowed later is used, and what was allowed is not taken back. */
+static void test_allowed_later(void)
+{
+    enum { SIZE = 64 * MEGABYTE };
+    if (SANITIZED)
+        SKIP("what sanitizers take is resident, too");
+    scratch_memory_allow(3 * (uint64_t)LIMIT);
+    scratch_memory_allow(LIMIT);
+    volatile char *bytes = malloc(2 * SIZE); // a region of a file: for memory it is too large
+    REQUIRE(bytes);
+    size_t before = resident();
+    for (size_t at = 0; at < 2 * SIZE; at += 4096)
+        bytes[at] = 1;
+    CHECK(resident() - before > SIZE + SIZE / 2); // more than the whole limit before
+    free((void *)(uintptr_t)bytes);
+}
+
 int main(void)
 {
     RUN(test_stays_below);
     RUN(test_single_pages);
     RUN(test_grows);
+    RUN(test_allowed_later);
     return test_end();
 }

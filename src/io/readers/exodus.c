@@ -18,6 +18,7 @@
 #include "format/fail.h"
 #include "src/io/services/contain.h"
 #include "src/io/readers/readers.h"
+#include "src/io/services/pieces.h"
 #include "src/io/services/time_steps.h"
 #include "src/util/array.h"
 
@@ -584,29 +585,28 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     return status;
 }
 
-/* One piece, or all. */
-static enum tetlod_status read_pieces(struct blocks *out, const struct io_input *input, struct io_report *report,
-                                      struct tetlod_error *error)
-{
+/* The pieces that one of them belongs to. */
+struct exodus_pieces {
     size_t name;
     unsigned count, digits;
-    enum tetlod_status status = TETLOD_OK;
-    is_piece(input->path, &name, &count, &digits);
-    for (unsigned i = 0; i < count && status == TETLOD_OK; i++) {
-        char path[4200];
-        struct tetlod_error inner = {0};
-        struct opened_input opened;
-        struct io_input piece = *input;
-        snprintf(path, sizeof path, "%.*s.%u.%0*u", (int)name, input->path, count, (int)digits, i);
-        status = io_input_open(&opened, &piece, path, &inner);
-        piece.path = path;
-        if (status == TETLOD_OK)
-            status = contain_read(read_file, out, &piece, report, &inner);
-        io_input_close(&opened);
-        if (status != TETLOD_OK)
-            tetlodi_fail(error, status, "piece %u of %u: %.400s", i, count, inner.message);
-    }
-    return status;
+};
+
+static enum tetlod_status read_piece(void *opaque, uint32_t i, struct blocks *out, const struct io_input *input,
+                                     struct io_report *report, struct tetlod_error *error)
+{
+    const struct exodus_pieces *of = opaque;
+    char path[4200];
+    struct tetlod_error inner = {0};
+    struct opened_input opened;
+    struct io_input piece = *input;
+    snprintf(path, sizeof path, "%.*s.%u.%0*u", (int)of->name, input->path, of->count, (int)of->digits, i);
+    enum tetlod_status status = io_input_open(&opened, &piece, path, &inner);
+    piece.path = path;
+    if (status == TETLOD_OK)
+        status = contain_read(read_file, out, &piece, report, &inner);
+    io_input_close(&opened);
+    return status == TETLOD_OK ? status
+                               : tetlodi_fail(error, status, "piece %u of %u: %.400s", i, of->count, inner.message);
 }
 
 /* Classic netCDF by its magic; in HDF5 files the names of Exodus are looked for. */
@@ -622,10 +622,10 @@ bool exodus_sniff(const unsigned char *bytes, size_t size)
 enum tetlod_status exodus_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                struct tetlod_error *error)
 {
-    size_t name;
-    unsigned count, digits;
+    struct exodus_pieces of;
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a netCDF file, which cannot be read from memory");
-    return is_piece(input->path, &name, &count, &digits) ? read_pieces(out, input, report, error)
-                                                         : contain_read(read_file, out, input, report, error);
+    if (!is_piece(input->path, &of.name, &of.count, &of.digits))
+        return contain_read(read_file, out, input, report, error);
+    return pieces_read(&(const struct piece_list){of.count, read_piece, &of}, out, input, report, error);
 }

@@ -13,6 +13,7 @@
 #include "format/fail.h"
 #include "src/io/readers/foam_cells.h"
 #include "src/io/readers/readers.h"
+#include "src/io/services/pieces.h"
 #include "src/io/services/time_steps.h"
 #include "src/util/array.h"
 
@@ -347,28 +348,39 @@ static enum tetlod_status find_piece(const char *folder, const struct contents *
     return TETLOD_OK;
 }
 
+/* A case that is decomposed. */
+struct decomposed {
+    const char *folder;
+    const struct contents *whole;
+};
+
+static enum tetlod_status read_processor(void *opaque, uint32_t p, struct blocks *out, const struct io_input *input,
+                                         struct io_report *report, struct tetlod_error *error)
+{
+    const struct decomposed *of = opaque;
+    struct collated collated = of->whole->collated;
+    char path[4500], name[48], *there = NULL;
+    struct io_input piece = *input;
+    struct tetlod_error inner = {0};
+    TETLOD_TRY(find_piece(of->folder, of->whole, p, &collated, name, &piece.part, error));
+    snprintf(path, sizeof path, "%s/constant/polyMesh", name);
+    TETLOD_TRY(io_resolve(input, path, &there, error)); // is it below the case's folder?
+    free(there);
+    snprintf(path, sizeof path, "%.4096s/%s/case.foam", of->folder, name);
+    piece.path = path;
+    enum tetlod_status status = read_mesh(out, &piece, true, report, &inner);
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
+}
+
 /* The pieces meet in points of the same number or, where these are not there, in points that are the same bit for
  * bit. */
 static enum tetlod_status read_processors(struct blocks *out, const struct io_input *input, const char *folder,
                                           const struct contents *whole, struct io_report *report,
                                           struct tetlod_error *error)
 {
-    struct collated collated = whole->collated;
-    for (uint32_t p = 0; p < (whole->processors ? whole->processors : whole->collated.count); p++) {
-        char path[4500], name[48], *there = NULL;
-        struct io_input piece = *input;
-        struct tetlod_error inner = {0};
-        TETLOD_TRY(find_piece(folder, whole, p, &collated, name, &piece.part, error));
-        snprintf(path, sizeof path, "%s/constant/polyMesh", name);
-        TETLOD_TRY(io_resolve(input, path, &there, error)); // is it below the case's folder?
-        free(there);
-        snprintf(path, sizeof path, "%.4096s/%s/case.foam", folder, name);
-        piece.path = path;
-        enum tetlod_status status = read_mesh(out, &piece, true, report, &inner);
-        if (status != TETLOD_OK)
-            return tetlodi_fail(error, status, "processor%u: %.400s", p, inner.message);
-    }
-    return TETLOD_OK;
+    struct decomposed of = {folder, whole};
+    const struct piece_list list = {whole->processors ? whole->processors : whole->collated.count, read_processor, &of};
+    return pieces_read(&list, out, input, report, error);
 }
 
 /* A case that has been decomposed may still have its mesh as a whole: what has the later results is read. */

@@ -9,6 +9,7 @@
 
 #include "format/fail.h"
 #include "src/io/readers/readers.h"
+#include "src/io/services/pieces.h"
 #include "src/io/services/time_steps.h"
 #include "src/io/readers/vtkxml_document.h"
 #include "src/util/array.h"
@@ -68,6 +69,13 @@ static enum tetlod_status read_grid(const struct vtkxml_document *document, stru
     return status;
 }
 
+static enum tetlod_status read_numbered(void *opaque, uint32_t piece, struct blocks *out, const struct io_input *input,
+                                        struct io_report *report, struct tetlod_error *error)
+{
+    const struct vtkxml_document *document = opaque;
+    return read_piece(document, &document->pieces[piece], out, input, report, error);
+}
+
 static enum tetlod_status read_pieces(const struct vtkxml_document *document, struct blocks *out,
                                       const struct io_input *input, struct io_report *report,
                                       struct tetlod_error *error)
@@ -76,9 +84,8 @@ static enum tetlod_status read_pieces(const struct vtkxml_document *document, st
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no Piece in it");
     if (is_structured(document))
         return read_grid(document, out, input, report, error);
-    for (size_t p = 0; p < document->piece_count; p++)
-        TETLOD_TRY(read_piece(document, &document->pieces[p], out, input, report, error));
-    return TETLOD_OK;
+    const struct piece_list list = {(uint32_t)document->piece_count, read_numbered, (void *)(uintptr_t)document};
+    return pieces_read(&list, out, input, report, error);
 }
 
 /* The times of a collection, and which of them is asked for; *has_time: whether it has any. */
@@ -126,6 +133,13 @@ static bool has_blocks(const char *path)
     return false;
 }
 
+static enum tetlod_status read_file(void *opaque, uint32_t number, struct blocks *out, const struct io_input *input,
+                                    struct io_report *report, struct tetlod_error *error)
+{
+    const char *const *files = opaque;
+    return io_read_named(out, input, files[number], report, error);
+}
+
 /* The part as a whole where it is in the block that is asked for; if no part is, those blocks in it. */
 static enum tetlod_status read_parts(const struct vtkxml_document *document, struct blocks *out,
                                      const struct io_input *input, struct io_report *report, struct tetlod_error *error)
@@ -135,23 +149,27 @@ static enum tetlod_status read_parts(const struct vtkxml_document *document, str
     const char *wanted = whole.block;
     struct io_input inner = *input;
     double time = 0;
-    bool has_time, found = false, is_here = false;
+    bool has_time, is_here = false;
     TETLOD_TRY(choose_time(document, input, &time, &has_time, report, error));
     report->names_blocks = true;
     for (size_t p = 0; p < document->part_count && wanted && !is_here; p++)
         is_here = block_path_has(document->parts[p].path, wanted);
     whole.block = NULL;
     inner.options = !wanted || is_here ? &whole : options;
+    const char **files = array_new(document->part_count, sizeof *files);
+    struct piece_list list = {0, read_file, files};
+    if (!files)
+        return tetlodi_fail_nomem(error, "the files", document->part_count * sizeof *files);
     for (size_t p = 0; p < document->part_count; p++) {
         const struct vtkxml_part *part = &document->parts[p];
-        if (has_time && (!part->has_time || part->time != time))
-            continue;
-        if (wanted && !(is_here ? block_path_has(part->path, wanted) : has_blocks(part->file)))
-            continue;
-        found = true;
-        TETLOD_TRY(io_read_named(out, &inner, part->file, report, error));
+        if ((!has_time || (part->has_time && part->time == time)) &&
+            (!wanted || (is_here ? block_path_has(part->path, wanted) : has_blocks(part->file))))
+            files[list.count++] = part->file;
     }
-    return found ? TETLOD_OK : fail_block(document, wanted ? wanted : "", error);
+    enum tetlod_status status = list.count ? pieces_read(&list, out, &inner, report, error)
+                                           : fail_block(document, wanted ? wanted : "", error);
+    free(files);
+    return status;
 }
 
 enum tetlod_status vtkxml_read(struct blocks *out, const struct io_input *input, struct io_report *report,

@@ -8,6 +8,14 @@
 #include <stdint.h>
 
 struct nan_fill;
+struct work_share;
+
+/* Programs that read pieces of a file together (pieces.h). The rest io_read fills in. */
+struct io_sharing {
+    const struct work_share *share;
+    const char *path; /* of the file that io_read was asked for */
+    uint32_t pieces;  /* of a helper: how many the one that leads has found */
+};
 
 enum cell_data { CELL_DATA_KEEP, CELL_DATA_AVERAGE, CELL_DATA_DROP };
 
@@ -23,6 +31,7 @@ struct io_read_options {
     bool keep_cells;      /* the mesh has the cells, too, that were split (originals.h) */
     const char *output;   /* the file that will be written: a file that a file names may not be it; or NULL */
     bool follow;          /* files that a file names may be outside its folder */
+    const struct io_sharing *sharing; /* or NULL */
 };
 
 /* What a reader did that its user should know. */
@@ -51,6 +60,9 @@ struct io_report {
     char left_out[256];      /* names of these kinds, as many as fit */
     uint32_t averaged_fields; /* cell fields that became point fields */
 };
+
+/* Adds what was done to a part of the file. */
+void io_report_add(struct io_report *report, const struct io_report *part);
 
 /* Counts an array that is left out, in one of the two counters, and notes its name of `length` bytes. */
 void io_leave_out(struct io_report *report, uint32_t *counter, const char *name, size_t length);
