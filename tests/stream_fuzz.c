@@ -238,15 +238,14 @@ static void seal_pages(const struct tetlodi_index *index, uint8_t *bytes, size_t
         return;
     uint8_t *at = bytes + section->frame.offset;
     if (tetlodi_page_table_decode(&table, levels, fields, at, (size_t)section->frame.size, NULL) == TETLOD_OK) {
-        for (uint32_t g = 0; g < table.group_count; g++)
-            for (uint32_t part = 0; part <= fields; part++) {
-                uint64_t offset = index->frames[(table.first_level + g) * (fields + (size_t)1) + part].offset;
-                for (uint32_t p = 0; p < table.groups[g].page_count; p++) {
-                    struct tetlodi_page_frame *frame = tetlodi_page_frame(&table, fields, &table.groups[g], p, part);
-                    if (offset <= size && frame->size <= size - offset)
-                        tetlodi_digest(bytes + offset, frame->size, frame->digest);
-                    offset += frame->size;
-                }
+        uint64_t offset = index->info.levels[table.first_level].offset;
+        for (const struct tetlodi_group *group = table.groups; group < table.groups + table.group_count; group++)
+            for (size_t i = 0; i < (fields + (size_t)1) * group->page_count; i++) {
+                struct tetlodi_page_place place = tetlodi_page_place(i, group->page_count, 1 + fields);
+                struct tetlodi_page_frame *frame = tetlodi_page_frame(&table, fields, group, place.page, place.part);
+                if (offset <= size && frame->size <= size - offset)
+                    tetlodi_digest(bytes + offset, frame->size, frame->digest);
+                offset += frame->size;
             }
         tetlodi_page_table_encode(&table, table.group_count, fields, &out);
         if (!out.failed && out.size == section->frame.size)
@@ -269,7 +268,8 @@ static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
     for (uint32_t k = 0; k < index.info.level_count; k++)
         for (size_t part = 0; part <= fields; part++) {
             const struct tetlodi_frame *frame = &index.frames[k * (fields + 1) + part];
-            if (frame->offset <= size && frame->size <= size - frame->offset)
+            const bool in_pages = memcmp(frame->digest, (const uint8_t[DIGEST_SIZE]){0}, DIGEST_SIZE) == 0;
+            if (!in_pages && frame->offset <= size && frame->size <= size - frame->offset)
                 tetlodi_digest(bytes + frame->offset, (size_t)frame->size,
                                levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
         }

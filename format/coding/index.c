@@ -87,6 +87,27 @@ enum tetlod_status tetlodi_finest_held(const struct tetlodi_index *index, struct
     return tetlodi_check_held(index->info.level_count - 1, index->info.vertices, index->info.tets, error);
 }
 
+size_t tetlodi_frame_count(const struct tetlodi_index *index, uint32_t level)
+{
+    const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
+    return (1 + (size_t)index->info.field_count) * (group ? group->page_count : 1);
+}
+
+struct tetlodi_frame tetlodi_frame_at(const struct tetlodi_index *index, uint32_t level, size_t i, uint32_t *out_part)
+{
+    const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
+    const uint32_t fields = index->info.field_count;
+    *out_part = (uint32_t)i;
+    if (!group)
+        return index->frames[level * (1 + (size_t)fields) + i];
+    const struct tetlodi_page_place place = tetlodi_page_place(i, group->page_count, 1 + fields);
+    const struct tetlodi_page_frame *frame = tetlodi_page_frame(&index->pages, fields, group, place.page, place.part);
+    struct tetlodi_frame out = {.offset = frame->offset, .size = frame->size};
+    memcpy(out.digest, frame->digest, DIGEST_SIZE);
+    *out_part = place.part;
+    return out;
+}
+
 uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level)
 {
     const struct tetlod_level *of = &index->info.levels[level];

@@ -20,7 +20,7 @@ enum {
 };
 
 /* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the
- * geometry's, the fields' follow. */
+ * geometry's, the fields' follow. Those of a level in pages have neither offset nor digest: its pages' frames do. */
 struct tetlodi_index {
     struct tetlod_info info;
     struct tetlod_field *fields;
@@ -53,6 +53,10 @@ bool tetlodi_index_allocate_sections(struct tetlodi_index *index);
 /* What the frames of a part give up to a level: vertices and tetrahedra, or a field's values, those of the tail as well
  * (SPEC 2.3). */
 uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part);
+
+/* The frames of a level in the order of the stream: one of each part, or, of a level in pages, those of its pages. */
+size_t tetlodi_frame_count(const struct tetlodi_index *index, uint32_t level);
+struct tetlodi_frame tetlodi_frame_at(const struct tetlodi_index *index, uint32_t level, size_t i, uint32_t *out_part);
 
 /* What a step of a field at a level counts: vertices and tetrahedra, times components. */
 uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level);

@@ -55,6 +55,19 @@ uint32_t tetlodi_level_of_page(const struct tetlodi_page_table *table, uint32_t 
 struct tetlodi_page_frame *tetlodi_page_frame(const struct tetlodi_page_table *table, uint32_t field_count,
                                               const struct tetlodi_group *group, uint32_t page, uint32_t part);
 
+/* Which frame of which page is number i of a group's, in the order of the stream (SPEC 7.6): geometry and first field
+ * page by page, then each other field, page by page. */
+struct tetlodi_page_place {
+    uint32_t page, part;
+};
+
+static inline struct tetlodi_page_place tetlodi_page_place(size_t i, uint32_t pages, uint32_t parts)
+{
+    const size_t beside = parts < 2 ? parts : 2;
+    return i < beside * pages ? (struct tetlodi_page_place){(uint32_t)(i / beside), (uint32_t)(i % beside)}
+                              : (struct tetlodi_page_place){(uint32_t)(i % pages), (uint32_t)(i / pages)};
+}
+
 enum { PAGE_BOX_STEPS = 65535 };
 
 /* Where a step of a page's box is on an axis. */

@@ -15,6 +15,13 @@ struct piece {
     uint8_t bytes[];
 };
 
+/* A frame of the stream, in its order. */
+struct fed_frame {
+    uint64_t end;
+    uint64_t left_out; /* bytes that are left out before it */
+    bool skipped;
+};
+
 struct tetlod_feed {
     struct tetlodi_buffer bytes; /* what was added */
     uint64_t dropped;            /* bytes that were added before those */
@@ -25,9 +32,8 @@ struct tetlod_feed {
     struct tetlod_file *file;
     bool selects;
     struct tetlodi_buffer names; /* of the selected fields, each ended by NUL */
-    bool *skipped;               /* [1 + field_count], if it selects: what is left out of every level */
-    uint64_t *left_out;          /* [frames + 1] bytes that are left out before each */
-    size_t frame;                /* that the next byte belongs to */
+    struct fed_frame *frames;    /* [frame_count, and one behind], if it selects */
+    size_t frame_count, frame;   /* that the next byte belongs to */
     struct piece *pieces;
 };
 
@@ -44,11 +50,9 @@ enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod
 static void close_file(struct tetlod_feed *feed)
 {
     tetlod_close(feed->file);
-    free(feed->skipped);
-    free(feed->left_out);
+    free(feed->frames);
     feed->file = NULL;
-    feed->skipped = NULL;
-    feed->left_out = NULL;
+    feed->frames = NULL;
 }
 
 void tetlod_feed_free(struct tetlod_feed *feed)
@@ -63,17 +67,17 @@ void tetlod_feed_free(struct tetlod_feed *feed)
 }
 
 /* The first frame that ends behind one of the stream's bytes. */
-static size_t frame_at(const struct tetlodi_index *index, uint64_t offset)
+static const struct fed_frame *frame_at(const struct tetlod_feed *feed, uint64_t offset)
 {
-    size_t low = 0, high = index->info.level_count * (1 + (size_t)index->info.field_count);
+    size_t low = 0, high = feed->frame_count;
     while (low < high) {
         size_t middle = low + (high - low) / 2;
-        if (index->frames[middle].offset + index->frames[middle].size <= offset)
+        if (feed->frames[middle].end <= offset)
             low = middle + 1;
         else
             high = middle;
     }
-    return low;
+    return &feed->frames[low];
 }
 
 static const struct piece *find_piece(const struct tetlod_feed *feed, uint64_t offset, size_t size)
@@ -93,12 +97,11 @@ static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, 
         memcpy(buffer, piece->bytes + (offset - piece->offset), size);
         return TETLOD_OK;
     }
-    if (feed->left_out) {
-        const struct tetlodi_index *index = &feed->file->index;
-        size_t frame = frame_at(index, offset), part = frame % (1 + (size_t)index->info.field_count);
-        if (feed->skipped[part] && size)
+    if (feed->frames) {
+        const struct fed_frame *frame = frame_at(feed, offset);
+        if (frame->skipped && size)
             return TETLOD_ERR_FIELD;
-        offset -= feed->left_out[frame];
+        offset -= frame->left_out;
     }
     if (size && (offset < feed->dropped || offset - feed->dropped > feed->bytes.size ||
                  size > feed->bytes.size - (offset - feed->dropped)))
@@ -117,27 +120,43 @@ enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *cons
     return feed->names.failed ? tetlodi_fail_nomem(error, "the names of fields", feed->names.size) : TETLOD_OK;
 }
 
-/* Which frames of a level are left out, and how many bytes before each frame of the stream. */
-static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_error *error)
+/* skipped: [1 + field_count] what is left out of every level. */
+static enum tetlod_status find_skipped(const struct tetlod_feed *feed, bool *skipped, struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &feed->file->index;
-    size_t parts = 1 + (size_t)index->info.field_count, frames = index->info.level_count * parts;
-    feed->skipped = malloc(parts * sizeof *feed->skipped);
-    feed->left_out = malloc((frames + 1) * sizeof *feed->left_out);
-    if (!feed->skipped || !feed->left_out)
-        return tetlodi_fail_nomem(error, "a selection of fields", frames * sizeof *feed->left_out);
-    for (size_t part = 0; part < parts; part++)
-        feed->skipped[part] = part > 0;
+    const struct tetlod_info *info = &feed->file->index.info;
+    for (size_t part = 0; part <= info->field_count; part++)
+        skipped[part] = part > 0;
     for (size_t at = 0; at < feed->names.size; at += strlen((const char *)feed->names.bytes + at) + 1) {
         const char *name = (const char *)feed->names.bytes + at;
-        uint32_t field = tetlod_field_index(&index->info, name);
+        uint32_t field = tetlod_field_index(info, name);
         if (field == TETLOD_NONE)
             return tetlodi_fail(error, TETLOD_ERR_FIELD, "the stream has no field '%.128s'", name);
-        feed->skipped[1 + field] = false;
+        skipped[1 + field] = false;
     }
-    feed->left_out[0] = 0;
-    for (size_t i = 0; i < frames; i++)
-        feed->left_out[i + 1] = feed->left_out[i] + (feed->skipped[i % parts] ? index->frames[i].size : 0);
+    return TETLOD_OK;
+}
+
+/* The frames, which of them are left out, and how many bytes before each. */
+static enum tetlod_status list_frames(struct tetlod_feed *feed, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &feed->file->index;
+    bool skipped[1 + MAX_FIELDS];
+    size_t count = 0;
+    TETLOD_TRY(find_skipped(feed, skipped, error));
+    for (uint32_t level = 0; level < index->info.level_count; level++)
+        count += tetlodi_frame_count(index, level);
+    feed->frame_count = count;
+    feed->frames = calloc(count + 1, sizeof *feed->frames);
+    if (!feed->frames)
+        return tetlodi_fail_nomem(error, "a selection of fields", count * sizeof *feed->frames);
+    struct fed_frame *to = feed->frames;
+    for (uint32_t level = 0, part; level < index->info.level_count; level++)
+        for (size_t i = 0; i < tetlodi_frame_count(index, level); i++, to++) {
+            const struct tetlodi_frame frame = tetlodi_frame_at(index, level, i, &part);
+            to->end = frame.offset + frame.size;
+            to->skipped = skipped[part];
+            to[1].left_out = to->left_out + (to->skipped ? frame.size : 0);
+        }
     return TETLOD_OK;
 }
 
@@ -183,7 +202,7 @@ static enum tetlod_status open_file(struct tetlod_feed *feed, struct tetlod_erro
 {
     const struct tetlod_source source = {read_fed, feed, feed->end};
     TETLOD_TRY(tetlod_open(&feed->file, &source, &feed->options, error));
-    enum tetlod_status status = feed->selects ? find_skipped(feed, error) : TETLOD_OK;
+    enum tetlod_status status = feed->selects ? list_frames(feed, error) : TETLOD_OK;
     if (status == TETLOD_OK && feed->pointed && feed->pointed != feed->file->index.info.bytes)
         status = tetlodi_fail(error, TETLOD_ERR_STREAM,
                               "the pointer to the stream says %llu bytes, and the stream %llu",
@@ -223,12 +242,10 @@ static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **b
 static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *bytes, size_t size,
                                       struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &feed->file->index;
-    size_t parts = 1 + (size_t)index->info.field_count;
-    for (; feed->frame < index->info.level_count * parts; feed->frame++) {
-        const struct tetlodi_frame *frame = &index->frames[feed->frame];
-        uint64_t rest = frame->offset + frame->size - feed->end;
-        if (feed->skipped[feed->frame % parts]) {
+    for (; feed->frame < feed->frame_count; feed->frame++) {
+        const struct fed_frame *frame = &feed->frames[feed->frame];
+        uint64_t rest = frame->end - feed->end;
+        if (frame->skipped) {
             feed->end += rest;
             continue;
         }
@@ -318,9 +335,8 @@ uint32_t tetlod_feed_level(const struct tetlod_feed *feed)
 
 uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level)
 {
-    const struct tetlod_info *info = tetlod_info(feed->file);
-    size_t frames = (level + (size_t)1) * (1 + (size_t)info->field_count);
-    return info->levels[level].end - (feed->left_out ? feed->left_out[frames] : 0);
+    uint64_t end = tetlod_info(feed->file)->levels[level].end;
+    return end - (feed->frames ? frame_at(feed, end)->left_out : 0);
 }
 
 void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level)

@@ -233,16 +233,15 @@ size_t tetlod_page_set_spans(const struct tetlod_page_set *set, const uint32_t *
                              uint64_t gap, struct tetlod_span *out, size_t capacity)
 {
     const struct tetlodi_page_table *table = table_of(set);
-    uint32_t parts = 1 + set->file->index.info.field_count;
+    const uint32_t parts = 1 + set->file->index.info.field_count;
     struct tetlodi_span_list spans = {.out = out, .capacity = capacity, .gap = gap};
-    for (uint32_t g = 0; g < table->group_count; g++)
-        for (uint32_t part = 0; part < parts; part++)
-            for (uint32_t i = 0; i < table->groups[g].page_count && tetlodi_is_wanted(part, fields, field_count); i++) {
-                const struct tetlodi_page_frame *frame =
-                    tetlodi_page_frame(table, parts - 1, &table->groups[g], i, part);
-                if (set->has[table->groups[g].first_page + i])
-                    tetlodi_span_add(&spans, frame->offset, frame->size);
-            }
+    for (const struct tetlodi_group *group = table->groups; group < table->groups + table->group_count; group++)
+        for (size_t i = 0; i < (size_t)parts * group->page_count; i++) {
+            const struct tetlodi_page_place at = tetlodi_page_place(i, group->page_count, parts);
+            const struct tetlodi_page_frame *frame = tetlodi_page_frame(table, parts - 1, group, at.page, at.part);
+            if (set->has[group->first_page + at.page] && tetlodi_is_wanted(at.part, fields, field_count))
+                tetlodi_span_add(&spans, frame->offset, frame->size);
+        }
     return spans.count;
 }
 

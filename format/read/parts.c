@@ -40,7 +40,9 @@ enum tetlod_status tetlodi_parts(const struct tetlod_file *file, const struct te
                                  struct tetlodi_frame **out, size_t *out_count, struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &file->index;
-    size_t frames = index->info.level_count * ((size_t)index->info.field_count + 1), used = 0;
+    size_t frames = 0, used = 0;
+    for (uint32_t level = 0; level < index->info.level_count; level++)
+        frames += tetlodi_frame_count(index, level);
     size_t most = 1 + frames + index->info.section_count + (series ? tetlodi_series_parts(series, NULL) : 0);
     struct tetlodi_frame *parts = malloc(most * sizeof *parts);
     *out = parts;
@@ -48,9 +50,11 @@ enum tetlod_status tetlodi_parts(const struct tetlod_file *file, const struct te
     if (!parts)
         return tetlodi_fail_nomem(error, "the parts of a stream", most * sizeof *parts);
     parts[used++] = (struct tetlodi_frame){0, head_size(index), {0}}; // the content id is its digest
-    for (size_t i = 0; i < frames; i++)
-        if (index->frames[i].size)
-            parts[used++] = index->frames[i];
+    for (uint32_t level = 0, part; level < index->info.level_count; level++)
+        for (size_t i = 0; i < tetlodi_frame_count(index, level); i++) {
+            parts[used] = tetlodi_frame_at(index, level, i, &part);
+            used += parts[used].size > 0;
+        }
     for (uint32_t i = 0; i < index->info.section_count; i++)
         if (index->sections[i].frame.size && !(series && has_groups(&index->sections[i])))
             parts[used++] = index->sections[i].frame;

@@ -99,6 +99,26 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     return tetlodi_read_part(file, frame, what, out, error);
 }
 
+enum tetlod_status tetlodi_read_level(const struct tetlod_file *file, uint32_t level, struct tetlodi_buffer *parts,
+                                      struct tetlod_error *error)
+{
+    char what[48];
+    snprintf(what, sizeof what, "level %u", level);
+    for (size_t i = 0; i < tetlodi_frame_count(&file->index, level); i++) {
+        uint8_t *bytes;
+        uint32_t part;
+        const struct tetlodi_frame frame = tetlodi_frame_at(&file->index, level, i, &part);
+        if (!frame.size)
+            continue;
+        TETLOD_TRY(tetlodi_read_part(file, &frame, what, &bytes, error));
+        tetlodi_put_block(&parts[part], bytes, (size_t)frame.size);
+        free(bytes);
+        if (parts[part].failed)
+            return tetlodi_fail_nomem(error, "a level", frame.size);
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status tetlodi_read_page_frame(const struct tetlod_file *file, uint32_t level, uint32_t page, uint32_t part,
                                            uint8_t **out, size_t *out_size, struct tetlod_error *error)
 {
@@ -246,9 +266,22 @@ static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
     return status;
 }
 
-/* Do the pages of a group give the level and its frames? Sets where their frames are. */
+/* Where the frames of a group's pages are. */
+static void place_frames(const struct tetlodi_page_table *table, uint32_t parts, const struct tetlodi_group *group,
+                         uint64_t offset)
+{
+    for (size_t i = 0; i < (size_t)parts * group->page_count; i++) {
+        const struct tetlodi_page_place place = tetlodi_page_place(i, group->page_count, parts);
+        struct tetlodi_page_frame *frame = tetlodi_page_frame(table, parts - 1, group, place.page, place.part);
+        frame->offset = offset;
+        offset += frame->size;
+    }
+}
+
+/* Do the pages of a group give the level and its frames? */
 static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
 {
+    static const uint8_t none[DIGEST_SIZE];
     const struct tetlodi_page_table *table = &index->pages;
     const struct tetlodi_group *group = &table->groups[g];
     uint32_t fields = index->info.field_count, level = table->first_level + g;
@@ -261,12 +294,9 @@ static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
     for (uint32_t part = 0; part <= fields; part++) {
         const struct tetlodi_frame *whole = &index->frames[(size_t)level * (1 + (size_t)fields) + part];
         uint64_t size = 0;
-        for (uint32_t p = 0; p < group->page_count; p++) {
-            struct tetlodi_page_frame *frame = tetlodi_page_frame(table, fields, group, p, part);
-            frame->offset = whole->offset + size;
-            size += frame->size;
-        }
-        if (size != whole->size)
+        for (uint32_t p = 0; p < group->page_count; p++)
+            size += tetlodi_page_frame(table, fields, group, p, part)->size;
+        if (size != whole->size || memcmp(whole->digest, none, DIGEST_SIZE) != 0)
             return false;
     }
     return vertices == to->vertices && tets == to->tets;
@@ -284,6 +314,8 @@ static const char *wrong_pages(const struct tetlodi_index *index)
             return "pages that do not give their level";
         if (group && !tetlodi_pages_hold(group->first_page + (uint64_t)group->page_count, bytes))
             return "more pages than go with its bytes";
+        if (group)
+            place_frames(table, 1 + index->info.field_count, group, index->info.levels[level].offset);
     }
     return NULL;
 }

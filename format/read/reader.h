@@ -31,11 +31,15 @@ struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 struct tetlod_source tetlodi_part_source(struct tetlodi_part *part, uint64_t size);
 
 /* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field
- * f. ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
+ * f; the level is not in pages. ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
 TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
                                                      uint8_t **out, size_t *out_size, struct tetlod_error *error);
 
-/* The same of a page of the level, which is in pages. */
+/* Appends all frames of a level to those of its parts: of a level in pages, page after page. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_level(const struct tetlod_file *file, uint32_t level,
+                                                     struct tetlodi_buffer *parts, struct tetlod_error *error);
+
+/* A frame of a page of the level, which is in pages. */
 TETLOD_CHECKED enum tetlod_status tetlodi_read_page_frame(const struct tetlod_file *file, uint32_t level, uint32_t page,
                                                           uint32_t part, uint8_t **out, size_t *out_size,
                                                           struct tetlod_error *error);

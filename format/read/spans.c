@@ -33,14 +33,15 @@ size_t tetlod_spans(const struct tetlod_file *file, uint32_t from, uint32_t to, 
 {
     const struct tetlodi_index *index = &file->index;
     struct tetlodi_span_list spans = {.out = out, .capacity = capacity};
-    uint32_t parts = 1 + index->info.field_count, first = from == TETLOD_NONE ? 0 : from + 1;
+    uint32_t first = from == TETLOD_NONE ? 0 : from + 1;
     if (from == TETLOD_NONE)
         tetlodi_span_add(&spans, 0, index->info.levels[0].offset);
     for (uint32_t level = first; level <= to && level < index->info.level_count; level++)
-        for (uint32_t part = 0; part < parts; part++)
-            if (tetlodi_is_wanted(part, fields, field_count)) {
-                const struct tetlodi_frame *frame = &index->frames[(size_t)level * parts + part];
-                tetlodi_span_add(&spans, frame->offset, frame->size);
-            }
+        for (size_t i = 0; i < tetlodi_frame_count(index, level); i++) {
+            uint32_t part;
+            const struct tetlodi_frame frame = tetlodi_frame_at(index, level, i, &part);
+            if (tetlodi_is_wanted(part, fields, field_count))
+                tetlodi_span_add(&spans, frame.offset, frame.size);
+        }
     return spans.count;
 }

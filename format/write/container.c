@@ -169,6 +169,21 @@ static enum tetlod_status put_sections(const struct tetlodi_index *index, const 
     return TETLOD_OK;
 }
 
+/* Of a level in pages each part is there page after page: its frames are shuffled together. */
+static enum tetlod_status put_level(const struct tetlodi_index *index, uint32_t level,
+                                    const struct tetlodi_buffer *frames, const struct tetlodi_sink *sink)
+{
+    size_t parts = 1 + (size_t)index->info.field_count, done[1 + MAX_FIELDS] = {0};
+    for (size_t i = 0; i < tetlodi_frame_count(index, level); i++) {
+        uint32_t part;
+        const size_t size = (size_t)tetlodi_frame_at(index, level, i, &part).size;
+        if (size)
+            TETLOD_TRY(put(sink, frames[level * parts + part].bytes + done[part], size));
+        done[part] += size;
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t header[HEADER_SIZE],
                                   const struct tetlodi_buffer *stored_index,
                                   const struct tetlodi_buffer *frames, const struct tetlodi_write_section *in,
@@ -177,8 +192,8 @@ static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t hea
     TETLOD_TRY(put(sink, header, HEADER_SIZE));
     TETLOD_TRY(put(sink, stored_index->bytes, stored_index->size));
     TETLOD_TRY(put_sections(index, in, sections, SECTION_EARLY, sink));
-    for (size_t i = 0; i < frame_count(index); i++)
-        TETLOD_TRY(put(sink, frames[i].bytes, frames[i].size));
+    for (uint32_t level = 0; level < index->info.level_count; level++)
+        TETLOD_TRY(put_level(index, level, frames, sink));
     return put_sections(index, in, sections, 0, sink);
 }
 

@@ -46,12 +46,11 @@ static enum tetlod_status check_group(struct check *check, uint32_t g)
         return out_of_memory(check);
     check->pages.table.groups[g].node_count = table->groups[g].node_count; // a tree may be stored again
     uint32_t vertices = replay->vertices, tets = replay->tets;
-    for (uint32_t part = 0; part < parts; part++) {
-        size_t size;
-        free(check->frames[part].bytes);
-        check->frames[part] = (struct tetlodi_buffer){0};
-        TETLOD_TRY(tetlodi_read_frame(check->file, level, part, &check->frames[part].bytes, &size, check->error));
-    }
+    for (uint32_t part = 0; part < parts; part++)
+        tetlodi_buffer_fini(&check->frames[part]);
+    TETLOD_TRY(tetlodi_read_level(check->file, level, check->frames, check->error));
+    for (uint32_t part = 0; part < parts; part++)
+        check->frames[part].size = 0;
     TETLOD_TRY(tetlod_cursor_seek(check->cursor, level, check->error));
     for (uint32_t p = 0; p < table->groups[g].page_count; p++) {
         const struct tetlodi_page *page = &table->pages[table->groups[g].first_page + p];

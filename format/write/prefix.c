@@ -143,11 +143,8 @@ static enum tetlod_status take_frames(struct part *part, const struct tetlod_fil
     part->frames = calloc(part->index.info.level_count * parts, sizeof *part->frames);
     if (!part->frames)
         return tetlodi_fail_nomem(error, "the frames", part->index.info.level_count * parts * sizeof *part->frames);
-    for (size_t i = 0; i < part->index.info.level_count * parts; i++) {
-        struct tetlodi_buffer *frame = &part->frames[i];
-        TETLOD_TRY(tetlodi_read_frame(file, (uint32_t)(i / parts), (uint32_t)(i % parts), &frame->bytes, &frame->size,
-                                      error));
-    }
+    for (uint32_t level = 0; level < part->index.info.level_count; level++)
+        TETLOD_TRY(tetlodi_read_level(file, level, &part->frames[level * parts], error));
     return TETLOD_OK;
 }
 

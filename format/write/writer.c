@@ -201,6 +201,13 @@ static enum tetlod_status store_frames(struct writer *w, uint32_t level)
     return good ? TETLOD_OK : out_of_memory(w);
 }
 
+/* The group that a level is, or NULL. */
+static const struct tetlodi_write_group *group_of(const struct writer *w, uint32_t level)
+{
+    uint32_t first = w->in->level_count - tetlodi_has_tail(w->in) - w->in->group_count;
+    return level >= first && level - first < w->in->group_count ? &w->in->groups[level - first] : NULL;
+}
+
 /* Keeps what a level is. Its frames are stored. */
 static enum tetlod_status store_level(struct writer *w, uint32_t level)
 {
@@ -219,7 +226,9 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
         if (stored->failed)
             return out_of_memory(w);
         w->columns[part].frame_bytes += stored->size;
-        w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
+        w->index.frames[(size_t)level * parts + part] =
+            group_of(w, level) ? (struct tetlodi_frame){.size = stored->size} // pages have digests of their own
+                               : tetlodi_frame_of(stored->bytes, stored->size);
     }
     return TETLOD_OK;
 }
@@ -245,13 +254,6 @@ static enum tetlod_status write_records(struct writer *w, uint32_t vertices, uin
             TETLOD_TRY(ask(w));
     }
     return TETLOD_OK;
-}
-
-/* The group that a level is, or NULL. */
-static const struct tetlodi_write_group *group_of(const struct writer *w, uint32_t level)
-{
-    uint32_t first = w->in->level_count - tetlodi_has_tail(w->in) - w->in->group_count;
-    return level >= first && level - first < w->in->group_count ? &w->in->groups[level - first] : NULL;
 }
 
 static enum tetlod_status ask_behind_page(void *opaque)
@@ -438,7 +440,8 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
     const struct tetlodi_buffer *pages = tetlodi_page_writer_section(&w->pages,
                                                                      (const double(*)[3])w->index.info.bounds);
-    w->index.pages.group_count = in->group_count;
+    w->index.pages = w->pages.table;
+    w->pages.table = (struct tetlodi_page_table){0};
     if (pages)
         sections[count++] =
             (struct tetlodi_write_section){TAG_PAGES, .early = 1, .row = tetlodi_page_row(in->field_count),

@@ -96,7 +96,7 @@ static enum tetlod_status extract_whole(struct tetlod_file *file, const struct r
 /* ---- pages */
 
 /* Pages with no more bytes between them are fetched as one. */
-enum { MAX_GAP = 32 << 10 };
+enum { MAX_GAP = 24 << 10 };
 
 /* Fetches all bytes that a set of pages is decoded from, at once. */
 static enum tetlod_status fetch_pages(const struct stream_input *input, const struct tetlod_page_set *set,

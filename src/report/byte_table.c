@@ -21,13 +21,17 @@ struct sums {
 /* Bytes of all levels with one field, or with none. */
 static uint64_t bytes_with(const struct tetlod_file *file, const uint32_t *fields, uint32_t count)
 {
-    struct tetlod_span spans[256];
+    struct tetlod_span spans[4]; // a level or a page at a time: few
     const struct tetlod_info *info = tetlod_info(file);
     uint64_t sum = 0;
-    for (uint32_t from = TETLOD_NONE, to = 0; to < info->level_count; from = to++) { // a level at a time: few spans
-        size_t found = tetlod_spans(file, from, to, fields, count, spans, sizeof spans / sizeof *spans);
-        for (size_t i = 0; i < found; i++)
-            sum += spans[i].size;
+    for (uint32_t from = TETLOD_NONE, to = 0; to < info->level_count; from = to++) {
+        uint32_t pages = tetlod_page_count(file, to);
+        for (uint32_t page = 0; page < pages || (page == 0 && !pages); page++) {
+            size_t found = pages ? tetlod_page_spans(file, to, page, fields, count, spans, 4)
+                                 : tetlod_spans(file, from, to, fields, count, spans, 4);
+            for (size_t i = 0; i < found; i++)
+                sum += spans[i].size;
+        }
     }
     return sum;
 }

@@ -232,9 +232,9 @@ def cases():
     # of level 25: where its pages have their tetrahedra at the begin, but not all of them at the end of level 26
     yield ('paged_leaves', 'decode', 'a page with a tetrahedron of another one',
            repaged(nodes + 5 * (paged_word(12) + 2) + 1, 'f', 2.0))
-    level = len(tetlod.open(PAGED).levels) - 2
-    yield 'paged_random', 'decode', 'pages of other bytes, with the digest of their level', \
-        reframed(PAGED, level, 0, lambda frame: bytes(255 - b for b in frame))
+    yield 'paged_random', 'decode', 'a page of other bytes, with its digest', random_page(group[-1])
+    yield 'paged_checked', 'open', 'a level in pages with a digest', put(
+        PAGED, level_of(PAGED, len(tetlod.open(PAGED).levels) - 2) + 24 + 32 + 8, 'B', 1)
     yield 'original_early', 'open', 'original cells before level 0', section(KEPT, b'ORIG', 2)
     yield 'original_twice', 'open', 'ORIG twice', section(ORIGINAL, b'ORIG', 0)
     fields, (cells, corners, further) = len(tetlod.open(BENT).fields), original_words(BENT)[:3]
@@ -336,6 +336,17 @@ def paged_rows():
         row['needs'], row['needed'] = at, [paged_word(at + 4 * i) for i in range(row['count'])]
         at += 4 * row['count']
     return found
+
+
+def random_page(rows):
+    """The last page of a group that adds vertices has other bytes."""
+    number = max(n for n, row in enumerate(rows) if row['vertices'])
+    stream = tetlod.open(PAGED)
+    level, frame = max(stream.groups), stream.frame(max(stream.groups), 0, number)
+    changed = bytes(255 - b for b in frame)
+    data = repaged(rows[number]['at'] + 28, '16s', tetlod.digest(changed))
+    at = tetlod.open(data).groups[level].pages[number].offsets[0]
+    return data[:at] + changed + data[at + len(changed):]
 
 
 def repaged(*changes, spliced=None):

@@ -159,6 +159,19 @@ def whole_level(path):
     return lines
 
 
+def group(path):
+    """Where the frames of the first level in pages are (SPEC 7.6)."""
+    stream = tetlod.open(path)
+    level = min(stream.groups)
+    names = ['geometry'] + [field['name'] for field in stream.fields]
+    lines = ['level %d ends at %d' % (number, stream.levels[number]['bytes']) for number in (level - 1, level)]
+    for number, page in enumerate(stream.groups[level].pages):
+        places = ['%s %d + %d' % (name, at, size) for name, at, (size, _) in zip(names, page.offsets, page.frames)]
+        adds = '%d vertices, %d tetrahedra' % (page.vertices, page.tets)
+        lines.insert(-1, 'page %d: %s; %s' % (number, adds, ', '.join(places)))
+    return lines
+
+
 # ---- the tail and the steps of a series (SPEC 14), of a field of one component
 
 def tail(path):

@@ -66,6 +66,9 @@ found.seek(len(stream.levels) - 1)
 report('it gives the values that a decoder gives', [float(line.split()[-1]) for line in lines[1:]] ==
        [float('%.9g' % value) for value in found.field(stream.fields[0]['name'])])
 
+path, wanted = re.search(r'<!-- group of (\S+) -->\n```group\n(.*?)\n```', text, re.S).groups()
+report('the pages are where the text says', record_trace.group(os.path.join(ROOT, path)) == wanted.split('\n'))
+
 path, table = re.search(r'<!-- TIME of (\S+) -->\n(.*?)\n\n', text, re.S).groups()
 rows = re.findall(r'^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \S.* \|$', table, re.M)
 stream, at = tetlod.open(os.path.join(ROOT, path)), [0]

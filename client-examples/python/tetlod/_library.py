@@ -34,7 +34,7 @@ class CSource(Structure):
     _fields_ = [('read', READ), ('opaque', c_void_p), ('size', c_uint64)]
 
 
-GAP = 8192  # bytes between two spans that are read along, for one request less
+GAP = 24 << 10  # bytes between two spans that are read along, for one request less
 
 
 class CField(Structure):

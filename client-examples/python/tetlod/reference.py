@@ -586,8 +586,12 @@ class Stream:
             known = [error for error in column if not math.isnan(error)]
             require(all(a >= b for a, b in zip(known, known[1:] + [0.0])), 'errors that grow with the level')
 
-    def frame(self, level, part):
-        return self._part('level %d' % level, *self.frames[level][part])
+    def frame(self, level, part, page=None):
+        """Of a level, or of a page of it, where it is in pages."""
+        if page is None:
+            return self._part('level %d' % level, *self.frames[level][part])
+        row = self.groups[level].pages[page]
+        return self._part('level %d, page %d' % (level, page), row.offsets[part], *row.frames[part])
 
     def order(self):
         """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for
@@ -1117,9 +1121,9 @@ class Cursor:
 
     def _start(self, level):
         for c, (coder, column) in enumerate(zip(self.coders, self.columns)):
-            frame = self.stream.frame(level, column.part)
-            coder.start(frame)
-            self.stored[c] += len(frame)
+            self.stored[c] += self.stream.frames[level][column.part][1]
+            if level not in self.stream.groups:
+                coder.start(self.stream.frame(level, column.part))
         self.most_labels = min(
             allowed(FIELD_LABELS if column.part else LABELS, size) // (column.components if column.part else 1)
             for column, size in zip(self.columns, self.stored))
@@ -1255,18 +1259,16 @@ class Cursor:
 
     def _decode_group(self, level, group, chosen=None):
         """A level in pages (SPEC 7.6), or some of its pages."""
-        from .reference_pages import page_frames
         lists, self.seams, pages = self._pages_now(group)
         if chosen is not None:
             self._leave_out(level, group, pages, chosen)
-        frames = [page_frames(group, column.part, self.stream.frame(level, column.part)) for column in self.columns]
         for number, page in enumerate(group.pages):
             if not page.vertices or chosen is not None and number not in chosen:
                 continue
             self.models, self.listed = Models(), lists[number]
-            for column, coder, parts in zip(self.columns, self.coders, frames):
+            for column, coder in zip(self.columns, self.coders):
                 column.restart()
-                coder.start(parts[number])
+                coder.start(self.stream.frame(level, column.part, number))
             self._decode_records(level, {'vertices': self.count + page.vertices, 'tets': self.tet_count + page.tets})
             pages += [number] * page.tets
         self.listed, self.seams = None, frozenset()

@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 
-from .reference import StreamError, digest, require
+from .reference import require
 
 MAX_CUTS, BYTES_A_PAGE, PAGES_FREE, BOX_STEPS = 64, 256, 64, 65535
 
@@ -14,6 +14,7 @@ class Page:
     def __init__(self, stream, data):
         self.vertices, self.tets, *self.box, needed = data.take('II6HI')
         self.frames = [data.take('I16s') for _ in range(1 + len(stream.fields))]
+        self.offsets = [0] * len(self.frames)  # of them in the stream
         self.needed = [None] * needed  # pages of the group before: their numbers follow behind all rows
         empty = not self.tets and not any(size for size, _ in self.frames)
         ordered = all(map(int.__le__, self.box[:3], self.box[3:]))
@@ -51,6 +52,15 @@ class Group:
             at = at + 1 if middle[node[0]] < node[1] else node[2]
             node = self.tree[at]
         return node
+
+    def place(self, at):
+        """Geometry and the first field lie page by page, and so does each other field behind them."""
+        parts = range(len(self.pages[0].frames))
+        for some in [parts[:2]] + [[part] for part in parts[2:]]:
+            for page in self.pages:
+                for part in some:
+                    page.offsets[part] = at
+                    at += page.frames[part][0]
 
     def lists(self, positions, tets, left_out):
         """Of each page the vertices of its tetrahedra, ascending; those at seams; and each tetrahedron's page.
@@ -109,18 +119,8 @@ class Pages:
             require(before['tets'] + sum(page.tets for page in group.pages) == level['tets'], wrong)
             for part, frame in enumerate(stream.frames[group.level]):
                 require(sum(page.frames[part][0] for page in group.pages) == frame[1], wrong)
-
-
-def page_frames(group, part, frame):
-    """A level's frame page by page, each checked."""
-    at, parts = 0, []
-    for number, page in enumerate(group.pages):
-        size, sha = page.frames[part]
-        parts.append(frame[at:at + size])
-        at += size
-        if page.vertices and digest(parts[-1]) != sha:
-            raise StreamError('level %d, page %d is damaged' % (group.level, number))
-    return parts
+                require(frame[2] == bytes(16), 'a digest of a level in pages')
+            group.place(stream.frames[group.level][0][0])
 
 
 def meets(place, low, high):

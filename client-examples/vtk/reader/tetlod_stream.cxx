@@ -9,7 +9,7 @@
 namespace
 {
 constexpr uint32_t RECORDS = 1 << 12; // between two looks at whether to stop: some thousandths of a second
-constexpr uint64_t GAP = 1 << 13;     // bytes between two pages that are fetched along, for one request less
+constexpr uint64_t GAP = 24 << 10;    // bytes between two pages that are fetched along, for one request less
 const char PARTS[] = "Region";        // as `tetlod extract --box` names them: 0 coarse, 1 fine, 2 the transition
 
 bool has(const std::vector<std::string>& names, const std::string& name)
