@@ -11,6 +11,7 @@
 #include "src/io/services/contain.h"
 #include "src/io/readers/readers.h"
 #include "src/io/services/h5.h"
+#include "src/io/services/pieces.h"
 #include "src/io/services/time_steps.h"
 #include "src/util/array.h"
 
@@ -23,6 +24,8 @@ struct vtkhdf {
     struct tetlod_error *error;
     bool has_steps;
     uint64_t step;
+    uint64_t part; /* the one to be read, from 1; 0: all */
+    bool counts;   /* none: they are counted */
 };
 
 /* Where a part begins in the data sets. */
@@ -269,11 +272,14 @@ static enum tetlod_status read_parts(struct vtkhdf *v, const struct counts *c)
     part.first_offset = part.first_cell + (v->has_steps && part.first_cell ? first : 0);
     if (first > c->parts || count > c->parts - first)
         return tetlodi_fail(v->error, TETLOD_ERR_MESH, "the step has parts that are not there");
-    for (uint64_t p = first; p < first + count; p++) {
+    if (v->counts)
+        v->report->blocks = count;
+    for (uint64_t p = first; p < first + count && !v->counts; p++) {
         part.points = (uint64_t)c->points[p];
         part.cells = (uint64_t)c->cells[p];
         part.connectivity = (uint64_t)c->connectivity[p];
-        TETLOD_TRY(read_part(v, &part));
+        if (!v->part || v->part == p - first + 1)
+            TETLOD_TRY(read_part(v, &part));
         part.first_point += part.points;
         part.points_before += part.points;
         part.first_cell += part.cells;
@@ -415,13 +421,14 @@ static enum tetlod_status choose_step(struct vtkhdf *v)
     return status;
 }
 
-static enum tetlod_status read_file(struct blocks *out, const struct io_input *input, struct io_report *report,
-                                    struct tetlod_error *error)
+static enum tetlod_status read_some(struct blocks *out, const struct io_input *input, bool counts,
+                                    struct io_report *report, struct tetlod_error *error)
 {
     hid_t file;
     char type[64];
     TETLOD_TRY(h5_open_file(input->path, &file, error));
-    struct vtkhdf v = {.size = input->size, .out = out, .options = input->options, .report = report, .error = error};
+    struct vtkhdf v = {.size = input->size, .out = out, .options = input->options, .report = report, .error = error,
+                       .part = input->part, .counts = counts};
     v.root = h5_has(file, "VTKHDF") ? H5Gopen2(file, "VTKHDF", H5P_DEFAULT) : -1;
     if (v.root < 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
@@ -442,6 +449,28 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     return status;
 }
 
+static enum tetlod_status read_file(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                    struct tetlod_error *error)
+{
+    return read_some(out, input, false, report, error);
+}
+
+static enum tetlod_status count_parts(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                      struct tetlod_error *error)
+{
+    return read_some(out, input, true, report, error);
+}
+
+static enum tetlod_status read_numbered(void *opaque, uint32_t number, struct blocks *out,
+                                        const struct io_input *input, struct io_report *report,
+                                        struct tetlod_error *error)
+{
+    struct io_input part = *input;
+    (void)opaque;
+    part.part = number + 1;
+    return contain_read(read_file, out, &part, report, error);
+}
+
 bool vtkhdf_sniff(const unsigned char *bytes, size_t size)
 {
     static const char magic[] = "\x89HDF\r\n\x1a\n", group[] = "VTKHDF";
@@ -459,5 +488,11 @@ enum tetlod_status vtkhdf_read(struct blocks *out, const struct io_input *input,
 {
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an HDF5 file, which cannot be read from memory");
-    return contain_read(read_file, out, input, report, error);
+    struct io_report counted = {0};
+    struct blocks none = {0};
+    if (input->options && input->options->sharing)
+        TETLOD_TRY(contain_read(count_parts, &none, input, &counted, error));
+    const struct piece_list list = {(uint32_t)counted.blocks, read_numbered, NULL};
+    return counted.blocks > 1 && counted.blocks < UINT32_MAX ? pieces_read(&list, out, input, report, error)
+                                                              : contain_read(read_file, out, input, report, error);
 }

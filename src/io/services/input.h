@@ -25,7 +25,7 @@ struct io_input {
     const char *other_path;
     const char *path; /* of the file, for formats that name further files; NULL: there are none */
     const struct io_read_options *options; /* NULL: the defaults */
-    uint32_t part; /* which one, from 1, of the pieces that each file of an OpenFOAM case holds; 0: it holds one */
+    uint32_t part; /* which one, from 1, of the pieces that a file holds, each of an OpenFOAM case; 0: all, or one */
     unsigned depth; /* how many files have named one another on the way to this one */
     io_reader *read_any; /* of a file of any format that this one names; io_read sets it */
 };
