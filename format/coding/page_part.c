@@ -55,6 +55,8 @@ static void find_owners(struct tetlodi_page_shares *shares)
         page = page == TETLOD_NONE ? PAGE_SEAM : page; // it is left out
         *owner = *owner == PAGE_NOBODY || *owner == page ? page : PAGE_SEAM;
     }
+    for (uint32_t v = 0; v < shares->seams_known; v++)
+        shares->owner[v] = shares->seams[v] ? PAGE_SEAM : shares->owner[v];
     for (uint32_t v = 0; v < shares->vertices; v++) {
         shares->local[v] = shares->owner[v] == PAGE_SEAM ? PAGE_SEAM : 0;
         shares->seam_count += shares->owner[v] == PAGE_SEAM;
@@ -135,8 +137,7 @@ static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi
     return list;
 }
 
-/* The part's vertices: those that it alone has, and those at seams. */
-static int list_vertices(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
+int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
 {
     const uint32_t *inner = shares->inner_list + shares->inner_begins[part->page];
     uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page], seam_count;
@@ -162,8 +163,8 @@ static int list_vertices(struct tetlodi_page_part *part, const struct tetlodi_pa
     return done;
 }
 
-static uint32_t local_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
-                             uint32_t vertex)
+uint32_t tetlodi_page_part_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
+                                  uint32_t vertex)
 {
     uint32_t number = shares->local[vertex];
     return number == PAGE_SEAM ? seat_of(part, vertex)->number : number;
@@ -226,13 +227,14 @@ int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlod
     part->memory = (struct tetlodi_memory){.most = most};
     part->columns = calloc(whole->column_count, sizeof *part->columns);
     tetlodi_replay_init(replay, &part->memory, part->columns, part->columns ? whole->column_count : 0);
-    if (!part->columns || !list_vertices(part, shares) ||
+    if (!part->columns || !tetlodi_page_part_list(part, shares) ||
         !gather_columns(part, whole, part->listed_count + (size_t)vertices) ||
         !tetlodi_replay_room(replay, part->listed_count + (size_t)vertices, part->tet_count + (size_t)tets))
         return 0;
     for (size_t t = 0; t < part->tet_count; t++)
         for (size_t c = 0; c < 4; c++)
-            replay->corners[4 * t + c] = local_number(part, shares, whole->corners[4 * (size_t)part->tets[t] + c]);
+            replay->corners[4 * t + c] =
+                tetlodi_page_part_number(part, shares, whole->corners[4 * (size_t)part->tets[t] + c]);
     replay->vertices = part->listed_count;
     replay->tets = part->tet_count;
     if (!tetlodi_replay_base(replay))

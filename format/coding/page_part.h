@@ -22,6 +22,8 @@ struct tetlodi_page_shares {
     struct tetlodi_replay *whole;        /* borrowed */
     uint32_t vertices, tets, pages;      /* before the level */
     uint32_t seam_count;                 /* vertices at seams */
+    const uint8_t *seams;                /* [seams_known] of the first ones it is known; borrowed */
+    uint32_t seams_known;
     uint32_t *page_of;                   /* [tet] */
     uint32_t *owner;                     /* [vertex] the one page that has it, or PAGE_SEAM */
     uint32_t *local;                     /* [vertex] its number in its page, or PAGE_SEAM */
@@ -59,6 +61,13 @@ struct tetlodi_page_part {
 
 void tetlodi_page_part_set(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t page);
 void tetlodi_page_part_fini(struct tetlodi_page_part *part);
+
+/* Lists the part's vertices: those that it alone has, and those at seams. 0 if out of memory. */
+int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares);
+
+/* A vertex outside in the part, of which the vertices are listed; PAGE_NOBODY: one at a seam that it does not have. */
+uint32_t tetlodi_page_part_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
+                                  uint32_t vertex);
 
 /* Makes the part as a base mesh, with room for what the page adds; it may take so much memory. 0 if that is out. */
 int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,

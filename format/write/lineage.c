@@ -13,21 +13,24 @@ static enum tetlod_status out_of_memory(const struct lineage *l, struct tetlod_e
     return tetlodi_fail_nomem(error, "the contractions", (uint64_t)l->nodes * 24 + (uint64_t)l->in->tets * 7);
 }
 
-static enum tetlod_status link_parents(struct lineage *l, struct tetlod_error *error)
+enum tetlod_status tetlodi_lineage_parents(const struct tetlodi_write_input *in, uint32_t *parent,
+                                           struct tetlod_error *error)
 {
-    for (uint32_t node = 0; node < l->nodes; node++)
-        l->parent[node] = TETLOD_NONE;
-    for (uint32_t node = l->in->vertices; node < l->nodes; node++) {
-        const uint32_t *children = lineage_children(l, node);
-        uint32_t count = lineage_child_count(l, node);
+    const struct lineage l = {.in = in};
+    const uint32_t nodes = in->vertices + in->contractions;
+    for (uint32_t node = 0; node < nodes; node++)
+        parent[node] = TETLOD_NONE;
+    for (uint32_t node = in->vertices; node < nodes; node++) {
+        const uint32_t *children = lineage_children(&l, node);
+        uint32_t count = lineage_child_count(&l, node);
         if (count < 2)
             return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "contraction %u has fewer than two vertices",
-                                node - l->in->vertices);
+                                node - in->vertices);
         for (uint32_t c = 0; c < count; c++) {
-            if (children[c] >= node || l->parent[children[c]] != TETLOD_NONE)
+            if (children[c] >= node || parent[children[c]] != TETLOD_NONE)
                 return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "contraction %u takes a vertex that is not there",
-                                    node - l->in->vertices);
-            l->parent[children[c]] = node;
+                                    node - in->vertices);
+            parent[children[c]] = node;
         }
     }
     return TETLOD_OK;
@@ -175,7 +178,7 @@ enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlod
                             .waiting = malloc(in->tets)};
     if (!out->parent || !out->range || !out->position || !out->meeting_begin || !out->waiting)
         return out_of_memory(out, error);
-    TETLOD_TRY(link_parents(out, error));
+    TETLOD_TRY(tetlodi_lineage_parents(in, out->parent, error));
     number_leaves(out);
     return list_meetings(out, helpers, error);
 }

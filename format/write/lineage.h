@@ -29,6 +29,10 @@ struct lineage {
  * any case. */
 enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in,
                                         struct tetlodi_helpers *helpers, struct tetlod_error *error);
+/* [vertices + contractions] the node that each was contracted to, or TETLOD_NONE. ERR_ARGUMENT: it is no forest. */
+enum tetlod_status tetlodi_lineage_parents(const struct tetlodi_write_input *in, uint32_t *parent,
+                                           struct tetlod_error *error);
+
 void tetlodi_lineage_fini(struct lineage *lineage);
 
 /* Gives back the parents, which only the base mesh needs, and the meetings of all but the first contractions. */

@@ -44,6 +44,7 @@ static enum tetlod_status check_group(struct check *check, uint32_t g)
     struct tetlodi_replay *replay = &check->cursor->replay;
     if (!tetlodi_page_writer_begin(&check->pages, check->cursor->helpers, replay, &check->groups[g], level))
         return out_of_memory(check);
+    tetlodi_page_writer_extend(&check->pages, check->cursor->helpers);
     check->pages.table.groups[g].node_count = table->groups[g].node_count; // a tree may be stored again
     uint32_t vertices = replay->vertices, tets = replay->tets;
     for (uint32_t part = 0; part < parts; part++)
@@ -62,7 +63,8 @@ static enum tetlod_status check_group(struct check *check, uint32_t g)
         if (!tetlodi_page_writer_page(&check->pages, vertices, tets, check->frames))
             return out_of_memory(check);
     }
-    tetlodi_page_writer_end(&check->pages, check->cursor->helpers, check->frames);
+    tetlodi_page_writer_end(&check->pages, check->frames);
+    tetlodi_page_writer_extend(&check->pages, check->cursor->helpers);
     return TETLOD_OK;
 }
 

@@ -98,6 +98,7 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
             whole->node_at[page_part_outside(part, v)] = job->records.node_at[v];
     memcpy(whole->original_of + part->first_tet, job->records.original_of + part->tet_count,
            added * sizeof *whole->original_of);
+    memcpy(whole->places + part->first_tet, job->records.places + part->tet_count, added);
     whole->recorder.labels += job->records.recorder.labels;
     whole->replay->vertices += job->vertices;
     whole->replay->tets += added;

@@ -42,14 +42,14 @@ static bool allocate(struct tetlodi_page_writer *pages)
     return table->groups && table->pages && table->frames && pages->boxes && pages->sizes;
 }
 
-static bool same_tree(const struct tetlodi_write_group *group, const struct tetlodi_group *before)
+bool tetlodi_same_tree(const struct tetlodi_write_group *group, const struct tetlodi_write_group *before)
 {
-    for (uint32_t i = 0; i < group->nodes && group->pages == before->page_count; i++)
+    for (uint32_t i = 0; i < group->nodes && group->pages == before->pages; i++)
         if (group->tree[i].axis != before->tree[i].axis || group->tree[i].beyond != before->tree[i].beyond ||
             (group->tree[i].axis != CUT_PAGE &&
              (group->tree[i].at < before->tree[i].at || group->tree[i].at > before->tree[i].at)))
             return false;
-    return group->pages == before->page_count;
+    return group->pages == before->pages;
 }
 
 /* ---- boxes */
@@ -78,7 +78,7 @@ static int extend_page(void *opaque, uint32_t page)
     return 1;
 }
 
-static void extend_boxes(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers)
+void tetlodi_page_writer_extend(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers)
 {
     tetlodi_helpers_start(helpers, extend_page, pages, pages->table.groups[pages->table.group_count - 1].page_count);
     tetlodi_helpers_wait(helpers);
@@ -156,6 +156,17 @@ static int find_pages(void *opaque, uint32_t task)
     return 1;
 }
 
+static void add_group(struct tetlodi_page_writer *pages, const struct tetlodi_write_group *group, bool same)
+{
+    struct tetlodi_page_table *table = &pages->table;
+    table->groups[table->group_count++] =
+        (struct tetlodi_group){group->pages, table->page_count, same ? 0 : group->nodes, group->tree};
+    for (uint32_t p = 0; p < group->pages; p++)
+        for (int i = 0; i < 6; i++)
+            pages->boxes[table->page_count + p][i] = i < 3 ? INFINITY : -INFINITY;
+    memset(pages->sizes, 0, (1 + (size_t)pages->field_count) * sizeof *pages->sizes);
+}
+
 int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
                               struct tetlodi_replay *replay, const struct tetlodi_write_group *group, uint32_t level)
 {
@@ -163,14 +174,8 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
     struct tetlodi_page_shares *shares = &pages->shares;
     if (!table->groups && !allocate(pages))
         return 0;
-    struct tetlodi_group *to = &table->groups[table->group_count];
-    bool same = table->group_count && same_tree(group, to - 1);
-    *to = (struct tetlodi_group){group->pages, table->page_count, same ? 0 : group->nodes, group->tree};
-    table->first_level = table->group_count++ ? table->first_level : level;
-    for (uint32_t p = 0; p < group->pages; p++)
-        for (int i = 0; i < 6; i++)
-            pages->boxes[to->first_page + p][i] = i < 3 ? INFINITY : -INFINITY;
-    memset(pages->sizes, 0, (1 + (size_t)pages->field_count) * sizeof *pages->sizes);
+    table->first_level = table->group_count ? table->first_level : level;
+    add_group(pages, group, table->group_count && tetlodi_same_tree(group, pages->groups + table->group_count - 1));
     pages->vertices = replay->vertices;
     pages->tets = replay->tets;
     tetlodi_page_shares_fini(shares);
@@ -180,13 +185,31 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
         return 0;
     tetlodi_helpers_start(helpers, find_pages, pages, (replay->tets + TETS_A_TASK - 1) / TETS_A_TASK);
     tetlodi_helpers_wait(helpers);
+    shares->seams = pages->seams;
+    shares->seams_known = pages->seams_known;
     tetlodi_page_shares_sort(shares, helpers);
     if (!find_needed(pages, replay->tets))
         return 0;
     memcpy(pages->former, shares->page_of, replay->tets * sizeof *pages->former);
     for (uint32_t p = 0; p <= group->pages; p++)
         pages->added[p] = replay->tets;
-    extend_boxes(pages, helpers);
+    return 1;
+}
+
+int tetlodi_page_writer_follow(struct tetlodi_page_writer *pages, const uint32_t *tets)
+{
+    struct tetlodi_page_table *table = &pages->table;
+    const struct tetlodi_write_group *group = &pages->groups[table->group_count];
+    if (!TETLODI_ROOM(pages->memory, table->needed, pages->needed_capacity, table->needed_count + (size_t)group->pages))
+        return 0;
+    add_group(pages, group, true);
+    for (uint32_t p = 0; p < group->pages; p++) {
+        struct tetlodi_page *page = &table->pages[table->page_count + p];
+        page->needed_count = tets[p] > 0;
+        page->needed_begin = table->needed_count;
+        table->needed[table->needed_count] = p;
+        table->needed_count += page->needed_count;
+    }
     return 1;
 }
 
@@ -215,8 +238,7 @@ int tetlodi_page_writer_page(struct tetlodi_page_writer *pages, uint32_t vertice
     return 1;
 }
 
-void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
-                             const struct tetlodi_buffer *frames)
+void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, const struct tetlodi_buffer *frames)
 {
     struct tetlodi_page_table *table = &pages->table;
     uint32_t last = table->page_count - 1, parts = 1 + pages->field_count;
@@ -227,7 +249,6 @@ void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, struct tetlodi_h
         frame->size += (uint32_t)(frames[part].size - pages->sizes[part]);
         tetlodi_digest(frames[part].bytes + frames[part].size - frame->size, frame->size, frame->digest);
     }
-    extend_boxes(pages, helpers);
 }
 
 const struct tetlodi_buffer *tetlodi_page_writer_section(struct tetlodi_page_writer *pages, const double (*bounds)[3])

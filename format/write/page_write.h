@@ -18,6 +18,8 @@ struct tetlodi_page_writer {
     uint32_t *former;                /* [tet] page of the group before, later of the group */
     uint32_t *added;                 /* [page of the group + 1] where the tetrahedra that it adds begin */
     uint32_t vertices, tets;         /* at the page's begin */
+    const uint8_t *seams;            /* [seams_known] of the first vertices it is known; borrowed */
+    uint32_t seams_known;
     size_t pairs_capacity, former_capacity, added_capacity, needed_capacity;
     struct tetlodi_buffer section;
 };
@@ -26,9 +28,18 @@ void tetlodi_page_writer_init(struct tetlodi_page_writer *pages, struct tetlodi_
                               const struct tetlodi_write_group *groups, uint32_t group_count, uint32_t field_count);
 void tetlodi_page_writer_fini(struct tetlodi_page_writer *pages);
 
+/* Do two groups have the same pages? */
+bool tetlodi_same_tree(const struct tetlodi_write_group *group, const struct tetlodi_write_group *before);
+
 /* Before a group, which is that level: finds what its pages have. 0 if out of memory. */
 int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
                               struct tetlodi_replay *replay, const struct tetlodi_write_group *group, uint32_t level);
+
+/* In place of it, of a group with the tree of the one before: its pages have [page] so many tetrahedra. */
+int tetlodi_page_writer_follow(struct tetlodi_page_writer *pages, const uint32_t *tets);
+
+/* Extends the boxes of the group's pages by the tetrahedra as they are: at the begin, and at the end. */
+void tetlodi_page_writer_extend(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers);
 
 /* Behind a page, with which there are so many vertices and tetrahedra, and whose bytes are the last of `frames` [1 +
  * field_count] of the level. 0 if out of memory. */
@@ -36,8 +47,7 @@ int tetlodi_page_writer_page(struct tetlodi_page_writer *pages, uint32_t vertice
                              const struct tetlodi_buffer *frames);
 
 /* Behind the last page, and what the level was padded with: that belongs to the last page that adds something. */
-void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
-                             const struct tetlodi_buffer *frames);
+void tetlodi_page_writer_end(struct tetlodi_page_writer *pages, const struct tetlodi_buffer *frames);
 
 /* Makes the section from the bounds of the stream. NULL: there are no pages; its `failed` says that memory was out. */
 const struct tetlodi_buffer *tetlodi_page_writer_section(struct tetlodi_page_writer *pages, const double (*bounds)[3]);

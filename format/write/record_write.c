@@ -92,6 +92,11 @@ static bool splits(const struct tetlodi_record_writer *w, uint32_t slot, uint32_
     return node >= w->in->vertices && node - w->in->vertices >= contractions;
 }
 
+static bool is_original(const struct tetlodi_record_writer *w, uint32_t node)
+{
+    return node < w->in->vertices && !(w->in->later && w->in->later[node]);
+}
+
 /* The first axis along which two nodes are at different places; 3: at the same. */
 static size_t axis_between(const struct tetlodi_record_writer *w, uint32_t a, uint32_t b)
 {
@@ -287,7 +292,7 @@ static enum tetlod_status write_record(struct tetlodi_record_writer *w, uint32_t
         return no_memory(w, error);
     prefetch_corners(w, slot);
     for (uint32_t i = 0; i < record.children; i++)
-        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
+        record.leaves |= (unsigned)is_original(w, w->children[i]) << i;
     for (uint32_t c = 0; c < w->replay->column_count; c++)
         for (size_t n = w->replay->columns[c].components, k = 0; k < n; k++, codes++)
             for (uint32_t i = 0; i < record.children; i++)
@@ -313,6 +318,36 @@ enum tetlod_status tetlodi_write_vertex(struct tetlodi_record_writer *w, uint32_
 }
 
 /* ---- beginning and end */
+
+static enum tetlod_type original_type(const struct tetlodi_write_field *field)
+{
+    return field->was_float64 ? TETLOD_FLOAT64 : field->type;
+}
+
+void tetlodi_set_columns(const struct tetlodi_write_input *in, struct tetlodi_column *columns)
+{
+    columns[0].components = 3;
+    columns[0].scale.type = in->position_type;
+    columns[0].scale.original = in->positions_were_float64 ? TETLOD_FLOAT64 : in->position_type;
+    columns[0].scale.bits = in->position_bits;
+    memcpy(columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
+    memcpy(columns[0].scale.step, in->position_step, sizeof in->position_step);
+    for (uint32_t f = 0; f < in->field_count; f++) {
+        const struct tetlodi_write_field *field = &in->fields[f];
+        columns[1 + f].components = field->components;
+        columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits,
+                                                      {field->origin}, {field->step}};
+    }
+}
+
+void tetlodi_set_codes(const struct tetlodi_record_writer *w, uint32_t vertex, uint32_t node)
+{
+    for (uint32_t c = 0; c < w->replay->column_count; c++) {
+        size_t n = w->replay->columns[c].components;
+        for (size_t k = 0; k < n; k++)
+            w->replay->columns[c].codes[vertex * n + k] = tetlodi_node_code(w, c, node, k);
+    }
+}
 
 enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *w, size_t vertices, size_t tets,
                                               struct tetlod_error *error)

@@ -34,6 +34,9 @@ struct tetlodi_record_writer {
     struct tetlodi_encoder *encoders; /* [column] */
 };
 
+/* What columns are of an input: positions, then the fields. */
+void tetlodi_set_columns(const struct tetlodi_write_input *in, struct tetlodi_column *columns);
+
 /* All is set up to the lineage, slots, the part and the replay, whose memory it takes: room for so many vertices and
  * tetrahedra. On failure it can be freed. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *writer, size_t vertices,
@@ -45,6 +48,9 @@ void tetlodi_record_writer_fini(struct tetlodi_record_writer *writer);
 double tetlodi_node_value(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node, size_t component);
 int64_t tetlodi_node_code(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node, size_t component);
 bool tetlodi_node_is_rounded(const struct tetlodi_record_writer *writer, uint32_t column, uint32_t node);
+
+/* Gives a vertex the node's codes in all columns. */
+void tetlodi_set_codes(const struct tetlodi_record_writer *writer, uint32_t vertex, uint32_t node);
 
 /* A corner's living ancestor. */
 uint32_t tetlodi_slot_of(const struct tetlodi_record_writer *writer, uint32_t tet, int corner);

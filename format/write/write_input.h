@@ -8,6 +8,8 @@
 #include "format/common/cuts.h"
 #include "format/tetlod.h"
 
+struct tetlodi_stack_work; /* page_stack.h */
+
 struct tetlodi_write_field {
     const char *name;
     uint32_t components;
@@ -80,6 +82,7 @@ struct tetlodi_write_input {
     const uint32_t *corners;      /* [4 * tets] */
     const uint32_t *children;     /* [4 * contractions] node ids, unused ones TETLOD_NONE, last */
     const double *node_positions; /* [3 * contractions] */
+    const uint8_t *later; /* [vertices] it comes of a contraction that is no part of this; NULL: none does */
     uint32_t field_count, level_count;
     const struct tetlodi_write_field *fields;
     const struct tetlodi_write_level *levels; /* coarse to fine: levels[0] is the base mesh */
@@ -100,6 +103,10 @@ struct tetlodi_write_input {
     enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                const struct tetlodi_write_section **out, uint32_t *count, struct tetlod_error *error);
     void *late_opaque;
+    /* Has the stacks of pages coded, by other programs as well, and fills in what they have come to; NULL: the caller's
+     * threads code page by page. The bytes are the same. */
+    enum tetlod_status (*share)(void *opaque, const struct tetlodi_stack_work *work, struct tetlod_error *error);
+    void *share_opaque;
     unsigned threads; /* the caller's included; bytes do not depend on it */
     int (*progress)(void *opaque, double done); /* asked now and then by the caller's thread: 0 cancels; may be NULL */
     void *progress_opaque;

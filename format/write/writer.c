@@ -22,6 +22,7 @@
 #include "format/write/page_encode.h"
 #include "format/write/page_write.h"
 #include "format/write/record_write.h"
+#include "format/write/stack_write.h"
 #include "format/write/write_check.h"
 
 /* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
@@ -40,7 +41,9 @@ struct writer {
     struct tetlodi_buffer order;
     struct tetlodi_cell_parts cells;
     struct tetlodi_page_writer pages;
+    struct tetlodi_stacks stacks; /* if pages are shared out */
     struct tetlodi_index index;
+    bool writes;          /* there is a sink */
     double begun, share; /* of all the work: what was done before this pass, and what this pass is */
     uint32_t until_asked; /* records that are coded before the caller is asked again */
 };
@@ -54,17 +57,23 @@ static enum tetlod_status out_of_memory(struct writer *w)
 
 /* ---- numbers */
 
-/* Has every number of a column a code? */
-static enum tetlod_status check_column(const struct writer *w, uint32_t c)
+/* What says the numbers of all nodes: those of records are of the root alone if pages are shared out. */
+static struct tetlodi_record_writer numbers(struct writer *w)
 {
+    return (struct tetlodi_record_writer){.in = w->in, .replay = &w->replay};
+}
+
+/* Has every number of a column a code? */
+static enum tetlod_status check_column(struct writer *w, uint32_t c)
+{
+    const struct tetlodi_record_writer whole = numbers(w);
     const char *name = c ? w->in->fields[c - 1].name : "positions";
-    for (uint32_t node = 0; node < w->lineage.nodes; node++)
+    for (uint32_t node = 0; node < w->in->vertices + w->in->contractions; node++)
         for (size_t k = 0; k < w->columns[c].components; k++) {
-            double value = tetlodi_node_value(&w->records, c, node, k);
-            double back = scale_value(&w->columns[c].scale, c ? 0 : (unsigned)k,
-                                      tetlodi_node_code(&w->records, c, node, k));
+            double value = tetlodi_node_value(&whole, c, node, k);
+            double back = scale_value(&w->columns[c].scale, c ? 0 : (unsigned)k, tetlodi_node_code(&whole, c, node, k));
             bool same = memcmp(&back, &value, sizeof value) == 0;
-            if (!isfinite(value) || (!tetlodi_node_is_rounded(&w->records, c, node) && !same))
+            if (!isfinite(value) || (!tetlodi_node_is_rounded(&whole, c, node) && !same))
                 return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name,
                                     value);
         }
@@ -81,8 +90,9 @@ struct base {
 /* The tetrahedra that are always there and the roots of the forest, in any numbering. */
 static enum tetlod_status gather_base(struct writer *w, struct base *base)
 {
+    const struct tetlodi_write_input *in = w->records.in;
     uint32_t vertices = 0, tets = 0;
-    for (uint32_t t = 0; t < w->in->tets; t++)
+    for (uint32_t t = 0; t < in->tets; t++)
         tets += w->lineage.waiting[t] == 0;
     for (uint32_t node = 0; node < w->lineage.nodes; node++)
         vertices += w->lineage.parent[node] == TETLOD_NONE;
@@ -95,15 +105,15 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
     if (!base->corners || !base->tets || !base->tet_order || !base->roots || !base->vertex_order || !base->arrival)
         return out_of_memory(w);
     vertices = tets = 0;
-    for (uint32_t v = 0; v < w->in->vertices; v++)
+    for (uint32_t v = 0; v < in->vertices; v++)
         w->records.slot_at[v] = TETLOD_NONE;
-    for (uint32_t v = 0; v < w->in->vertices; v++)
+    for (uint32_t v = 0; v < in->vertices; v++)
         if (w->records.slot_at[w->lineage.position[v]] == TETLOD_NONE) {
             base->roots[vertices] = lineage_root(&w->lineage, v);
             tetlodi_settle_node(&w->records, base->roots[vertices], vertices);
             vertices++;
         }
-    for (uint32_t t = 0; t < w->in->tets; t++) {
+    for (uint32_t t = 0; t < in->tets; t++) {
         if (w->lineage.waiting[t])
             continue;
         for (int c = 0; c < 4; c++)
@@ -115,38 +125,32 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
     return TETLOD_OK;
 }
 
-static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
-{
-    for (uint32_t c = 0; c < w->replay.column_count; c++) {
-        size_t n = w->columns[c].components;
-        for (size_t k = 0; k < n; k++)
-            w->columns[c].codes[vertex * n + k] = tetlodi_node_code(&w->records, c, node, k);
-    }
-}
-
 /* Components whose codes are those of an earlier one in all nodes. */
-static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied)
+static void find_copies(struct writer *w, uint32_t column, uint8_t *copied)
 {
+    const struct tetlodi_record_writer whole = numbers(w);
+    const uint32_t nodes = w->in->vertices + w->in->contractions;
     size_t n = w->columns[column].components;
     for (size_t c = 1; c < n; c++)
         for (size_t source = 0; source < c && copied[c] == c; source++) {
             uint32_t node = 0;
-            while (node < w->lineage.nodes && tetlodi_node_code(&w->records, column, node, c) ==
-                                                  tetlodi_node_code(&w->records, column, node, source))
+            while (node < nodes && tetlodi_node_code(&whole, column, node, c) ==
+                                       tetlodi_node_code(&whole, column, node, source))
                 node++;
-            copied[c] = (uint8_t)(node == w->lineage.nodes ? source : c);
+            copied[c] = (uint8_t)(node == nodes ? source : c);
         }
 }
 
 /* Room for all that is to come. Values of fields predict those of the base mesh alone. */
 static bool make_room(struct writer *w, size_t base_vertices)
 {
-    bool room = tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets);
+    const struct tetlodi_write_input *in = w->records.in;
+    bool room = tetlodi_replay_room(&w->replay, in->vertices, in->tets);
     for (uint32_t c = 0; c < w->replay.column_count && room; c++) {
         struct tetlodi_column *column = &w->columns[c];
-        room = tetlodi_column_room(column, &w->memory, c ? base_vertices : w->in->vertices, 1) &&
+        room = tetlodi_column_room(column, &w->memory, c ? base_vertices : in->vertices, 1) &&
                TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity,
-                            (size_t)w->in->vertices * column->components);
+                            (size_t)in->vertices * column->components);
     }
     return room;
 }
@@ -161,7 +165,7 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
     for (uint32_t v = 0; v < base->guide.vertices; v++) {
         uint32_t root = base->roots[base->vertex_order[v]];
         tetlodi_settle_node(&w->records, root, v);
-        set_codes(w, v, root);
+        tetlodi_set_codes(&w->records, v, root);
     }
     for (uint32_t t = 0; t < base->guide.tets; t++)
         tetlodi_settle_tet(&w->records, t, base->tets[base->tet_order[t]], w->replay.corners + 4 * (size_t)t);
@@ -276,21 +280,69 @@ static enum tetlod_status write_group(struct writer *w, uint32_t level, const st
                                                .opaque = w};
     if (!tetlodi_page_writer_begin(&w->pages, w->helpers, &w->replay, group, level))
         return out_of_memory(w);
+    tetlodi_page_writer_extend(&w->pages, w->helpers);
     TETLODI_FREE(&w->memory, w->replay.pool, w->replay.pool_capacity); // the stars of pages are their own
     TETLOD_TRY(tetlodi_encode_pages(&encode, w->error));
     TETLOD_TRY(store_level(w, level));
-    tetlodi_page_writer_end(&w->pages, w->helpers, frames);
+    tetlodi_page_writer_end(&w->pages, frames);
+    tetlodi_page_writer_extend(&w->pages, w->helpers);
     return TETLOD_OK;
+}
+
+/* The records of what is in memory are no more those of the root. */
+static enum tetlod_status end_root(struct writer *w)
+{
+    TETLOD_TRY(tetlodi_stacks_begin(&w->stacks, &w->records));
+    tetlodi_lineage_fini(&w->lineage);
+    tetlodi_replay_drop(&w->replay);
+    w->records.in = w->in;
+    return TETLOD_OK;
+}
+
+/* What the levels have come to, as if they had been coded here: as far as anybody asks for it. */
+static enum tetlod_status take_order(struct writer *w)
+{
+    const struct tetlodi_record_writer whole = numbers(w);
+    tetlodi_stacks_order(&w->stacks, &w->records);
+    for (uint32_t c = 1; c < w->replay.column_count; c++) {
+        struct tetlodi_column *column = &w->columns[c];
+        size_t n = column->components, count = w->in->vertices * n;
+        if (!w->in->fields[c - 1].exact)
+            continue;
+        if (!TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity, count))
+            return out_of_memory(w);
+        for (size_t i = 0; i < count; i++)
+            column->codes[i] = tetlodi_node_code(&whole, c, w->records.node_at[i / n], i % n);
+    }
+    return TETLOD_OK;
+}
+
+/* A level in pages that others code as well. */
+static enum tetlod_status share_group(struct writer *w, uint32_t level)
+{
+    struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
+    if (!w->stacks.node_at)
+        TETLOD_TRY(end_root(w));
+    TETLOD_TRY(tetlodi_stacks_level(&w->stacks, level, frames, &w->records.recorder.labels));
+    w->replay.vertices = w->stacks.vertices;
+    w->replay.tets = w->stacks.tets;
+    TETLOD_TRY(store_level(w, level));
+    tetlodi_page_writer_end(&w->pages, frames);
+    TETLOD_TRY(ask(w));
+    return w->in->levels[level].contractions || !tetlodi_stacks_keep_order(&w->stacks) ? TETLOD_OK : take_order(w);
 }
 
 static enum tetlod_status write_level(struct writer *w, uint32_t level)
 {
-    uint32_t contractions = w->in->levels[level].contractions;
+    const struct tetlodi_write_input *in = w->records.in;
+    if (group_of(w, level) && w->in->share)
+        return share_group(w, level);
+    uint32_t contractions = in->levels[level].contractions;
     uint32_t vertices = w->replay.vertices;
-    for (uint32_t c = contractions; c < w->in->levels[level - 1].contractions; c++)
-        vertices += lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
-    tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
-    tetlodi_level_begin(&w->records.recorder, vertices, w->in->tets);
+    for (uint32_t c = contractions; c < in->levels[level - 1].contractions; c++)
+        vertices += lineage_child_count(&w->lineage, in->vertices + c) - 1;
+    tetlodi_lineage_trim(&w->lineage, in->levels[level - 1].contractions);
+    tetlodi_level_begin(&w->records.recorder, vertices, in->tets);
     if (group_of(w, level))
         return write_group(w, level, group_of(w, level));
     tetlodi_start_coders(&w->records, w->index.slowest);
@@ -354,12 +406,8 @@ static enum tetlod_status write_levels(struct writer *w)
 
 static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4])
 {
-    const uint32_t *ours = w->replay.corners + 4 * (size_t)tet;
-    const uint32_t *theirs = w->in->corners + 4 * (size_t)w->records.original_of[tet];
-    for (int c = 0; c < 4; c++)
-        for (uint8_t k = 0; k < 4; k++)
-            if (w->records.node_at[ours[k]] == theirs[c])
-                out[c] = k;
+    for (uint8_t k = 0; k < 4; k++)
+        out[w->records.places[tet] >> 2 * k & 3] = k;
 }
 
 static enum tetlod_status write_order(struct writer *w)
@@ -384,11 +432,6 @@ static enum tetlod_status write_order(struct writer *w)
 
 /* ---- the file */
 
-static enum tetlod_type original_type(const struct tetlodi_write_field *field)
-{
-    return field->was_float64 ? TETLOD_FLOAT64 : field->type;
-}
-
 static void fill_info(struct writer *w)
 {
     struct tetlod_info *info = &w->index.info;
@@ -410,7 +453,7 @@ static void fill_info(struct writer *w)
     for (uint32_t f = 0; f < in->field_count; f++)
         w->index.fields[f] = (struct tetlod_field){.name = in->fields[f].name,
                                                    .components = in->fields[f].components,
-                                                   .type = original_type(&in->fields[f]),
+                                                   .type = w->columns[1 + f].scale.original,
                                                    .range = {in->fields[f].range[0], in->fields[f].range[1]},
                                                    .controlled = in->fields[f].controlled,
                                                    // a flag in the index
@@ -465,22 +508,27 @@ static enum tetlod_status check_input(const struct writer *w)
 
 static void set_columns(struct writer *w)
 {
-    const struct tetlodi_write_input *in = w->in;
-    w->columns[0].components = 3;
-    w->columns[0].scale.type = in->position_type;
-    w->columns[0].scale.original = in->positions_were_float64 ? TETLOD_FLOAT64 : in->position_type;
-    w->columns[0].scale.bits = in->position_bits;
-    memcpy(w->columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
-    memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
-    for (uint32_t f = 0; f < in->field_count; f++) {
-        const struct tetlodi_write_field *field = &in->fields[f];
-        w->columns[1 + f].components = w->index.fields[f].components = field->components;
-        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits,
-                                                         {field->origin}, {field->step}};
-        w->index.exact_later[f] = field->exact != NULL;
+    tetlodi_set_columns(w->in, w->columns);
+    for (uint32_t f = 0; f < w->in->field_count; f++) {
+        w->index.fields[f].components = w->columns[1 + f].components;
+        w->index.exact_later[f] = w->in->fields[f].exact != NULL;
     }
-    for (uint32_t c = 0; c <= in->field_count; c++)
+    for (uint32_t c = 0; c <= w->in->field_count; c++)
         w->index.scales[c] = w->columns[c].scale;
+}
+
+/* Records are those of the root. */
+static enum tetlod_status cut_root(struct writer *w)
+{
+    w->stacks = (struct tetlodi_stacks){.whole = numbers(w),
+                                        .pages = &w->pages,
+                                        .helpers = w->helpers,
+                                        .recorder = &w->records.recorder,
+                                        .error = w->error,
+                                        .slowest = w->index.slowest};
+    TETLOD_TRY(tetlodi_stacks_init(&w->stacks));
+    w->records.in = &w->stacks.root.in;
+    return TETLOD_OK;
 }
 
 static enum tetlod_status allocate(struct writer *w, unsigned slowest)
@@ -491,21 +539,23 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->records.in = in;
     w->records.lineage = &w->lineage;
     w->records.replay = &w->replay;
-    w->records.slot_at = malloc(in->vertices * sizeof *w->records.slot_at);
     w->columns = calloc(parts, sizeof *w->columns);
     w->helpers = tetlodi_helpers_new(in->threads > 1 ? in->threads - 1 : 0);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
-    bool done = w->records.slot_at && w->columns && w->stored && tetlodi_index_allocate(&w->index);
-    if (!done)
+    if (!w->columns || !w->stored || !tetlodi_index_allocate(&w->index))
         return out_of_memory(w);
     set_columns(w);
     tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
-    TETLOD_TRY(tetlodi_record_writer_init(&w->records, in->vertices, in->tets, w->error));
     tetlodi_page_writer_init(&w->pages, &w->memory, in->groups, in->group_count, in->field_count);
-    return TETLOD_OK;
+    if (in->share && in->group_count)
+        TETLOD_TRY(cut_root(w));
+    w->records.slot_at = malloc(w->records.in->vertices * sizeof *w->records.slot_at);
+    return w->records.slot_at ? tetlodi_record_writer_init(&w->records, w->records.in->vertices, w->records.in->tets,
+                                                           w->error)
+                              : out_of_memory(w);
 }
 
 static void release(struct writer *w)
@@ -522,6 +572,7 @@ static void release(struct writer *w)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
     tetlodi_page_writer_fini(&w->pages);
+    tetlodi_stacks_fini(&w->stacks);
     tetlodi_buffer_fini(&w->order);
     tetlodi_index_fini(&w->index);
 }
@@ -531,11 +582,13 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
 {
     TETLOD_TRY(check_input(w));
     TETLOD_TRY(allocate(w, slowest));
-    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->in, w->helpers, w->error));
+    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->records.in, w->helpers, w->error));
     for (uint32_t c = 0; c <= w->in->field_count; c++)
         TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(write_levels(w));
     TETLOD_TRY(ask(w));
+    if (!w->writes)
+        return TETLOD_OK;
     const struct tetlodi_cells_input cells = {w->in->cells, w->in->cell_field_count, w->in->tets,
                                               w->records.original_of, w->in->parents};
     if (!tetlodi_cells_encode(&w->cells, &cells))
@@ -571,7 +624,7 @@ static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input
 enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
                                  struct tetlod_error *error)
 {
-    struct writer w = {.in = input, .error = error, .share = 1};
+    struct writer w = {.in = input, .error = error, .writes = sink, .share = 1};
     unsigned slowest = USUAL_SLOWEST;
     if (input->compression >= EFFORT_ALL_RATES) {
         TETLOD_TRY(choose_slowest(input, &slowest, error));
@@ -579,7 +632,7 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
         w.begun = 1 - w.share;
     }
     enum tetlod_status status = encode(&w, slowest);
-    if (status == TETLOD_OK)
+    if (status == TETLOD_OK && sink)
         status = write_file(&w, sink);
     release(&w);
     return status;

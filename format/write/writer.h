@@ -14,7 +14,8 @@
 #include "format/write/write_input.h"
 
 /* Encodes the whole stream into the sink. The same input gives the same bytes. ERR_ARGUMENT names a sequence that is
- * not one; ERR_NOMEM; ERR_LIMIT; ERR_CANCELLED; or what the sink returned. */
+ * not one; ERR_NOMEM; ERR_LIMIT; ERR_CANCELLED; or what the sink returned. Without a
+ * sink the levels are coded, and that is all. */
 TETLOD_CHECKED enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input,
                                                 const struct tetlodi_sink *sink,
                                                 struct tetlod_error *error);

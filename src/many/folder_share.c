@@ -7,6 +7,7 @@
  * FOLDER/stage-3/call      what the leader calls helpers for, and what it passes on to them
  * FOLDER/stage-3/parts     how many parts the third stage has
  * FOLDER/stage-3/17.in     what a helper needs of part 17, until it is done
+ * FOLDER/stage-3/few-2     a helper is one of the few that do the stage
  * FOLDER/stage-3/17        part 17: its bytes
  * FOLDER/stage-3/17.lease  someone is at it
  *
@@ -472,6 +473,20 @@ static void pass(void *opaque, void *bytes, size_t size)
     file_view_pass(&share->heard, share->heard.bytes + share->heard_at);
 }
 
+/* Is this helper one of the few that do the next stage? Those that come first are, beside the leader; who dies leaves
+ * its parts to the leader. */
+static bool is_of_few(const struct folder_share *share)
+{
+    for (uint32_t i = 1; i < WORK_FEW; i++) {
+        char path[4096], name[16];
+        snprintf(name, sizeof name, "few-%u", i);
+        stage_path(share, share->stage + 1, path, name);
+        if (take_lease(share, path))
+            return true;
+    }
+    return false;
+}
+
 static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tetlod_error *error)
 {
     struct folder_share *share = opaque;
@@ -487,7 +502,7 @@ static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tet
     share->heard_at = 0;
     share->cut_off = false;
     pass(share, &word, sizeof word);
-    *io_call = word == CALL_CELLS ? CALL_CELLS : CALL_SAMPLES;
+    *io_call = word == CALL_SAMPLES && !share->leads && !is_of_few(share) ? CALL_IDLE : (enum work_call)word;
     return TETLOD_OK;
 }
 

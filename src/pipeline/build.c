@@ -26,6 +26,7 @@
 #include "src/pipeline/precision.h"
 #include "src/pipeline/make_box_sums.h"
 #include "src/pipeline/make_summary.h"
+#include "src/pipeline/share_pages.h"
 #include "src/simplify/ladder.h"
 #include "src/util/array.h"
 #include "src/util/json_text.h"
@@ -387,14 +388,12 @@ static void file_tail(const struct build *build, const struct measured *measured
  * as the others are. */
 static enum tetlod_status measure_tail(struct build *build, struct measured *measured)
 {
-    uint32_t fields = build->mesh->field_count;
     struct coarsening exact = {0};
     struct measure_levels *measure = NULL;
     double *errors = tail_errors(build), domain = build->rounded_by;
     enum tetlod_status status = TETLOD_OK;
-    memset(errors, 0, fields * TETLOD_MEASURES * sizeof *errors);
     build->levels[build->log.mark_count] = (struct tetlodi_write_level){0, 0, errors};
-    if (!build->rounding)
+    if (!build->rounding || !build_writes(build->options))
         return TETLOD_OK;
     TETLOD_TRY_DONE(coarsening_init(&exact, &build->rounded, NULL, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &exact, build->options->threads, build->error));
@@ -461,9 +460,10 @@ static enum tetlod_status measure_together(struct build *build)
         domains[mark] = build->log.marks[mark].moved + build->rounded_by;
     if (status == TETLOD_OK)
         status = measure_shared(&levels, measured, domains, build->error);
-    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_writes(build->options); mark++)
+    const bool known = build_writes(build->options);
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK; mark++)
         if (build->asked[mark])
-            file_levels(build, mark, measured + (size_t)mark * fields, domains[mark]);
+            file_levels(build, mark, known ? measured + (size_t)mark * fields : NULL, domains[mark]);
     free(measured);
     free(domains);
     return status;
@@ -480,10 +480,10 @@ static enum tetlod_status measure_marks(struct build *build)
     build->diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh));
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
-    build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
+    build->errors = array_zero((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->exact || !build->asked || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    if (build->precision.tail && build_writes(build->options))
+    if (build->precision.tail)
         TETLOD_TRY_DONE(measure_tail(build, measured));
     list_asked(build);
     if (shares)
@@ -621,6 +621,7 @@ static enum tetlod_status list_sections(struct build *build, struct tetlodi_buff
     return TETLOD_OK;
 }
 
+/* Of one that leads and does not write there is no sink: it has a part in coding the pages. */
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
@@ -631,12 +632,14 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     struct tetlodi_buffer sums = {0};
     struct tetlodi_write_section *sections = NULL;
     unsigned char *originals = NULL;
-    uint32_t section_count;
+    uint32_t section_count = 0;
+    struct page_sharing sharing = {build->options->share, build->options->threads};
     enum tetlod_status status;
     if (!fields)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields));
     TETLOD_TRY_DONE(list_cells(build, &cells, &rounded));
-    TETLOD_TRY_DONE(list_sections(build, &sums, &originals, &sections, &section_count));
+    if (sink)
+        TETLOD_TRY_DONE(list_sections(build, &sums, &originals, &sections, &section_count));
     for (uint32_t f = 0; f < mesh->field_count; f++)
         fields[f] = list_field(build, f);
     reverse_groups(&build->groups);
@@ -668,6 +671,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .parents = build->input->parents,
                                         .late = build->series ? series_sections : NULL,
                                         .late_opaque = build->series,
+                                        .share = sharing.share ? pages_share : NULL,
+                                        .share_opaque = &sharing,
                                         .threads = build->options->threads,
                                         .progress = build->options->progress ? encode_progress : NULL,
                                         .progress_opaque = build};
@@ -811,8 +816,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(add_local_bounds(&build));
     TETLOD_TRY_DONE(find_ranges(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
-    if (build_writes(options))
-        TETLOD_TRY_DONE(encode(&build, sink));
+    if (build_writes(options) || build.groups.count)
+        TETLOD_TRY_DONE(encode(&build, build_writes(options) ? sink : NULL));
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,
                                     .turned_tets = build.oriented.turned_count,

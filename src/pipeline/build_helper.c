@@ -4,6 +4,7 @@
 #include "format/fail.h"
 #include "src/cells/cell_help.h"
 #include "src/measure/measure_shared.h"
+#include "src/pipeline/share_pages.h"
 #include "src/util/parallel.h"
 
 enum tetlod_status build_helper(const struct work_share *share, unsigned threads,
@@ -23,6 +24,8 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
             TETLOD_TRY(measure_help(share, threads, error));
+        else if (call == CALL_PAGES)
+            TETLOD_TRY(pages_help(share, threads, error));
         else
             TETLOD_TRY(other(opaque, call, error));
     }

@@ -1,0 +1,670 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: a stream's input, whose last levels are in pages. 1. The root: the nodes that are there at its finest level as
+ * vertices. 2. For levels with one tree: the mesh before them, which is known in order of arrival, and the one behind
+ * them, in the input's order; of each page both, and the contractions between them, are a stack that others code.
+ * 3. What they have come to, page by page: frames, and the order of arrival for the levels that follow.
+ */
+#include "format/write/stack_write.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/common/ascending.h"
+#include "format/fail.h"
+#include "format/write/write_check.h"
+
+static enum tetlod_status no_memory(const struct tetlodi_stacks *s)
+{
+    return tetlodi_fail_nomem(s->error, "the stream", (uint64_t)s->whole.in->tets * 64);
+}
+
+static enum tetlod_status wrong_page(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                        "the sequence cannot be written: a contraction is in the wrong page");
+}
+
+/* ---- an input of some of the nodes */
+
+/* A column of so many nodes; NULL: out of memory. */
+static double *numbers_of(const struct tetlodi_record_writer *whole, uint32_t column, const uint32_t *nodes,
+                          uint32_t count)
+{
+    const struct tetlodi_column *about = &whole->replay->columns[column];
+    size_t n = about->components;
+    double *out = malloc((count * n + 1) * sizeof *out);
+    for (size_t i = 0; i < count && out; i++)
+        for (size_t k = 0; k < n; k++)
+            out[i * n + k] = tetlodi_node_is_rounded(whole, column, nodes[i])
+                                 ? scale_value(&about->scale, 0, tetlodi_node_code(whole, column, nodes[i], k))
+                                 : tetlodi_node_value(whole, column, nodes[i], k);
+    return out;
+}
+
+static bool copy_fields(const struct tetlodi_record_writer *whole, struct tetlodi_page_stack *out,
+                        const uint32_t *leaves, const uint32_t *contracted)
+{
+    const struct tetlodi_write_input *in = whole->in;
+    out->in.fields = out->fields = calloc(in->field_count + (size_t)1, sizeof *out->fields);
+    bool good = out->fields;
+    for (uint32_t f = 0; f < in->field_count && good; f++) {
+        const struct tetlodi_write_field *from = &in->fields[f];
+        out->fields[f] = (struct tetlodi_write_field){.components = from->components,
+                                                      .type = from->type,
+                                                      .was_float64 = from->was_float64,
+                                                      .values = numbers_of(whole, 1 + f, leaves, out->in.vertices),
+                                                      .node_values = numbers_of(whole, 1 + f, contracted,
+                                                                                out->in.contractions),
+                                                      .bits = from->bits,
+                                                      .origin = from->origin,
+                                                      .step = from->step,
+                                                      .most = from->most};
+        good = out->fields[f].values && out->fields[f].node_values;
+    }
+    return good;
+}
+
+/* The input of these vertices, which are nodes of the whole, and of nodes that contractions make. Corners and children
+ * are to be filled in. */
+static bool copy_nodes(const struct tetlodi_record_writer *whole, struct tetlodi_page_stack *out,
+                       const uint32_t *leaves, const uint32_t *contracted, uint32_t **out_corners,
+                       uint32_t **out_children)
+{
+    const struct tetlodi_write_input *in = whole->in;
+    uint8_t *later = malloc(out->in.vertices + (size_t)1);
+    *out_corners = malloc((4 * (size_t)out->in.tets + 1) * sizeof **out_corners);
+    *out_children = malloc((4 * (size_t)out->in.contractions + 1) * sizeof **out_children);
+    for (uint32_t v = 0; v < out->in.vertices && later; v++)
+        later[v] = leaves[v] >= in->vertices;
+    out->in.position_type = in->position_type;
+    out->in.positions_were_float64 = in->positions_were_float64;
+    out->in.position_bits = in->position_bits;
+    memcpy(out->in.position_origin, in->position_origin, sizeof in->position_origin);
+    memcpy(out->in.position_step, in->position_step, sizeof in->position_step);
+    out->in.positions = numbers_of(whole, 0, leaves, out->in.vertices);
+    out->in.node_positions = numbers_of(whole, 0, contracted, out->in.contractions);
+    out->in.corners = *out_corners;
+    out->in.children = *out_children;
+    out->in.later = later;
+    out->in.field_count = in->field_count;
+    return copy_fields(whole, out, leaves, contracted) && later && *out_corners && *out_children &&
+           out->in.positions && out->in.node_positions;
+}
+
+/* ---- the root */
+
+/* heirs[node]: the node of the mesh after so many contractions that it is in. */
+static void find_heirs(struct tetlodi_stacks *s, uint32_t contractions)
+{
+    const uint32_t end = s->whole.in->vertices + contractions;
+    for (uint32_t node = end; node-- > 0;)
+        s->heirs[node] = s->parent[node] < end ? s->heirs[s->parent[node]] : node; // TETLOD_NONE is not below
+}
+
+/* Where a tetrahedron's corners are then. False: it is not there. */
+static bool heirs_of(const struct tetlodi_stacks *s, uint32_t tet, uint32_t out[4])
+{
+    bool there = true;
+    for (int c = 0; c < 4; c++) {
+        out[c] = s->heirs[s->whole.in->corners[4 * (size_t)tet + (size_t)c]];
+        for (int d = 0; d < c; d++)
+            there &= out[c] != out[d];
+    }
+    return there;
+}
+
+static uint32_t root_level_count(const struct tetlodi_write_input *in)
+{
+    return in->level_count - (uint32_t)tetlodi_has_tail(in) - in->group_count;
+}
+
+/* Its vertices, in the order of the first of the originals that each holds, and its tetrahedra. */
+static enum tetlod_status list_root(struct tetlodi_stacks *s)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    struct tetlodi_write_input *root = &s->root.in;
+    uint32_t corners[4];
+    for (uint32_t node = 0; node < s->nodes; node++)
+        s->place[node] = TETLOD_NONE;
+    for (uint32_t v = 0; v < in->vertices; v++)
+        if (s->place[s->heirs[v]] == TETLOD_NONE)
+            s->place[s->heirs[v]] = root->vertices++;
+    for (uint32_t t = 0; t < in->tets; t++)
+        root->tets += heirs_of(s, t, corners);
+    s->root_nodes = malloc(root->vertices * sizeof *s->root_nodes);
+    s->root_tets = malloc((root->tets + (size_t)1) * sizeof *s->root_tets);
+    if (!s->root_nodes || !s->root_tets)
+        return no_memory(s);
+    for (uint32_t v = 0; v < in->vertices; v++)
+        s->root_nodes[s->place[s->heirs[v]]] = s->heirs[v];
+    for (uint32_t t = 0, count = 0; t < in->tets; t++)
+        if (heirs_of(s, t, corners))
+            s->root_tets[count++] = t;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status fill_root(struct tetlodi_stacks *s, uint32_t contractions)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    struct tetlodi_write_input *root = &s->root.in;
+    const uint32_t first = in->vertices + contractions;
+    uint32_t *corners, *children, *contracted = malloc((root->contractions + (size_t)1) * sizeof *contracted);
+    for (uint32_t c = 0; c < root->contractions && contracted; c++) {
+        s->place[first + c] = root->vertices + c;
+        contracted[c] = first + c;
+    }
+    bool good = contracted && copy_nodes(&s->whole, &s->root, s->root_nodes, contracted, &corners, &children);
+    free(contracted);
+    if (!good)
+        return no_memory(s);
+    for (size_t i = 0; i < 4 * (size_t)root->contractions; i++) {
+        uint32_t child = in->children[4 * (size_t)contractions + i];
+        children[i] = child == TETLOD_NONE ? TETLOD_NONE : s->place[child];
+    }
+    for (uint32_t t = 0; t < root->tets; t++)
+        for (size_t c = 0; c < 4; c++)
+            corners[4 * (size_t)t + c] = s->place[s->heirs[in->corners[4 * (size_t)s->root_tets[t] + c]]];
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_stacks_init(struct tetlodi_stacks *s)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    const uint32_t levels = root_level_count(in), contractions = in->levels[levels - 1].contractions;
+    struct tetlodi_write_level *own = calloc(levels, sizeof *own);
+    s->memory.most = UINT64_MAX;
+    s->nodes = in->vertices + in->contractions;
+    s->parent = malloc(s->nodes * sizeof *s->parent);
+    s->heirs = malloc(s->nodes * sizeof *s->heirs);
+    s->place = malloc(s->nodes * sizeof *s->place);
+    s->root.in.levels = own;
+    s->root.in.level_count = levels;
+    s->root.in.contractions = in->contractions - contractions;
+    if (!s->parent || !s->heirs || !s->place || !own)
+        return no_memory(s);
+    for (uint32_t level = 0; level < levels; level++) {
+        own[level] = in->levels[level];
+        own[level].contractions -= contractions;
+    }
+    TETLOD_TRY(tetlodi_lineage_parents(in, s->parent, s->error));
+    find_heirs(s, contractions);
+    TETLOD_TRY(list_root(s));
+    return fill_root(s, contractions);
+}
+
+static void end_levels(struct tetlodi_stacks *s)
+{
+    tetlodi_page_shares_fini(&s->shares);
+    for (int i = 0; i < 2; i++) {
+        struct tetlodi_replay *mesh = i ? &s->end : &s->begin;
+        if (s->positions[i].values_capacity) // else they are the input's
+            TETLODI_FREE(&s->memory, s->positions[i].values, s->positions[i].values_capacity);
+        if (mesh->corners_capacity)
+            TETLODI_FREE(&s->memory, mesh->corners, mesh->corners_capacity);
+        mesh->corners = NULL;
+        s->positions[i].values = NULL;
+    }
+    for (uint32_t page = 0; page < s->page_count && s->results; page++)
+        tetlodi_stack_result_fini(&s->results[page]);
+    free(s->results);
+    s->results = NULL;
+    s->level_count = 0;
+}
+
+void tetlodi_stacks_fini(struct tetlodi_stacks *s)
+{
+    end_levels(s);
+    tetlodi_stack_fini(&s->root);
+    void *const owned[] = {s->root_nodes, s->root_tets, s->parent, s->heirs, s->place, s->node_at, s->original_of,
+                           s->leaves, s->places};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+    *s = (struct tetlodi_stacks){0};
+}
+
+enum tetlod_status tetlodi_stacks_begin(struct tetlodi_stacks *s, const struct tetlodi_record_writer *root)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    s->vertices = root->replay->vertices;
+    s->tets = root->replay->tets;
+    s->node_at = malloc(in->vertices * sizeof *s->node_at);
+    s->original_of = malloc(in->tets * sizeof *s->original_of);
+    s->leaves = malloc(in->vertices);
+    s->places = malloc(in->tets);
+    if (!s->node_at || !s->original_of || !s->leaves || !s->places)
+        return no_memory(s);
+    for (uint32_t v = 0; v < s->vertices; v++) {
+        s->node_at[v] = s->root_nodes[root->node_at[v]];
+        s->leaves[v] = (uint8_t)root->replay->stars[v].leaf;
+    }
+    for (uint32_t t = 0; t < s->tets; t++) {
+        s->original_of[t] = s->root_tets[root->original_of[t]];
+        s->places[t] = root->places[t];
+    }
+    return TETLOD_OK;
+}
+
+/* ---- what a page has */
+
+struct page_lists {
+    uint32_t page;
+    struct tetlodi_page_part begin, end;
+    uint32_t *leaves, leaf_count;             /* nodes: the vertices at the end; behind them those without tetrahedra */
+    uint32_t *contracted, contracted_count;   /* nodes that its contractions make */
+    uint32_t *ends;                           /* as a stack's */
+};
+
+static void free_lists(struct page_lists *lists)
+{
+    tetlodi_page_part_fini(&lists->begin);
+    tetlodi_page_part_fini(&lists->end);
+    free(lists->leaves);
+    free(lists->contracted);
+    free(lists->ends);
+}
+
+static const struct tetlodi_write_group *group_of(const struct tetlodi_stacks *s, uint32_t level)
+{
+    return &s->whole.in->groups[s->first_level + level - root_level_count(s->whole.in)];
+}
+
+/* The page's contractions of a level begin there, and end. */
+static void range_of(const struct tetlodi_stacks *s, uint32_t level, uint32_t page, uint32_t out[2])
+{
+    const struct tetlodi_write_group *group = group_of(s, level);
+    out[0] = page ? group->ends[page - 1] : s->whole.in->levels[s->first_level + level].contractions;
+    out[1] = group->ends[page];
+}
+
+/* Its contractions, of the finest level first; 0 if out of memory. */
+static int list_contractions(const struct tetlodi_stacks *s, struct page_lists *lists)
+{
+    uint32_t range[2], count = 0;
+    for (uint32_t level = 0; level < s->level_count; level++) {
+        range_of(s, level, lists->page, range);
+        count += range[1] - range[0];
+    }
+    lists->contracted = malloc((count + (size_t)1) * sizeof *lists->contracted);
+    lists->ends = malloc(s->level_count * sizeof *lists->ends);
+    lists->leaves = malloc((lists->end.listed_count + 4 * (size_t)count + 1) * sizeof *lists->leaves);
+    if (!lists->contracted || !lists->ends || !lists->leaves)
+        return 0;
+    for (uint32_t level = s->level_count; level-- > 0;) {
+        range_of(s, level, lists->page, range);
+        for (uint32_t c = range[0]; c < range[1]; c++) {
+            s->place[s->whole.in->vertices + c] = lists->contracted_count;
+            lists->contracted[lists->contracted_count++] = s->whole.in->vertices + c;
+        }
+        lists->ends[level] = lists->contracted_count;
+    }
+    return 1;
+}
+
+/* Children without a tetrahedron are vertices as well. */
+static void list_leaves(const struct tetlodi_stacks *s, struct page_lists *lists)
+{
+    memcpy(lists->leaves, lists->end.listed, lists->end.listed_count * sizeof *lists->leaves);
+    lists->leaf_count = lists->end.listed_count;
+    for (uint32_t k = 0; k < lists->contracted_count; k++) {
+        const uint32_t *children =
+            s->whole.in->children + 4 * (size_t)(lists->contracted[k] - s->whole.in->vertices);
+        for (int c = 0; c < 4; c++)
+            if (children[c] < s->end.vertices && s->shares.owner[children[c]] == PAGE_NOBODY) {
+                s->shares.local[children[c]] = lists->leaf_count;
+                lists->leaves[lists->leaf_count++] = children[c];
+            }
+    }
+}
+
+static int list_page(const struct tetlodi_stacks *s, uint32_t page, struct page_lists *lists)
+{
+    *lists = (struct page_lists){.page = page};
+    tetlodi_page_part_set(&lists->begin, &s->pages->shares, page);
+    tetlodi_page_part_set(&lists->end, &s->shares, page);
+    if (!tetlodi_page_part_list(&lists->begin, &s->pages->shares) ||
+        !tetlodi_page_part_list(&lists->end, &s->shares) || !list_contractions(s, lists))
+        return 0;
+    list_leaves(s, lists);
+    return 1;
+}
+
+/* A node of the whole in the stack; TETLOD_NONE: it is of another one. */
+static uint32_t number_of(const struct tetlodi_stacks *s, const struct page_lists *lists, uint32_t node)
+{
+    if (node >= s->end.vertices) {
+        uint32_t number = s->place[node];
+        return number < lists->contracted_count && lists->contracted[number] == node ? lists->leaf_count + number
+                                                                                     : TETLOD_NONE;
+    }
+    uint32_t owner = s->shares.owner[node], number = s->shares.local[node];
+    if (owner != lists->page && owner != PAGE_SEAM && owner != PAGE_NOBODY)
+        return TETLOD_NONE;
+    number = owner == PAGE_SEAM ? tetlodi_page_part_number(&lists->end, &s->shares, node) : number;
+    return number < lists->leaf_count && lists->leaves[number] == node ? number : TETLOD_NONE;
+}
+
+/* ---- a stack */
+
+/* The mesh at the begin in numbers of the stack. False: it is not all of this page. */
+static bool fill_begin(const struct tetlodi_stacks *s, const struct page_lists *lists, struct tetlodi_page_stack *out)
+{
+    bool good = true;
+    for (uint32_t v = 0; v < out->vertices; v++) {
+        uint32_t vertex = lists->begin.listed[v];
+        out->nodes[v] = number_of(s, lists, s->node_at[vertex]);
+        out->seams[v] = lists->begin.seams[v];
+        out->leaves[v] = s->leaves[vertex];
+        good &= out->nodes[v] != TETLOD_NONE;
+    }
+    for (uint32_t t = 0; t < out->tets; t++) {
+        uint32_t tet = lists->begin.tets[t], original = s->original_of[tet];
+        out->numbers[t] = ascending_place(lists->end.tets, lists->end.tet_count, original);
+        out->places[t] = s->places[tet];
+        good &= out->numbers[t] < lists->end.tet_count && lists->end.tets[out->numbers[t]] == original;
+    }
+    return good;
+}
+
+/* The mesh at the end, and the contractions. */
+static bool fill_end(const struct tetlodi_stacks *s, const struct page_lists *lists, uint32_t *corners,
+                     uint32_t *children)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    bool good = true;
+    for (uint32_t t = 0; t < lists->end.tet_count; t++)
+        for (size_t c = 0; c < 4; c++)
+            corners[4 * (size_t)t + c] =
+                tetlodi_page_part_number(&lists->end, &s->shares, s->end.corners[4 * (size_t)lists->end.tets[t] + c]);
+    for (uint32_t k = 0; k < lists->contracted_count; k++)
+        for (size_t c = 0; c < 4; c++) {
+            uint32_t child = in->children[4 * (size_t)(lists->contracted[k] - in->vertices) + c];
+            children[4 * (size_t)k + c] = child == TETLOD_NONE ? TETLOD_NONE : number_of(s, lists, child);
+            good &= child == TETLOD_NONE || children[4 * (size_t)k + c] != TETLOD_NONE;
+        }
+    return good;
+}
+
+static bool allocate_begin(struct tetlodi_page_stack *out)
+{
+    out->nodes = malloc((out->vertices + (size_t)1) * sizeof *out->nodes);
+    out->numbers = malloc((out->tets + (size_t)1) * sizeof *out->numbers);
+    out->seams = malloc(out->vertices + (size_t)1);
+    out->leaves = malloc(out->vertices + (size_t)1);
+    out->places = malloc(out->tets + (size_t)1);
+    out->copied = malloc((out->in.field_count + (size_t)1) * MAX_COMPONENTS);
+    return out->nodes && out->numbers && out->seams && out->leaves && out->places && out->copied;
+}
+
+bool tetlodi_stacks_keep_order(const struct tetlodi_stacks *s)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    return in->levels[s->first_level + s->level_count - 1].contractions || tetlodi_has_tail(in) || in->keep_order ||
+           in->cell_field_count || in->late;
+}
+
+void tetlodi_stacks_order(struct tetlodi_stacks *s, struct tetlodi_record_writer *out)
+{
+    TETLODI_FREE(out->memory, out->node_at, out->node_capacity);
+    TETLODI_FREE(out->memory, out->original_of, out->original_capacity);
+    TETLODI_FREE(out->memory, out->places, out->places_capacity);
+    out->node_at = s->node_at;
+    out->original_of = s->original_of;
+    out->places = s->places;
+    s->node_at = s->original_of = NULL;
+    s->places = NULL;
+    end_levels(s);
+}
+
+static enum tetlod_status cut(void *opaque, uint32_t page, struct tetlodi_page_stack *out, struct tetlod_error *error)
+{
+    struct tetlodi_stacks *s = opaque;
+    struct page_lists lists;
+    uint32_t *corners, *children;
+    enum tetlod_status status = TETLOD_OK;
+    *out = (struct tetlodi_page_stack){
+        .level_count = s->level_count, .slowest = s->slowest, .keeps_mesh = tetlodi_stacks_keep_order(s)};
+    bool room = list_page(s, page, &lists);
+    out->in.vertices = lists.leaf_count;
+    out->in.tets = lists.end.tet_count;
+    out->in.contractions = lists.contracted_count;
+    out->vertices = lists.begin.listed_count;
+    out->tets = lists.begin.tet_count;
+    room = room && copy_nodes(&s->whole, out, lists.leaves, lists.contracted, &corners, &children) &&
+           allocate_begin(out);
+    if (!room)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a page", (uint64_t)lists.end.tet_count * 64));
+    for (uint32_t f = 0; f < out->in.field_count; f++)
+        memcpy(out->copied + (size_t)f * MAX_COMPONENTS, s->recorder->field_models[f].copied, MAX_COMPONENTS);
+    out->ends = lists.ends;
+    lists.ends = NULL;
+    bool begins = fill_begin(s, &lists, out), ends = fill_end(s, &lists, corners, children);
+    if (!begins || !ends)
+        TETLOD_TRY_DONE(wrong_page(error));
+done:
+    free_lists(&lists);
+    return status;
+}
+
+/* ---- levels with one tree */
+
+/* A mesh of vertices that are nodes. */
+static int mesh_room(struct tetlodi_stacks *s, struct tetlodi_replay *mesh, struct tetlodi_column *positions)
+{
+    const size_t vertices = mesh->vertices, tets = mesh->tets;
+    return TETLODI_ROOM(&s->memory, mesh->corners, mesh->corners_capacity, 4 * tets) &&
+           TETLODI_ROOM(&s->memory, positions->values, positions->values_capacity, 3 * vertices);
+}
+
+static void place_node(const struct tetlodi_stacks *s, struct tetlodi_replay *mesh, uint32_t vertex, uint32_t node)
+{
+    for (size_t axis = 0; axis < 3; axis++)
+        mesh->columns[0].values[3 * (size_t)vertex + axis] = tetlodi_node_value(&s->whole, 0, node, axis);
+}
+
+static void set_counts(struct tetlodi_stacks *s, int which, uint32_t vertices, uint32_t tets)
+{
+    struct tetlodi_replay *mesh = which ? &s->end : &s->begin;
+    tetlodi_replay_init(mesh, &s->memory, &s->positions[which], 1);
+    s->positions[which].components = 3;
+    mesh->vertices = vertices;
+    mesh->tets = tets;
+}
+
+/* The mesh at the begin, in order of arrival. */
+static enum tetlod_status set_begin(struct tetlodi_stacks *s)
+{
+    const uint32_t *originals = s->whole.in->corners;
+    set_counts(s, 0, s->vertices, s->tets);
+    if (!mesh_room(s, &s->begin, &s->positions[0]))
+        return no_memory(s);
+    for (uint32_t v = 0; v < s->vertices; v++) {
+        s->place[s->node_at[v]] = v;
+        place_node(s, &s->begin, v, s->node_at[v]);
+    }
+    for (size_t t = 0; t < s->tets; t++)
+        for (size_t c = 0; c < 4; c++)
+            s->begin.corners[4 * t + c] =
+                s->place[s->heirs[originals[4 * (size_t)s->original_of[t] + (s->places[t] >> 2 * c & 3)]]];
+    return TETLOD_OK;
+}
+
+enum { TETS_A_TASK = 1 << 14 };
+
+static int find_pages(void *opaque, uint32_t task)
+{
+    const struct tetlodi_stacks *s = opaque;
+    uint32_t begin = task * (uint32_t)TETS_A_TASK, left = s->end.tets - begin, corners[4];
+    for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++) {
+        bool there = heirs_of(s, t, corners);
+        if (s->end.corners_capacity) // else they are the input's
+            memcpy(s->end.corners + 4 * (size_t)t, corners, sizeof corners);
+        s->shares.page_of[t] =
+            there ? tetlodi_page_at_corners(group_of(s, 0)->tree, s->end.columns[0].values, corners) : NOT_THERE;
+    }
+    return 1;
+}
+
+/* Of the finest level the input has them. */
+static enum tetlod_status make_end(struct tetlodi_stacks *s, bool finest)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    if (finest) {
+        s->end.corners = (uint32_t *)(uintptr_t)in->corners; // read only, where they are not made here
+        s->positions[1].values = (double *)(uintptr_t)in->positions;
+        return TETLOD_OK;
+    }
+    if (!mesh_room(s, &s->end, &s->positions[1]))
+        return no_memory(s);
+    for (uint32_t node = 0; node < s->end.vertices; node++)
+        place_node(s, &s->end, node, node);
+    return TETLOD_OK;
+}
+
+/* The mesh at the end, as the input numbers it. */
+static enum tetlod_status set_end(struct tetlodi_stacks *s)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    const uint32_t contractions = in->levels[s->first_level + s->level_count - 1].contractions;
+    set_counts(s, 1, in->vertices + contractions, in->tets);
+    TETLOD_TRY(make_end(s, !contractions));
+    if (!tetlodi_page_shares_init(&s->shares, &s->end, s->page_count))
+        return no_memory(s);
+    find_heirs(s, contractions);
+    tetlodi_helpers_start(s->helpers, find_pages, s, (in->tets + TETS_A_TASK - 1) / TETS_A_TASK);
+    tetlodi_helpers_wait(s->helpers);
+    tetlodi_page_shares_sort(&s->shares, s->helpers);
+    return TETLOD_OK;
+}
+
+/* Has the stacks of the levels coded that begin with this one. */
+static enum tetlod_status code_levels(struct tetlodi_stacks *s, uint32_t level)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    end_levels(s);
+    s->first_level = level;
+    s->page_count = group_of(s, 0)->pages;
+    s->taken = 0;
+    do
+        s->level_count++;
+    while (level + s->level_count < root_level_count(in) + in->group_count &&
+           tetlodi_same_tree(group_of(s, s->level_count), group_of(s, 0)));
+    s->results = calloc(s->page_count, sizeof *s->results);
+    if (!s->results)
+        return no_memory(s);
+    TETLOD_TRY(set_begin(s));
+    if (!tetlodi_page_writer_begin(s->pages, s->helpers, &s->begin, group_of(s, 0), level))
+        return no_memory(s);
+    TETLOD_TRY(set_end(s));
+    const struct tetlodi_stack_work work = {s->page_count, cut, s, s->results};
+    return in->share(in->share_opaque, &work, s->error);
+}
+
+/* ---- what they have come to */
+
+/* Where what a page adds goes, level by level: its vertices or its tetrahedra. */
+struct arrivals {
+    uint32_t *vertices, *tets; /* [level * pages + page] */
+};
+
+static int count_arrivals(const struct tetlodi_stacks *s, struct arrivals *arrivals)
+{
+    size_t pages = s->page_count, count = s->level_count * pages;
+    uint32_t vertex = s->begin.vertices, tet = s->begin.tets;
+    arrivals->vertices = malloc(count * sizeof *arrivals->vertices);
+    arrivals->tets = malloc(count * sizeof *arrivals->tets);
+    for (size_t i = 0; i < count && arrivals->vertices && arrivals->tets; i++) {
+        const struct tetlodi_stack_level *level = &s->results[i % pages].levels[i / pages];
+        arrivals->vertices[i] = vertex;
+        arrivals->tets[i] = tet;
+        vertex += level->vertices;
+        tet += level->tets;
+    }
+    return arrivals->vertices && arrivals->tets;
+}
+
+/* A page's mesh at the end becomes part of the whole. */
+static int keep_page(struct tetlodi_stacks *s, uint32_t page, const struct arrivals *arrivals)
+{
+    const struct tetlodi_stack_result *result = &s->results[page];
+    struct page_lists lists;
+    int room = list_page(s, page, &lists);
+    uint32_t v = 0, t = 0;
+    for (; room && v < lists.begin.listed_count; v++) {
+        s->node_at[lists.begin.listed[v]] = lists.leaves[result->nodes[v]];
+        s->leaves[lists.begin.listed[v]] = result->leaves[v];
+    }
+    for (; room && t < lists.begin.tet_count; t++)
+        s->places[lists.begin.tets[t]] = result->places[t];
+    for (uint32_t level = 0; room && level < s->level_count; level++) {
+        size_t at = level * (size_t)s->page_count + page;
+        for (uint32_t i = 0; i < result->levels[level].vertices; i++, v++) {
+            s->node_at[arrivals->vertices[at] + i] = lists.leaves[result->nodes[v]];
+            s->leaves[arrivals->vertices[at] + i] = result->leaves[v];
+        }
+        for (uint32_t i = 0; i < result->levels[level].tets; i++, t++) {
+            s->original_of[arrivals->tets[at] + i] = lists.end.tets[result->numbers[t]];
+            s->places[arrivals->tets[at] + i] = result->places[t];
+        }
+    }
+    free_lists(&lists);
+    return room;
+}
+
+/* The mesh at the end, in order of arrival, is what the levels that follow begin with. */
+static enum tetlod_status keep_mesh(struct tetlodi_stacks *s)
+{
+    struct arrivals arrivals;
+    int room = count_arrivals(s, &arrivals);
+    for (uint32_t page = 0; page < s->page_count && room; page++)
+        room = keep_page(s, page, &arrivals);
+    free(arrivals.vertices);
+    free(arrivals.tets);
+    return room ? TETLOD_OK : no_memory(s);
+}
+
+/* Tetrahedra of all pages before the level. */
+static int follow(const struct tetlodi_stacks *s)
+{
+    uint32_t *tets = malloc(s->page_count * sizeof *tets);
+    for (uint32_t page = 0; page < s->page_count && tets; page++) {
+        tets[page] = s->pages->shares.tet_begins[page + 1] - s->pages->shares.tet_begins[page];
+        for (uint32_t level = 0; level < s->taken; level++)
+            tets[page] += s->results[page].levels[level].tets;
+    }
+    int done = tets && tetlodi_page_writer_follow(s->pages, tets);
+    free(tets);
+    return done;
+}
+
+static enum tetlod_status take_page(struct tetlodi_stacks *s, uint32_t page, struct tetlodi_buffer *frames,
+                                    uint64_t *io_labels)
+{
+    const struct tetlodi_stack_result *result = &s->results[page];
+    const struct tetlodi_stack_level *level = &result->levels[s->taken];
+    const struct tetlodi_page_table *table = &s->pages->table;
+    for (uint32_t part = 0; part < result->parts; part++) {
+        const struct tetlodi_buffer *frame = &result->frames[(size_t)s->taken * result->parts + part];
+        tetlodi_put_block(&frames[part], frame->bytes, frame->size);
+        if (frames[part].failed)
+            return no_memory(s);
+    }
+    memcpy(s->pages->boxes[table->page_count], level->box, sizeof level->box);
+    s->vertices += level->vertices;
+    s->tets += level->tets;
+    *io_labels += level->labels;
+    return tetlodi_page_writer_page(s->pages, s->vertices, s->tets, frames) ? TETLOD_OK : no_memory(s);
+}
+
+enum tetlod_status tetlodi_stacks_level(struct tetlodi_stacks *s, uint32_t level, struct tetlodi_buffer *frames,
+                                        uint64_t *io_labels)
+{
+    if (s->taken == s->level_count)
+        TETLOD_TRY(code_levels(s, level));
+    else if (!follow(s))
+        return no_memory(s);
+    for (uint32_t page = 0; page < s->page_count; page++)
+        TETLOD_TRY(take_page(s, page, frames, io_labels));
+    s->taken++;
+    return s->taken < s->level_count || !tetlodi_stacks_keep_order(s) ? TETLOD_OK : keep_mesh(s);
+}
