@@ -84,6 +84,7 @@ struct measure_levels {
     size_t counted;         /* samples that count */
     uint32_t *bodies;       /* [slot] each body is compared with itself */
     uint32_t *hosts;        /* [sample] */
+    struct coarse_numbers numbers; /* what hosts are to become where they are looked at next; zeros: what they are */
     float *errors;          /* [field][sample], as tally_keep makes them */
     uint64_t *hashes;       /* [vertex] of positions */
     size_t samples, chunks;
@@ -297,6 +298,14 @@ static void find_points(const struct measure_levels *m, struct worker *worker)
     }
 }
 
+/* After a compaction hosts get their new numbers here, where all of them are looked at in any case. */
+static void renumber_hosts(struct measure_levels *m, size_t begin, size_t end)
+{
+    for (size_t sample = begin; sample < end && m->numbers.living; sample++)
+        if (m->hosts[sample] < HOST_SPECIAL)
+            m->hosts[sample] = coarse_number(&m->numbers, m->hosts[sample]);
+}
+
 /* What held a sample and its predecessor holds them close together: the second is looked for where the first was
  * found. */
 static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
@@ -305,6 +314,7 @@ static void update_chunk(struct measure_levels *m, struct worker *worker, size_t
     size_t end = (chunk + 1) * TALLY_CHUNK < m->samples ? (chunk + 1) * TALLY_CHUNK : m->samples;
     uint32_t last_begun = TETLOD_NONE, last_found = TETLOD_NONE;
     bool first_rounded = !m->started && m->rounded, any = first_rounded;
+    renumber_hosts(m, chunk * TALLY_CHUNK, end);
     for (size_t sample = chunk * TALLY_CHUNK; sample < end && first_rounded; sample++)
         if (m->hosts[sample] != HOST_NONE)
             file_rounding(m, worker, sample);
@@ -595,40 +605,20 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
 
 /* ---- compaction */
 
-struct renumbering {
-    struct measure_levels *measure;
-    struct coarse_numbers numbers;
-};
-
-static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t end)
-{
-    const struct renumbering *r = context;
-    (void)worker;
-    bool mine = false;
-    for (size_t sample = begin; sample < end; sample++) {
-        if (sample == begin || sample % TALLY_CHUNK == 0)
-            mine = is_mine(r->measure, sample / TALLY_CHUNK);
-        if (mine && r->measure->hosts[sample] < HOST_SPECIAL)
-            r->measure->hosts[sample] = coarse_number(&r->numbers, r->measure->hosts[sample]);
-    }
-}
-
 static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error *error)
 {
-    struct renumbering r = {.measure = m};
+    const struct coarse_numbers *numbers = &m->numbers;
     if (m->mesh->tets > m->mesh->stored / 2)
         return TETLOD_OK;
-    TETLOD_TRY(coarsening_compact(m->mesh, &r.numbers, error));
-    parallel_for(m->threads, m->samples, TALLY_CHUNK, renumber_hosts, &r);
+    TETLOD_TRY(coarsening_compact(m->mesh, &m->numbers, error));
     for (size_t i = 0; i < m->bound_count; i++) {
-        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : coarse_number(&r.numbers, face / 4);
+        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : coarse_number(numbers, face / 4);
         m->nearest[i] = tet == TETLOD_NONE ? TETLOD_NONE : 4 * tet + face % 4;
     }
     for (size_t i = 0; i < m->stray_count; i++) {
         uint32_t face = m->strays[i].face;
-        m->strays[i].face = face == TETLOD_NONE ? face : 4 * coarse_number(&r.numbers, face / 4) + face % 4;
+        m->strays[i].face = face == TETLOD_NONE ? face : 4 * coarse_number(numbers, face / 4) + face % 4;
     }
-    coarse_numbers_fini(&r.numbers);
     return TETLOD_OK;
 }
 
@@ -641,6 +631,7 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
     for (unsigned i = 0; i < m->threads; i++)
         walker_reset(&m->workers[i].walker);
     parallel_for(m->threads, m->chunks, 1, update_samples, m);
+    coarse_numbers_fini(&m->numbers);
     TETLOD_TRY_DONE(update_strays(m, error));
     measure_levels_result(m, out);
     TETLOD_TRY_DONE(update_domain(m, io_domain, error));
@@ -830,6 +821,7 @@ void measure_levels_free(struct measure_levels *m)
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
+    coarse_numbers_fini(&m->numbers);
     void *const owned[] = {m->components, m->bodies, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers,
                            m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};
