@@ -238,13 +238,12 @@ enum tetlod_status library_build(const struct tetmesh *mesh, const struct tetlod
     return status;
 }
 
-enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
-                                        const struct tetlod_build_options *options, const struct work_share *share,
-                                        const struct tetlodi_sink *sink, struct tetlod_error *error)
+enum tetlod_status library_build_copy(struct tetmesh *copy, const struct tetlod_build_options *options,
+                                      const struct work_share *share, const struct tetlodi_sink *sink,
+                                      struct tetlod_error *error)
 {
     struct tetlod_build_options given;
     struct build_options build;
-    struct tetmesh copy = {0};
     struct build_control *controls = NULL;
     enum tetlod_status status = library_options(options, &given, &build, error);
     if (status == TETLOD_OK && work_helps(share))
@@ -252,13 +251,10 @@ enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
     build.share = share;
     build.paged = share ? BUILD_CELL_TETS : build.paged; // programs that build together do so by cells
     if (status == TETLOD_OK)
-        status = library_copy_mesh(&copy, mesh, error);
+        status = library_choose(copy, &given, false, &build, &controls, error);
     if (status == TETLOD_OK)
-        status = library_choose(&copy, &given, false, &build, &controls, error);
-    if (status == TETLOD_OK)
-        status = library_build(&copy, &given, build, sink, error);
+        status = library_build(copy, &given, build, sink, error);
     free(controls);
-    tetmesh_fini(&copy);
     return status;
 }
 
@@ -266,5 +262,11 @@ enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const stru
                                 enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
                                 struct tetlod_error *error)
 {
-    return library_build_arrays(mesh, options, NULL, &(const struct tetlodi_sink){write, opaque}, error);
+    const struct tetlodi_sink sink = {write, opaque};
+    struct tetmesh copy = {0};
+    enum tetlod_status status = library_copy_mesh(&copy, mesh, error);
+    if (status == TETLOD_OK)
+        status = library_build_copy(&copy, options, NULL, &sink, error);
+    tetmesh_fini(&copy);
+    return status;
 }

@@ -6,11 +6,11 @@
 #include "src/library/tetlod_build.h"
 #include "src/pipeline/build.h"
 
-/* tetlod_build, with other programs (src/util/work_share.h); NULL: alone. A helper has no mesh, and writes nothing. */
-TETLOD_CHECKED enum tetlod_status library_build_arrays(const struct tetlod_build_mesh *mesh,
-                                                       const struct tetlod_build_options *options,
-                                                       const struct work_share *share, const struct tetlodi_sink *sink,
-                                                       struct tetlod_error *error);
+/* tetlod_build of a copy (library_copy_mesh), with other programs (src/util/work_share.h); NULL: alone. A helper's is
+ * empty, and it writes nothing. */
+TETLOD_CHECKED enum tetlod_status library_build_copy(struct tetmesh *copy, const struct tetlod_build_options *options,
+                                                     const struct work_share *share, const struct tetlodi_sink *sink,
+                                                     struct tetlod_error *error);
 
 /* The caller's options of its version of the struct, NULL: the defaults, and the pipeline's. */
 TETLOD_CHECKED enum tetlod_status library_options(const struct tetlod_build_options *options,

@@ -553,7 +553,7 @@ static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_erro
         m->made[mesh->touched[i]] = MADE;
     m->list_count = 0;
     for (size_t s = 0; s < 4 * (size_t)mesh->stored; s++) {
-        if (mesh->neighbours[s] != TETLOD_NONE || mesh->states[s / 4] != (m->started ? COARSE_CHANGED : COARSE_SAME))
+        if (mesh->states[s / 4] != (m->started ? COARSE_CHANGED : COARSE_SAME) || mesh->neighbours[s] != TETLOD_NONE)
             continue;
         if (!ARRAY_RESERVE(m->list, m->list_capacity, m->list_count + 3))
             return tetlodi_fail_nomem(error, "the boundary", m->list_count * sizeof *m->list);

@@ -10,6 +10,12 @@
 #include "src/mesh/triangle.h"
 #include "src/util/array.h"
 
+/* Of large meshes in files the states are looked at first: they are a sixteenth of the neighbours. */
+static bool is_listed(const uint32_t *neighbours, size_t slot, const uint8_t *states, uint8_t least, uint8_t most)
+{
+    return (!states || (states[slot / 4] >= least && states[slot / 4] <= most)) && neighbours[slot] == TETLOD_NONE;
+}
+
 enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double *positions, const uint32_t *corners,
                                      const uint32_t *neighbours, uint32_t tet_count, const uint8_t *states,
                                      uint8_t least, uint8_t most, struct tetlod_error *error)
@@ -17,7 +23,7 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
     size_t slots = 4 * (size_t)tet_count, count = 0;
     *surface = (struct mesh_surface){.positions = positions};
     for (size_t s = 0; s < slots; s++)
-        count += neighbours[s] == TETLOD_NONE && (!states || (states[s / 4] >= least && states[s / 4] <= most));
+        count += is_listed(neighbours, s, states, least, most);
     surface->triangles = array_new(count, 3 * sizeof(uint32_t));
     surface->faces = array_new(count, sizeof(uint32_t));
     if (!surface->triangles || !surface->faces) {
@@ -25,7 +31,7 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
         return tetlodi_fail_nomem(error, "the boundary", count * 16);
     }
     for (size_t s = 0; s < slots; s++)
-        if (neighbours[s] == TETLOD_NONE && (!states || (states[s / 4] >= least && states[s / 4] <= most))) {
+        if (is_listed(neighbours, s, states, least, most)) {
             for (int i = 0; i < 3; i++)
                 surface->triangles[3 * (size_t)surface->count + (size_t)i] = corners[(s & ~(size_t)3) +
                                                                                      tet_faces[s & 3][i]];

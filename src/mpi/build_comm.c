@@ -33,17 +33,23 @@ enum tetlod_status tetlod_build_comm(MPI_Comm comm, const struct tetlod_build_pi
                                      void *opaque, struct tetlod_error *error)
 {
     struct tetlod_build_mesh mesh;
+    struct tetmesh copy = {0}; // on rank 0
     struct work_share share;
+    int rank;
+    MPI_Comm_rank(comm, &rank);
     enum tetlod_status status = gather_pieces(&mesh, comm, piece, error);
+    if (status == TETLOD_OK)
+        status = comm_agree(comm, rank ? TETLOD_OK : library_copy_mesh(&copy, &mesh, error), error);
+    gathered_fini(&mesh);
     if (status == TETLOD_OK)
         status = comm_agree(comm, mpi_share_new(&share, comm, error), error);
     if (status == TETLOD_OK) {
         const struct tetlodi_sink sink = {write, opaque};
-        status = library_build_arrays(&mesh, options, &share, &sink, error);
+        status = library_build_copy(&copy, options, &share, &sink, error);
         status = finish(comm, &share, status, error);
         mpi_share_free(&share);
     }
-    gathered_fini(&mesh);
+    tetmesh_fini(&copy);
     return status;
 }
 
