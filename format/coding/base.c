@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "format/coding/record.h"
 #include "format/fail.h"
 
 /* Faces by their vertices in ascending order. `tet` chains all tetrahedra of the face in an encoder (4 * tet +
@@ -263,6 +264,7 @@ enum tetlod_status tetlodi_base_connectivity(struct tetlodi_recorder *recorder, 
                             .tets = tets};
     struct face_table guide_faces = {0};
     enum tetlod_status status;
+    tetlodi_models_start(recorder);
     replay->vertices = replay->tets = 0;
     if (!table_init(&grower, &grower.faces, tets) || (guide && !guide_init(&grower, &guide_faces)))
         status = tetlodi_no_room(replay->memory, error);

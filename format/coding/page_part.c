@@ -109,11 +109,33 @@ static struct tetlodi_seat *seat_of(const struct tetlodi_page_part *part, uint32
     return &part->seats[at];
 }
 
-/* The vertices at seams, ascending, each once; NULL: out of memory. */
+enum { AHEAD = 8 }; /* tetrahedra whose corners are fetched before they are looked at */
+
+/* The corners as they are outside, where there is room for them, and in `list` those at seams, each once. */
+static uint32_t gather_corners(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t *list)
+{
+    const uint32_t *corners = shares->whole->corners;
+    uint32_t *to = part->replay.corners, count = 0;
+    for (uint32_t t = 0; t < part->tet_count; t++) {
+        if (t + 2 * AHEAD < part->tet_count)
+            __builtin_prefetch(corners + 4 * (size_t)part->tets[t + 2 * AHEAD]);
+        for (int c = 0; t + AHEAD < part->tet_count && c < 4; c++)
+            __builtin_prefetch(shares->local + corners[4 * (size_t)part->tets[t + AHEAD] + (unsigned)c]);
+        for (const uint32_t *v = corners + 4 * (size_t)part->tets[t], *end = v + 4; v < end; v++) {
+            struct tetlodi_seat *seat = shares->local[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
+            if (seat && seat->vertex == PAGE_NOBODY)
+                list[count++] = seat->vertex = *v;
+            if (to)
+                *to++ = *v;
+        }
+    }
+    return count;
+}
+
+/* The corners, and the vertices at seams, ascending, each once; NULL: out of memory. */
 static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
                             uint32_t *out_count)
 {
-    const uint32_t *corners = shares->whole->corners;
     size_t most = 4 * (size_t)part->tet_count, places = 16;
     most = most < shares->seam_count ? most : shares->seam_count;
     while (places < 2 * most)
@@ -127,30 +149,27 @@ static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi
         return NULL;
     }
     memset(part->seats, 0xff, places * sizeof *part->seats); // PAGE_NOBODY
-    for (uint32_t t = 0; t < part->tet_count; t++)
-        for (const uint32_t *v = corners + 4 * (size_t)part->tets[t], *end = v + 4; v < end; v++) {
-            struct tetlodi_seat *seat = shares->local[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
-            if (seat && seat->vertex == PAGE_NOBODY)
-                list[(*out_count)++] = seat->vertex = *v;
-        }
+    *out_count = gather_corners(part, shares, list);
     ascending_sort(list, *out_count);
     return list;
 }
 
-int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
+int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t adds)
 {
     const uint32_t *inner = shares->inner_list + shares->inner_begins[part->page];
     uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page], seam_count;
     uint32_t *seams = list_seams(part, shares, &seam_count);
     part->listed_count = inner_count + seam_count;
-    part->listed = malloc((part->listed_count + (size_t)1) * sizeof *part->listed);
-    part->seams = malloc(part->listed_count + (size_t)1);
-    part->own = malloc((part->listed_count + (size_t)1) * sizeof *part->own);
+    part->room = part->listed_count + adds;
+    part->listed = malloc((part->room + (size_t)1) * sizeof *part->listed);
+    part->seams = calloc(part->room + (size_t)1, 1);
+    part->own = malloc((part->room + (size_t)1) * sizeof *part->own);
     int done = seams && part->listed && part->seams && part->own;
+    for (uint32_t v = 0; done && v < part->room; v++)
+        part->own[v] = v;
     for (uint32_t n = 0, i = 0, s = 0; done && n < part->listed_count; n++) {
         int seam = i == inner_count || (s < seam_count && seams[s] < inner[i]);
         part->seams[n] = (uint8_t)seam;
-        part->own[n] = n;
         part->listed[n] = seam ? seams[s] : inner[i];
         if (seam)
             seat_of(part, seams[s])->number = n;
@@ -191,30 +210,33 @@ void tetlodi_page_part_fini(struct tetlodi_page_part *part)
     *part = (struct tetlodi_page_part){0};
 }
 
-/* Codes and values of a vertex. */
+/* A vertex's codes; values come of these, where there are any. */
 static inline void copy_row(struct tetlodi_column *to, size_t row, const struct tetlodi_column *from, size_t from_row,
-                            size_t n)
+                            int position)
 {
+    size_t n = to->components;
     for (size_t i = 0; i < n; i++)
         to->codes[row * n + i] = from->codes[from_row * n + i];
-    for (size_t i = 0; i < n && from->values; i++)
-        to->values[row * n + i] = from->values[from_row * n + i];
+    for (size_t i = 0; i < n && to->values; i++)
+        to->values[row * n + i] = scale_value(&to->scale, position ? (unsigned)i : 0, to->codes[row * n + i]);
 }
 
-/* The part's columns as they are outside. */
+enum { POOL_OF_TET = 6 }; /* places in the pool of stars: four, and what is left between runs */
+
+/* The part's columns as they are outside. Nobody asks for values of fields before they are put back. */
 static int gather_columns(struct tetlodi_page_part *part, const struct tetlodi_replay *whole, size_t vertices)
 {
     for (uint32_t c = 0; c < whole->column_count; c++) {
         struct tetlodi_column *column = &part->columns[c];
         const struct tetlodi_column *from = &whole->columns[c];
-        size_t n = from->components, count = vertices * n;
+        size_t count = vertices * from->components;
         *column = (struct tetlodi_column){.scale = from->scale, .components = from->components,
                                           .frame_bytes = from->frame_bytes};
         if (!TETLODI_ROOM(&part->memory, column->codes, column->codes_capacity, count) ||
-            (from->values && !TETLODI_ROOM(&part->memory, column->values, column->values_capacity, count)))
+            (c == 0 && !TETLODI_ROOM(&part->memory, column->values, column->values_capacity, count)))
             return 0;
         for (size_t v = 0; v < part->listed_count; v++)
-            copy_row(column, v, from, part->listed[v], n);
+            copy_row(column, v, from, part->listed[v], c == 0);
     }
     return 1;
 }
@@ -224,19 +246,21 @@ int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlod
 {
     const struct tetlodi_replay *whole = shares->whole;
     struct tetlodi_replay *replay = &part->replay;
+    const size_t all = part->tet_count + (size_t)tets, spare = 256; // what a record may bring back is laid there first
     part->memory = (struct tetlodi_memory){.most = most};
     part->columns = calloc(whole->column_count, sizeof *part->columns);
     tetlodi_replay_init(replay, &part->memory, part->columns, part->columns ? whole->column_count : 0);
-    if (!part->columns || !tetlodi_page_part_list(part, shares) ||
-        !gather_columns(part, whole, part->listed_count + (size_t)vertices) ||
-        !tetlodi_replay_room(replay, part->listed_count + (size_t)vertices, part->tet_count + (size_t)tets))
+    if (!part->columns ||
+        !TETLODI_ROOM(&part->memory, replay->corners, replay->corners_capacity, 4 * (all + spare)) ||
+        !tetlodi_page_part_list(part, shares, vertices) || !gather_columns(part, whole, part->room) ||
+        !tetlodi_replay_room(replay, part->room, all) ||
+        !TETLODI_ROOM(&part->memory, replay->pool, replay->pool_capacity, POOL_OF_TET * all))
         return 0;
-    for (size_t t = 0; t < part->tet_count; t++)
-        for (size_t c = 0; c < 4; c++)
-            replay->corners[4 * t + c] =
-                tetlodi_page_part_number(part, shares, whole->corners[4 * (size_t)part->tets[t] + c]);
+    for (size_t i = 0; i < 4 * (size_t)part->tet_count; i++)
+        replay->corners[i] = tetlodi_page_part_number(part, shares, replay->corners[i]);
     replay->vertices = part->listed_count;
     replay->tets = part->tet_count;
+    tetlodi_page_part_next(part);
     if (!tetlodi_replay_base(replay))
         return 0;
     for (uint32_t v = 0; v < part->listed_count; v++)
@@ -244,10 +268,19 @@ int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlod
     return 1;
 }
 
+void tetlodi_page_part_next(struct tetlodi_page_part *part)
+{
+    struct tetlodi_part_run *run = &part->runs[part->run_count++];
+    run->vertex = part->replay.vertices;
+    run->tet = part->replay.tets;
+    for (uint32_t v = run->vertex; v <= part->room; v++)
+        part->listed[v] = run->first_vertex + (v - run->vertex);
+}
+
 void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlodi_recorder *recorder,
                              const struct tetlodi_recorder *whole, uint32_t vertices, uint32_t tets)
 {
-    uint32_t begins[2] = {0, part->listed_count};
+    uint32_t begins[2] = {0, part->replay.vertices};
     const struct tetlodi_page_lists lists = {.begins = begins, .vertices = part->own, .seams = part->seams};
     for (uint32_t f = 0; f + 1 < part->replay.column_count; f++)
         memcpy(recorder->field_models[f].copied, whole->field_models[f].copied,
@@ -255,32 +288,51 @@ void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlod
     tetlodi_page_begin(recorder, &lists, 0, vertices, tets);
 }
 
+/* A vertex that has split or is new. */
+static void put_vertex(const struct tetlodi_page_part *part, struct tetlodi_replay *whole, uint32_t vertex)
+{
+    uint32_t to = page_part_outside(part, vertex);
+    for (uint32_t c = 0; c < whole->column_count; c++)
+        copy_row(&whole->columns[c], to, &part->columns[c], vertex, c == 0);
+    whole->stars[to].leaf = part->replay.stars[vertex].leaf;
+}
+
+/* Nothing else has changed: a corner of a tetrahedron that was there is what it was, or a new vertex. */
 void tetlodi_page_part_scatter(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
 {
     struct tetlodi_replay *whole = shares->whole;
     const struct tetlodi_replay *replay = &part->replay;
-    for (size_t t = 0; t < replay->tets; t++) {
-        size_t to = t < part->tet_count ? part->tets[t] : part->first_tet + (t - part->tet_count);
-        for (size_t c = 0; c < 4; c++)
-            whole->corners[4 * to + c] = page_part_outside(part, replay->corners[4 * t + c]);
+    const uint32_t known = part->listed_count, *listed = part->listed, *from = replay->corners;
+    for (uint32_t t = 0; t < part->tet_count; t++, from += 4)
+        if (from[0] >= known || from[1] >= known || from[2] >= known || from[3] >= known)
+            for (uint32_t *to = whole->corners + 4 * (size_t)part->tets[t], c = 0; c < 4; c++)
+                to[c] = listed[from[c]];
+    for (const struct tetlodi_part_run *run = part->runs, *last = run + part->run_count - 1; run <= last; run++) {
+        const uint32_t *end = replay->corners + 4 * (size_t)(run < last ? run[1].tet : replay->tets);
+        for (uint32_t *to = whole->corners + 4 * (size_t)run->first_tet; from < end; from++)
+            *to++ = listed[*from];
     }
-    for (uint32_t v = 0; v < replay->vertices; v++) {
-        uint32_t to = page_part_outside(part, v);
-        if (v < part->listed_count && part->seams[v])
-            continue;
-        for (uint32_t c = 0; c < whole->column_count; c++)
-            copy_row(&whole->columns[c], to, &part->columns[c], v, whole->columns[c].components);
-        if (v >= part->listed_count)
-            whole->parents[to] = page_part_outside(part, replay->parents[v]);
-        whole->stars[to].leaf = replay->stars[v].leaf;
+    for (uint32_t v = known; v < replay->vertices; v++) {
+        uint32_t parent = replay->parents[v];
+        put_vertex(part, whole, v);
+        if (parent < known)
+            put_vertex(part, whole, parent);
+        whole->parents[listed[v]] = listed[parent];
     }
 }
 
 void tetlodi_page_part_shrink(struct tetlodi_page_part *part)
 {
     struct tetlodi_replay *replay = &part->replay;
+    for (uint32_t s = 0; s < replay->splits; s++)
+        replay->log[s].vertex = page_part_outside(part, replay->log[s].vertex);
     free(part->seats);
+    free(part->listed);
+    free(part->seams);
+    free(part->own);
     part->seats = NULL;
+    part->listed = part->own = NULL;
+    part->seams = NULL;
     for (uint32_t c = 0; c < replay->column_count; c++) {
         TETLODI_FREE(&part->memory, part->columns[c].codes, part->columns[c].codes_capacity);
         TETLODI_FREE(&part->memory, part->columns[c].values, part->columns[c].values_capacity);

@@ -44,16 +44,27 @@ struct tetlodi_seat {
     uint32_t vertex, number; /* PAGE_NOBODY: the seat is free */
 };
 
+/* Groups of one tree have the same pages: a part may have its page of one, then that of the next. */
+enum { MAX_ALIKE = 4 };
+
+/* What a page of one of these groups adds. */
+struct tetlodi_part_run {
+    uint32_t vertex, tet;             /* the first in the part */
+    uint32_t first_vertex, first_tet; /* the same outside */
+};
+
 struct tetlodi_page_part {
     uint32_t page;                     /* of the group */
     const uint32_t *tets;              /* its tetrahedra; borrowed */
     uint32_t tet_count;
-    uint32_t *listed, listed_count;    /* its vertices, ascending */
-    uint8_t *seams;                    /* [listed_count] */
+    uint32_t *listed, listed_count;    /* [vertex] outside, ascending; so many it has at the beginning */
+    uint32_t room;                     /* vertices that it can have */
+    uint8_t *seams;                    /* [vertex] */
     struct tetlodi_seat *seats;        /* [mask + 1] of its vertices at seams, by a hash of their numbers */
     uint32_t mask;
-    uint32_t first_vertex, first_tet;  /* that it adds */
-    uint32_t *own;                     /* [listed_count] 0, 1, 2 ... */
+    uint32_t run_count;
+    struct tetlodi_part_run runs[MAX_ALIKE]; /* the caller says where they are outside */
+    uint32_t *own;                     /* [vertex] 0, 1, 2 ... */
     struct tetlodi_memory memory;
     struct tetlodi_column *columns;
     struct tetlodi_replay replay;
@@ -62,16 +73,19 @@ struct tetlodi_page_part {
 void tetlodi_page_part_set(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t page);
 void tetlodi_page_part_fini(struct tetlodi_page_part *part);
 
-/* Lists the part's vertices: those that it alone has, and those at seams. 0 if out of memory. */
-int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares);
+/* Lists the part's vertices: those that it alone has, and those at seams. It adds so many. 0 if out of memory. */
+int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t adds);
 
 /* A vertex outside in the part, of which the vertices are listed; PAGE_NOBODY: one at a seam that it does not have. */
 uint32_t tetlodi_page_part_number(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
                                   uint32_t vertex);
 
-/* Makes the part as a base mesh, with room for what the page adds; it may take so much memory. 0 if that is out. */
+/* Makes the part as a base mesh, with room for what its pages add; it may take so much memory. 0 if that is out. */
 int tetlodi_page_part_gather(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
                              uint32_t vertices, uint32_t tets, uint64_t most);
+
+/* What is added from now on is of the next group's page. */
+void tetlodi_page_part_next(struct tetlodi_page_part *part);
 
 /* Begins with the page's records, to which it adds so many vertices, and tetrahedra at most. */
 void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlodi_recorder *recorder,
@@ -80,13 +94,13 @@ void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlod
 /* Puts the part back. What it writes is in no other part. */
 void tetlodi_page_part_scatter(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares);
 
-/* Frees all but the part's log. */
+/* Frees all but the part's log, whose vertices are numbered as outside from now on. */
 void tetlodi_page_part_shrink(struct tetlodi_page_part *part);
 
 /* A vertex of the part outside. */
 static inline uint32_t page_part_outside(const struct tetlodi_page_part *part, uint32_t vertex)
 {
-    return vertex < part->listed_count ? part->listed[vertex] : part->first_vertex + (vertex - part->listed_count);
+    return part->listed[vertex];
 }
 
 #endif

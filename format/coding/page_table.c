@@ -116,8 +116,9 @@ void tetlodi_page_lists_fini(struct tetlodi_page_lists *lists, struct tetlodi_me
 static void find_pages(const struct tetlodi_replay *replay, const struct tetlodi_group *group, uint32_t *page_of)
 {
     const double *positions = replay->columns[0].values;
+    struct tetlodi_page_finder finder = tetlodi_page_finder(group->tree);
     for (uint32_t t = 0; t < replay->tets; t++)
-        page_of[t] = tetlodi_page_at_corners(group->tree, positions, replay->corners + 4 * (size_t)t);
+        page_of[t] = tetlodi_page_at_corners(&finder, positions, replay->corners + 4 * (size_t)t);
 }
 
 /* Lists a vertex for the pages of its tetrahedra: counts it, or puts it behind what is listed there. */

@@ -21,8 +21,8 @@ static void number_init(struct tetlodi_number *number, size_t count)
         tetlodi_number_init(&number[i]);
 }
 
-/* Models as they are before the base mesh. What repeats what in a field is not learned. */
-static void start_models(struct tetlodi_recorder *recorder)
+/* Models as they are before the first record. What repeats what in a field is not learned. */
+static void start_records(struct tetlodi_recorder *recorder)
 {
     struct tetlodi_geometry_models *models = recorder->models;
     tetlodi_bits_init(models->splits[0], sizeof models->splits / sizeof(struct tetlodi_bit));
@@ -32,26 +32,35 @@ static void start_models(struct tetlodi_recorder *recorder)
     tetlodi_bits_init(models->arity, 4);
     tetlodi_bits_init(models->placement, 4);
     tetlodi_bits_init(models->made, 2);
-    tetlodi_bits_init(models->across, 2);
     tetlodi_bits_init(&models->irregular, 1);
     tetlodi_bits_init(&models->flip, 1);
-    tetlodi_bits_init(&models->fresh, 1);
     number_init(&models->extra, 1);
-    number_init(&models->vertex, 1);
     number_init(models->middle, 3);
     tetlodi_bits_init(models->step[0].none[0], sizeof models->step / (sizeof(struct tetlodi_bit)));
-    number_init(models->corner, 3);
     for (uint32_t f = 0; f + 1 < recorder->replay->column_count; f++) {
         struct tetlodi_field_models *of = &recorder->field_models[f];
         number_init(of->child[0], 4);
-        number_init(&of->corner, 1);
         tetlodi_bits_init(of->zeros[0], sizeof of->zeros / sizeof(struct tetlodi_bit));
         tetlodi_bits_init(of->kept[0], 2);
         tetlodi_bits_init(of->kept[1], 2);
         tetlodi_bits_init(of->nudge, 4);
+        memset(of->last_zeros, 0, sizeof of->last_zeros);
+    }
+}
+
+void tetlodi_models_start(struct tetlodi_recorder *recorder)
+{
+    struct tetlodi_geometry_models *models = recorder->models;
+    start_records(recorder);
+    tetlodi_bits_init(models->across, 2);
+    tetlodi_bits_init(&models->fresh, 1);
+    number_init(&models->vertex, 1);
+    number_init(models->corner, 3);
+    for (uint32_t f = 0; f + 1 < recorder->replay->column_count; f++) {
+        struct tetlodi_field_models *of = &recorder->field_models[f];
+        number_init(&of->corner, 1);
         tetlodi_bits_init(&of->copies, 1);
         tetlodi_bits_init(of->source, 64);
-        memset(of->last_zeros, 0, sizeof of->last_zeros);
     }
 }
 
@@ -71,7 +80,6 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
         return tetlodi_fail_nomem(error, "the coder's models", (fields + 1) * sizeof *recorder->field_models);
     }
     recorder->log = fields ? &recorder->logs[0] : NULL;
-    start_models(recorder);
     for (uint32_t f = 0; f < fields; f++)
         for (unsigned c = 0; c < MAX_COMPONENTS; c++)
             recorder->field_models[f].copied[c] = (uint8_t)c;
@@ -641,7 +649,7 @@ void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_
                         uint32_t vertices, uint32_t tets)
 {
     const struct tetlodi_replay *replay = recorder->replay;
-    start_models(recorder);
+    start_records(recorder);
     recorder->paged = 1;
     recorder->listed = lists->vertices + lists->begins[page];
     recorder->listed_count = lists->begins[page + 1] - lists->begins[page];

@@ -11,10 +11,13 @@
 #include "format/coding/page_table.h"
 #include "format/coding/recorder.h"
 
-/* Models as they are before the base mesh. The coders are started by the caller, each level. */
+/* The coders are started by the caller, each level. */
 TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder,
                                                         struct tetlodi_replay *replay,
                                                         struct tetlod_error *error);
+/* Models as they are before the base mesh. A page has its own: tetlodi_page_begin. */
+void tetlodi_models_start(struct tetlodi_recorder *recorder);
+
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
 
 /* What its models take. */

@@ -317,8 +317,11 @@ void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlod
 int tetlodi_fields_room(struct tetlodi_recorder *recorder)
 {
     struct tetlodi_replay *replay = recorder->replay;
-    for (uint32_t f = 1; f < replay->column_count; f++)
-        if (!tetlodi_column_room(&replay->columns[f], replay->memory, replay->vertices, replay->records))
+    for (uint32_t f = 1; f < replay->column_count; f++) {
+        struct tetlodi_column *column = &replay->columns[f];
+        if (!TETLODI_ROOM(replay->memory, column->before, column->before_capacity,
+                          replay->records * (size_t)column->components))
             return 0;
+    }
     return 1;
 }

@@ -297,20 +297,18 @@ void tetlodi_labels_copy(uint8_t *to, size_t to_at, const struct tetlodi_replay 
     }
 }
 
-void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
-                          uint32_t count, uint32_t first, const struct tetlodi_log_place *place)
+void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_log_place *place,
+                          const struct tetlodi_replay *part, const struct tetlodi_log_place *from,
+                          const struct tetlodi_log_place *to)
 {
     for (uint32_t c = 0; c < replay->column_count; c++) {
         struct tetlodi_column *column = &replay->columns[c];
         size_t n = column->components;
-        memcpy(column->before + place->record * n, part->columns[c].before, part->records * n * sizeof(int64_t));
+        memcpy(column->before + place->record * n, part->columns[c].before + from->record * n,
+               (to->record - from->record) * n * sizeof(int64_t));
     }
-    tetlodi_labels_copy(replay->labels, place->label, part, 0, part->label);
-    for (uint32_t s = 0; s < part->splits; s++) {
-        uint32_t v = part->log[s].vertex;
-        replay->log[place->split + s] =
-            (struct tetlodi_split){v < count ? listed[v] : first + (v - count), part->log[s].tets};
-    }
+    tetlodi_labels_copy(replay->labels, place->label, part, from->label, to->label - from->label);
+    memcpy(replay->log + place->split, part->log + from->split, (to->split - from->split) * sizeof *replay->log);
 }
 
 void tetlodi_replay_set(struct tetlodi_replay *replay, uint32_t vertices, uint32_t tets,

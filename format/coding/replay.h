@@ -98,10 +98,11 @@ int tetlodi_replay_log_room(struct tetlodi_replay *replay, size_t splits, size_t
 /* Copies labels of a log to number `to_at` of others; those around stay. */
 void tetlodi_labels_copy(uint8_t *to, size_t to_at, const struct tetlodi_replay *from, size_t from_at, size_t count);
 
-/* Puts the log of a part of the mesh that was split by itself to a place, where there is room: vertex v of the part is
- * listed[v], or, from `count` on, first + (v - count). */
-void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_replay *part, const uint32_t *listed,
-                          uint32_t count, uint32_t first, const struct tetlodi_log_place *place);
+/* Puts the log of a part of the mesh that was split by itself, from one place in it to another, to a place where there
+ * is room. Its vertices are numbered as those here. */
+void tetlodi_replay_place(struct tetlodi_replay *replay, const struct tetlodi_log_place *place,
+                          const struct tetlodi_replay *part, const struct tetlodi_log_place *from,
+                          const struct tetlodi_log_place *to);
 
 /* The mesh has so much, and the log ends here: all of it is in place but stars, which tetlodi_replay_restar makes. */
 void tetlodi_replay_set(struct tetlodi_replay *replay, uint32_t vertices, uint32_t tets,

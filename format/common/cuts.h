@@ -6,6 +6,7 @@
 #ifndef TETLOD_CUTS_H
 #define TETLOD_CUTS_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -53,16 +54,38 @@ static inline bool tetlodi_in_box(const struct tetlodi_box *box, const double po
            point[1] < box->most[1] && point[2] >= box->least[2] && point[2] < box->most[2];
 }
 
-static inline uint32_t tetlodi_page_at(const struct tetlodi_cut *tree, const double middle[3])
+/* Finds pages of tetrahedra that mostly are in the same one as those before: `page` is what lies in `box`. */
+struct tetlodi_page_finder {
+    const struct tetlodi_cut *tree;
+    struct tetlodi_box box;
+    uint32_t page;
+};
+
+static inline struct tetlodi_page_finder tetlodi_page_finder(const struct tetlodi_cut *tree)
 {
-    uint32_t node = 0;
-    while (tree[node].axis != CUT_PAGE)
-        node = middle[tree[node].axis] < (double)tree[node].at ? node + 1 : tree[node].beyond;
-    return tree[node].beyond;
+    return (struct tetlodi_page_finder){.tree = tree, .box = {.least = {INFINITY}}}; // there is nothing yet
+}
+
+static inline uint32_t tetlodi_page_at(struct tetlodi_page_finder *finder, const double middle[3])
+{
+    if (tetlodi_in_box(&finder->box, middle))
+        return finder->page;
+    const struct tetlodi_cut *cut = finder->tree;
+    finder->box = (struct tetlodi_box){{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}};
+    while (cut->axis != CUT_PAGE) {
+        if (middle[cut->axis] < (double)cut->at) {
+            finder->box.most[cut->axis] = cut->at;
+            cut++;
+        } else {
+            finder->box.least[cut->axis] = cut->at;
+            cut = finder->tree + cut->beyond;
+        }
+    }
+    return finder->page = cut->beyond;
 }
 
 /* The page of a tetrahedron, by its corners' numbers. */
-static inline uint32_t tetlodi_page_at_corners(const struct tetlodi_cut *tree, const double *positions,
+static inline uint32_t tetlodi_page_at_corners(struct tetlodi_page_finder *finder, const double *positions,
                                                const uint32_t corners[4])
 {
     const double *points[4];
@@ -70,7 +93,7 @@ static inline uint32_t tetlodi_page_at_corners(const struct tetlodi_cut *tree, c
     for (int c = 0; c < 4; c++)
         points[c] = positions + 3 * (size_t)corners[c];
     tetlodi_middle_of_box(points, middle);
-    return tetlodi_page_at(tree, middle);
+    return tetlodi_page_at(finder, middle);
 }
 
 #endif

@@ -128,15 +128,10 @@ enum tetlod_status tetlodi_cursor_room(struct tetlod_cursor *cursor, uint32_t ve
 /* What a level will have, and the bytes of the frames that it is decoded from: once for each. ERR_LIMIT. */
 static enum tetlod_status count_level(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &cursor->file->index;
-    const struct tetlodi_group *group = tetlodi_group_of(&index->pages, level);
-    uint64_t vertices = index->info.levels[level].vertices, tets = index->info.levels[level].tets;
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
-        if (!group)
-            cursor->columns[c].frame_bytes += tetlodi_cursor_frame(cursor, level, TETLOD_NONE, c);
-        for (uint32_t p = 0; group && p < group->page_count; p++)
-            cursor->columns[c].frame_bytes += tetlodi_cursor_frame(cursor, level, p, c);
-    }
+    const struct tetlod_level *row = &cursor->file->index.info.levels[level];
+    uint64_t vertices = row->vertices, tets = row->tets;
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+        cursor->columns[c].frame_bytes += tetlodi_cursor_frame(cursor, level, TETLOD_NONE, c);
     TETLOD_TRY(tetlodi_check_held(level, vertices, tets, error));
     cursor->vertices[level] = (uint32_t)vertices;
     cursor->tets[level] = (uint32_t)tets;
@@ -183,6 +178,12 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, struct tetlod
     return TETLOD_OK;
 }
 
+void tetlodi_cursor_uncount(struct tetlod_cursor *cursor, uint32_t level)
+{
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+        cursor->columns[c].frame_bytes -= tetlodi_cursor_frame(cursor, level, TETLOD_NONE, c);
+}
+
 /* Begins with a level's records, which is counted. The log is at its end. */
 static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
@@ -190,6 +191,16 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
     tetlodi_level_begin(&cursor->recorder, cursor->vertices[level], cursor->tets[level]);
     cursor->next_page = 0;
     return TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_cursor_begin(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    enum tetlod_status status = count_level(cursor, level, error);
+    if (status == TETLOD_OK)
+        status = begin_records(cursor, level, error);
+    if (status != TETLOD_OK)
+        tetlodi_cursor_uncount(cursor, level);
+    return status;
 }
 
 static int decode_field(void *opaque, uint32_t number)
@@ -279,11 +290,13 @@ static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, uint32_t
     return begin_fields(cursor, error);
 }
 
-static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most,
+/* Decodes the level, and maybe further ones with it up to `to`: decoding_level is the last. */
+static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t to, uint32_t *most,
                                          struct tetlod_error *error)
 {
+    const uint32_t level = cursor->decoding_level;
     if (decodes_pages_at_once(cursor, *most)) {
-        TETLOD_TRY(tetlodi_decode_pages(cursor, level, NULL, error));
+        TETLOD_TRY(tetlodi_decode_pages(cursor, level, to, NULL, &cursor->decoding_level, error));
         cursor->starless = 1;
         return TETLOD_OK;
     }
@@ -370,6 +383,7 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_cursor_forget(cursor);
+    tetlodi_cursor_uncount(cursor, level);
     return tetlodi_cursor_fail(cursor, level, status, inner, error);
 }
 
@@ -401,9 +415,10 @@ static enum tetlod_status begin_level(struct tetlod_cursor *cursor, uint32_t lev
     return is_tail(cursor, level) ? TETLOD_OK : begin_records(cursor, level, error);
 }
 
-/* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at
- * its end. On failure the mesh is that of the last level that is whole. */
-static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *most, struct tetlod_error *error)
+/* Decodes at most *most records of the next level after the log's last, on the way to `to`: OK when it is whole, MORE
+ * before. The log is at its end. On failure the mesh is that of the last level that is whole. */
+static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t to, uint32_t *most,
+                                      struct tetlod_error *error)
 {
     uint32_t level = cursor->decoded + 1;
     struct tetlod_error inner = {0};
@@ -416,11 +431,12 @@ static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *mo
     if (!cursor->decoding_level)
         status = begin_level(cursor, level, &inner);
     if (status == TETLOD_OK)
-        status = is_tail(cursor, level) ? decode_tail(cursor, &inner) : decode_records(cursor, level, most, &inner);
+        status = is_tail(cursor, level) ? decode_tail(cursor, &inner) : decode_records(cursor, to, most, &inner);
     if (status == TETLOD_MORE)
         return TETLOD_MORE;
     if (status != TETLOD_OK)
         return abandon(cursor, level, status, &inner, error);
+    level = cursor->decoding_level;
     end_level(cursor);
     cursor->records[level] = cursor->replay.records;
     cursor->decoded = level;
@@ -438,11 +454,12 @@ static enum tetlod_status go_to_end(struct tetlod_cursor *cursor, struct tetlod_
     return TETLOD_OK;
 }
 
-static enum tetlod_status decode_level(struct tetlod_cursor *cursor, struct tetlod_error *error)
+/* Decodes the next level, and maybe further ones up to `to`. */
+static enum tetlod_status decode_level(struct tetlod_cursor *cursor, uint32_t to, struct tetlod_error *error)
 {
     uint32_t most = UINT32_MAX;
     TETLOD_TRY(go_to_end(cursor, error));
-    return decode_some(cursor, &most, error);
+    return decode_some(cursor, to, &most, error);
 }
 
 /* ---- opening */
@@ -599,7 +616,7 @@ static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, u
     if (replay->records < replay->all_records)
         return tetlodi_replay_forward(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
     if (cursor->decoded < level) {
-        enum tetlod_status status = decode_some(cursor, &most, error);
+        enum tetlod_status status = decode_some(cursor, level, &most, error);
         if (status != TETLOD_OK || !is_tail(cursor, cursor->decoded))
             return status == TETLOD_MORE ? TETLOD_OK : status;
     }
@@ -680,7 +697,7 @@ enum tetlod_status tetlodi_cursor_go_to(struct tetlod_cursor *cursor, uint32_t l
 static enum tetlod_status bring_pages(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     while (!is_root_decoded(cursor))
-        TETLOD_TRY(decode_level(cursor, error));
+        TETLOD_TRY(decode_level(cursor, cursor->file->index.pages.first_level - 1, error));
     while (is_short(cursor, level)) {
         uint32_t most = UINT32_MAX;
         TETLOD_TRY(cursor->choice->bring(cursor, &most, error));
@@ -694,7 +711,7 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
         TETLOD_TRY(bring_pages(cursor, level, error));
     TETLOD_TRY(tetlodi_cursor_go_to(cursor, level < cursor->decoded ? level : cursor->decoded, error));
     while (cursor->decoded < level)
-        TETLOD_TRY(decode_level(cursor, error));
+        TETLOD_TRY(decode_level(cursor, level, error));
     if (!cursor->exact && is_tail(cursor, level))
         exchange_exact(cursor);
     return TETLOD_OK;

@@ -129,6 +129,8 @@ static void undo_pages(const struct going *going, uint32_t level)
 {
     struct tetlod_cursor *cursor = going->cursor;
     const struct tetlodi_group *group = tetlodi_group_of(table_of(cursor), level);
+    const bool is_first = level - 1 == root_of(cursor);
+    struct tetlodi_page_finder finder = tetlodi_page_finder(is_first ? NULL : group[-1].tree);
     for (uint32_t p = group->first_page; p < group->first_page + group->page_count; p++)
         if (goes(going, p))
             undo_page(going, p);
@@ -139,9 +141,9 @@ static void undo_pages(const struct going *going, uint32_t level)
         for (int c = 0; c < 4; c++)
             corners[c] = going->up[corners[c]];
         *page = TETLOD_NONE;
-        if (level - 1 > root_of(cursor))
+        if (!is_first)
             *page = group[-1].first_page +
-                    tetlodi_page_at_corners(group[-1].tree, cursor->columns[0].values, corners);
+                    tetlodi_page_at_corners(&finder, cursor->columns[0].values, corners);
     }
 }
 
@@ -238,7 +240,8 @@ static enum tetlod_status decode_coming(struct tetlod_cursor *cursor, uint32_t l
         return tetlodi_fail_nomem(error, "pages that come", replay->vertices * (uint64_t)4);
     }
     tetlodi_move_mesh(cursor, &moves, NULL);
-    enum tetlod_status status = tetlodi_decode_pages(cursor, level, coming, error);
+    uint32_t last;
+    enum tetlod_status status = tetlodi_decode_pages(cursor, level, level, coming, &last, error);
     if (status != TETLOD_OK) {
         tetlodi_moves_turn(&moves);
         tetlodi_move_mesh(cursor, &moves, NULL);

@@ -2,9 +2,10 @@
 /*
  * In: a mesh, and the pages of its next level. 1. The page of each tetrahedron, and who has each vertex: one page, or
  * several (a seam). 2. Each page, on any thread: a mesh of its tetrahedra in numbers of its own, its records, and the
- * result put back where it belongs; what it adds has places that the table of pages says before. 3. The logs of all
- * pages, one after the other, between those of pages that were there before. Numbers inside a page are in the order of
- * those outside, which is all that a record depends on.
+ * result put back where it belongs; what it adds has places that the table of pages says before. Where the next level
+ * has the same tree, its page is decoded behind it before both are put back. 3. The logs of all pages, one after the
+ * other, between those of pages that were there before. Numbers inside a page are in the order of those outside, which
+ * is all that a record depends on.
  */
 #include "format/read/page_parts.h"
 
@@ -14,25 +15,29 @@
 #include "format/coding/page_part.h"
 #include "format/coding/record_fields.h"
 #include "format/fail.h"
+#include "format/read/cursor.h"
 #include "format/read/page_runs.h"
 
 enum { RECORDS = 96 }; /* whose fields are decoded in one go, as on one thread */
 
 struct part {
     struct tetlodi_page_part mesh;
-    uint64_t labels;
+    struct tetlodi_log_place ends[MAX_ALIKE]; /* of its log, at each level's end */
+    uint64_t labels[MAX_ALIKE];               /* that are counted of each */
+    int wanted; /* it adds something */
     int unread; /* its frames could not be read */
     int done;   /* it has been put back */
     struct tetlod_error error;
 };
 
+/* Levels of one tree, mostly one or two. */
 struct level {
     struct tetlod_cursor *cursor;
-    uint32_t number;
+    uint32_t number, count;              /* the first; how many */
     const struct tetlodi_coming *coming; /* some of the pages; NULL: all */
+    uint64_t max_labels[MAX_ALIKE];
     struct tetlodi_page_shares shares;
-    struct part *parts;
-    uint32_t part_count;
+    struct part *parts;                  /* [page] */
     uint64_t share;                      /* of memory that a part may take */
 };
 
@@ -41,7 +46,7 @@ struct level {
 enum { TETS_A_TASK = 1 << 14 };
 
 /* The page of a tetrahedron that is in one of this level: the level before has the last one that it was in. */
-static uint32_t page_of_tet(const struct level *level, uint32_t t)
+static uint32_t page_of_tet(const struct level *level, struct tetlodi_page_finder *finder, uint32_t t)
 {
     const struct tetlod_cursor *cursor = level->cursor;
     const struct tetlodi_group *group = cursor->group;
@@ -53,17 +58,18 @@ static uint32_t page_of_tet(const struct level *level, uint32_t t)
         if (level->number == first_level ? last != TETLOD_NONE : last - group[-1].first_page >= group[-1].page_count)
             return TETLOD_NONE;
     }
-    uint32_t page = tetlodi_page_at_corners(group->tree, cursor->columns[0].values, corners);
+    uint32_t page = tetlodi_page_at_corners(finder, cursor->columns[0].values, corners);
     return !level->coming || level->coming->pages[group->first_page + page] ? page : TETLOD_NONE;
 }
 
 static int find_some(void *opaque, uint32_t task)
 {
     const struct level *level = opaque;
+    struct tetlodi_page_finder finder = tetlodi_page_finder(level->cursor->group->tree);
     uint32_t end = level->shares.tets - task * (uint32_t)TETS_A_TASK;
     end = task * (uint32_t)TETS_A_TASK + (end < TETS_A_TASK ? end : TETS_A_TASK);
     for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++)
-        level->shares.page_of[t] = page_of_tet(level, t);
+        level->shares.page_of[t] = page_of_tet(level, &finder, t);
     return 1;
 }
 
@@ -106,23 +112,31 @@ static enum tetlod_status decode_records(struct tetlodi_recorder *recorder, uint
     return TETLOD_OK;
 }
 
-static const struct tetlodi_page *row_of(const struct level *level, const struct part *part)
+/* The row of a part's page in the level's k-th group. */
+static const struct tetlodi_page *row_of(const struct level *level, uint32_t page, uint32_t k)
 {
-    return &level->cursor->file->index.pages.pages[level->cursor->group->first_page + part->mesh.page];
+    return &level->cursor->file->index.pages.pages[level->cursor->group[k].first_page + page];
 }
 
-/* Reads the part's frames and decodes them. */
-static enum tetlod_status decode_frames(const struct level *level, struct part *part, struct tetlodi_recorder *recorder,
-                                        struct tetlod_error *error)
+static void free_frames(uint8_t **frames, uint32_t count)
+{
+    for (uint32_t c = 0; c < count && frames; c++)
+        free(frames[c]);
+    free(frames);
+}
+
+/* Reads the frames of the part's page of the k-th level and decodes them. */
+static enum tetlod_status decode_frames(const struct level *level, struct part *part, uint32_t k,
+                                        struct tetlodi_recorder *recorder, struct tetlod_error *error)
 {
     struct tetlod_cursor *cursor = level->cursor;
-    const struct tetlodi_recorder *whole = &cursor->recorder;
-    uint32_t count = part->mesh.replay.column_count;
+    const struct tetlodi_page *row = row_of(level, part->mesh.page, k);
+    const uint32_t count = part->mesh.replay.column_count;
     uint8_t **frames = calloc(count, sizeof *frames);
     enum tetlod_status status = frames ? TETLOD_OK : tetlodi_fail_nomem(error, "a page", count * sizeof *frames);
     for (uint32_t c = 0; c < count && status == TETLOD_OK; c++) {
         size_t size;
-        status = tetlodi_read_page_frame(cursor->file, level->number, part->mesh.page, cursor->parts[c], &frames[c],
+        status = tetlodi_read_page_frame(cursor->file, level->number + k, part->mesh.page, cursor->parts[c], &frames[c],
                                          &size, error);
         if (status == TETLOD_OK)
             tetlodi_decode_start(&recorder->coders[c], cursor->file->index.slowest, frames[c], size);
@@ -130,27 +144,44 @@ static enum tetlod_status decode_frames(const struct level *level, struct part *
             part->unread = 1;
     }
     if (status == TETLOD_OK) {
-        recorder->labels = whole->labels;
-        recorder->max_labels = whole->max_labels;
-        tetlodi_page_part_begin(&part->mesh, recorder, whole, row_of(level, part)->vertices, row_of(level, part)->tets);
+        tetlodi_page_part_begin(&part->mesh, recorder, &cursor->recorder, row->vertices, row->tets);
         status = decode_records(recorder, part->mesh.page, error);
     }
-    part->labels = recorder->labels - whole->labels;
-    for (uint32_t c = 0; c < count && frames; c++)
-        free(frames[c]);
-    free(frames);
+    free_frames(frames, count);
     return status;
 }
 
-/* A page of which a reader has some and not others keeps its tetrahedra in its part of space (SPEC 7.6). */
+/* A page of which a reader has some and not others, or that of the next level besides, keeps its tetrahedra in its part
+ * of space (SPEC 7.6). */
 static enum tetlod_status check_cell(const struct level *level, const struct part *part, struct tetlod_error *error)
 {
     const struct tetlodi_replay *replay = &part->mesh.replay;
-    const struct tetlodi_cut *tree = level->cursor->group->tree;
-    for (uint32_t t = 0; level->coming && t < replay->tets; t++)
-        if (tetlodi_page_at_corners(tree, replay->columns[0].values, replay->corners + 4 * (size_t)t) !=
+    struct tetlodi_page_finder finder = tetlodi_page_finder(level->cursor->group->tree);
+    for (uint32_t t = 0; t < replay->tets; t++)
+        if (tetlodi_page_at_corners(&finder, replay->columns[0].values, replay->corners + 4 * (size_t)t) !=
             part->mesh.page)
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "page %u has tetrahedra of another one", part->mesh.page);
+    return TETLOD_OK;
+}
+
+/* The part's pages, of one level after the other. */
+static enum tetlod_status decode_levels(const struct level *level, struct part *part, struct tetlodi_recorder *recorder,
+                                        struct tetlod_error *error)
+{
+    const struct tetlodi_replay *replay = &part->mesh.replay;
+    recorder->labels = level->cursor->recorder.labels;
+    for (uint32_t k = 0; k < level->count; k++) {
+        const uint64_t labels = recorder->labels;
+        recorder->max_labels = level->max_labels[k];
+        if (k)
+            tetlodi_page_part_next(&part->mesh);
+        if (row_of(level, part->mesh.page, k)->vertices)
+            TETLOD_TRY(decode_frames(level, part, k, recorder, error));
+        part->labels[k] = recorder->labels - labels;
+        part->ends[k] = (struct tetlodi_log_place){replay->splits, replay->records, replay->label};
+        if (level->coming || k + 1 < level->count)
+            TETLOD_TRY(check_cell(level, part, error));
+    }
     return TETLOD_OK;
 }
 
@@ -160,16 +191,20 @@ static int decode_part(void *opaque, uint32_t number)
     struct part *part = &level->parts[number];
     struct tetlod_error *error = &part->error;
     struct tetlodi_recorder recorder = {0};
-    const struct tetlodi_page *row = row_of(level, part);
-    error->status = tetlodi_page_part_gather(&part->mesh, &level->shares, row->vertices, row->tets, level->share)
+    uint32_t vertices = 0, tets = 0;
+    if (!part->wanted)
+        return 1;
+    for (uint32_t k = 0; k < level->count; k++) {
+        vertices += row_of(level, number, k)->vertices;
+        tets += row_of(level, number, k)->tets;
+    }
+    error->status = tetlodi_page_part_gather(&part->mesh, &level->shares, vertices, tets, level->share)
                         ? TETLOD_OK
                         : tetlodi_no_room(&part->mesh.memory, error);
     if (error->status == TETLOD_OK)
         error->status = tetlodi_recorder_init(&recorder, &part->mesh.replay, error);
     if (error->status == TETLOD_OK)
-        error->status = decode_frames(level, part, &recorder, error);
-    if (error->status == TETLOD_OK)
-        error->status = check_cell(level, part, error);
+        error->status = decode_levels(level, part, &recorder, error);
     part->done = error->status == TETLOD_OK;
     if (part->done)
         tetlodi_page_part_scatter(&part->mesh, &level->shares);
@@ -182,10 +217,19 @@ static int decode_part(void *opaque, uint32_t number)
 
 static void level_fini(struct level *level)
 {
-    for (uint32_t i = 0; i < level->part_count; i++)
+    for (uint32_t i = 0; level->parts && i < level->cursor->group->page_count; i++)
         tetlodi_page_part_fini(&level->parts[i].mesh);
     free(level->parts);
     tetlodi_page_shares_fini(&level->shares);
+}
+
+/* Does a part, as it has been put back, have the vertex as one that it adds? */
+static bool adds_vertex(const struct level *level, const struct part *part, uint32_t vertex)
+{
+    for (uint32_t k = 0; k < level->count; k++)
+        if (vertex - part->mesh.runs[k].first_vertex < row_of(level, part->mesh.page, k)->vertices)
+            return true;
+    return false;
 }
 
 /* Takes back what a part has put into the mesh. */
@@ -193,19 +237,19 @@ static void undo_part(const struct level *level, const struct part *part)
 {
     struct tetlodi_replay *whole = &level->cursor->replay;
     const struct tetlodi_page_part *mesh = &part->mesh;
-    uint32_t records = mesh->replay.records, end = mesh->first_vertex + row_of(level, part)->vertices;
+    uint32_t records = mesh->replay.records;
     for (uint32_t s = mesh->replay.splits; s-- > 0;) {
-        uint32_t v = mesh->replay.log[s].vertex, number = page_part_outside(mesh, v);
-        whole->stars[number].leaf = 0;
+        uint32_t vertex = mesh->replay.log[s].vertex;
+        whole->stars[vertex].leaf = 0;
         if (!(mesh->replay.log[s].tets & SPLIT_FIRST))
             continue;
         records--;
         for (uint32_t c = 0; c < whole->column_count; c++)
-            tetlodi_column_put(&whole->columns[c], c == 0, number, &mesh->columns[c], records);
+            tetlodi_column_put(&whole->columns[c], c == 0, vertex, &mesh->columns[c], records);
     }
     for (size_t i = 0; i < 4 * (size_t)mesh->tet_count; i++) {
         uint32_t *corner = &whole->corners[4 * (size_t)mesh->tets[i / 4] + i % 4];
-        while (*corner >= mesh->first_vertex && *corner < end)
+        while (adds_vertex(level, part, *corner))
             *corner = whole->parents[*corner];
     }
 }
@@ -217,40 +261,67 @@ static int allocate(struct level *level)
     return tetlodi_page_shares_init(&level->shares, &level->cursor->replay, pages) && level->parts;
 }
 
-/* Where the pages begin that may come: those of the level, behind it; or all of them, behind the levels before. */
-static uint32_t first_page(const struct level *level, uint32_t *vertex, uint32_t *tet)
+/* Pages that there are or will be, of all: of some of them from the root on, else from the level on. */
+static uint32_t first_page(const struct level *level)
 {
-    const struct tetlod_cursor *cursor = level->cursor;
-    uint32_t root = cursor->file->index.pages.first_level - 1;
-    *vertex = level->coming ? cursor->vertices[root] : level->shares.vertices;
-    *tet = level->coming ? cursor->tets[root] : level->shares.tets;
-    return level->coming ? 0 : cursor->group->first_page;
+    return level->coming ? 0 : level->cursor->group->first_page;
 }
 
-/* Which pages there are to decode, and what each has. */
+static uint32_t end_page(const struct level *level)
+{
+    const struct tetlodi_group *last = &level->cursor->group[level->count - 1];
+    return level->coming ? level->cursor->file->index.pages.page_count : last->first_page + last->page_count;
+}
+
+static bool is_there(const struct level *level, uint32_t page)
+{
+    return !level->coming || level->coming->next[page];
+}
+
+/* The part to which a page comes that adds something, and of which of the level's groups it is; NULL: none does. */
+static struct part *part_of(const struct level *level, uint32_t page, uint32_t *k)
+{
+    const struct tetlodi_group *group = level->cursor->group;
+    for (*k = 0; *k < level->count; ++*k)
+        if (page - group[*k].first_page < group[*k].page_count)
+            break;
+    if (*k == level->count || !level->cursor->file->index.pages.pages[page].vertices ||
+        (level->coming && !level->coming->pages[page]))
+        return NULL;
+    return &level->parts[page - group[*k].first_page];
+}
+
+/* What each part has, and where what it adds will be. */
 static void list_parts(struct level *level)
 {
     struct tetlod_cursor *cursor = level->cursor;
-    const struct tetlodi_group *group = cursor->group;
-    const struct tetlodi_coming *coming = level->coming;
-    uint32_t vertex, tet, p = first_page(level, &vertex, &tet);
-    tetlodi_helpers_start(cursor->helpers, find_some, level, (level->shares.tets + TETS_A_TASK - 1) / TETS_A_TASK);
-    tetlodi_helpers_wait(cursor->helpers);
-    tetlodi_page_shares_sort(&level->shares, cursor->helpers);
-    for (; p < group->first_page + group->page_count; p++) {
-        const struct tetlodi_page *row = &cursor->file->index.pages.pages[p];
-        uint32_t own = p - group->first_page;
-        if (coming && !coming->next[p])
+    const struct tetlodi_page *pages = cursor->file->index.pages.pages;
+    uint32_t root = cursor->file->index.pages.first_level - 1, k;
+    uint32_t vertex = level->coming ? cursor->vertices[root] : level->shares.vertices;
+    uint32_t tet = level->coming ? cursor->tets[root] : level->shares.tets;
+    for (uint32_t page = 0; page < cursor->group->page_count; page++)
+        tetlodi_page_part_set(&level->parts[page].mesh, &level->shares, page);
+    for (uint32_t p = first_page(level); p < end_page(level); p++) {
+        struct part *part = part_of(level, p, &k);
+        if (!is_there(level, p))
             continue;
-        if (row->vertices && (!coming || coming->pages[p])) {
-            struct tetlodi_page_part *part = &level->parts[level->part_count++].mesh;
-            tetlodi_page_part_set(part, &level->shares, own);
-            part->first_vertex = vertex;
-            part->first_tet = tet;
+        if (part) {
+            part->wanted = 1;
+            part->mesh.runs[k].first_vertex = vertex;
+            part->mesh.runs[k].first_tet = tet;
         }
-        vertex += row->vertices;
-        tet += row->tets;
+        vertex += pages[p].vertices;
+        tet += pages[p].tets;
     }
+}
+
+/* What each page has of the mesh. */
+static void share_out(struct level *level)
+{
+    struct tetlodi_helpers *helpers = level->cursor->helpers;
+    tetlodi_helpers_start(helpers, find_some, level, (level->shares.tets + TETS_A_TASK - 1) / TETS_A_TASK);
+    tetlodi_helpers_wait(helpers);
+    tetlodi_page_shares_sort(&level->shares, helpers);
 }
 
 /* Each tetrahedron comes from a page that its page needs, so that what is taken out later is nobody's. */
@@ -281,14 +352,14 @@ static enum tetlod_status check_needed(const struct level *level, struct tetlod_
 static void remember_pages(const struct level *level)
 {
     const struct tetlodi_choice *choice = level->cursor->choice;
-    const uint32_t first = level->cursor->group->first_page;
+    const struct tetlodi_group *group = level->cursor->group;
     for (uint32_t t = 0; t < level->shares.tets; t++)
-        if (level->shares.page_of[t] < level->cursor->group->page_count)
-            choice->page_of[t] = first + level->shares.page_of[t];
-    for (uint32_t i = 0; i < level->part_count; i++) {
-        const struct tetlodi_page_part *part = &level->parts[i].mesh;
-        for (size_t t = part->tet_count; t < part->replay.tets; t++)
-            choice->page_of[part->first_tet + (t - part->tet_count)] = first + part->page;
+        if (level->shares.page_of[t] < group->page_count)
+            choice->page_of[t] = group->first_page + level->shares.page_of[t];
+    for (uint32_t page = 0; page < group->page_count; page++) {
+        const struct part *part = &level->parts[page];
+        for (uint32_t i = 0; part->wanted && i < row_of(level, page, 0)->tets; i++)
+            choice->page_of[part->mesh.runs->first_tet + i] = group->first_page + page;
     }
 }
 
@@ -299,13 +370,15 @@ static enum tetlod_status open_log(struct level *level, struct tetlodi_log_place
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_log_place end = {replay->splits, replay->records, replay->label};
     *at = end;
-    for (uint32_t i = 0; i < level->part_count; i++) {
-        end.split += level->parts[i].mesh.replay.splits;
-        end.record += level->parts[i].mesh.replay.records;
-        end.label += level->parts[i].mesh.replay.label;
-        if (level->coming)
-            cursor->choice->logs[cursor->group->first_page + level->parts[i].mesh.page] =
-                (struct tetlodi_page_log){level->parts[i].mesh.replay.records, level->parts[i].mesh.replay.label};
+    for (uint32_t page = 0; page < cursor->group->page_count; page++) {
+        const struct part *part = &level->parts[page];
+        const struct tetlodi_replay *added = &part->mesh.replay;
+        end.split += added->splits;
+        end.record += added->records;
+        end.label += added->label;
+        if (level->coming && part->wanted)
+            cursor->choice->logs[cursor->group->first_page + page] =
+                (struct tetlodi_page_log){added->records, added->label};
     }
     if (!tetlodi_replay_log_room(replay, end.split, end.record, end.label))
         return tetlodi_no_room(&cursor->memory, error);
@@ -322,35 +395,51 @@ static enum tetlod_status open_log(struct level *level, struct tetlodi_log_place
     return done ? TETLOD_OK : tetlodi_fail_nomem(error, "pages in the log", end.label / 8);
 }
 
+/* Are the labels of each level within what goes with its bytes? */
+static enum tetlod_status count_labels(const struct level *level, uint64_t *out, struct tetlod_error *error)
+{
+    uint64_t labels = level->cursor->recorder.labels;
+    for (uint32_t k = 0; k < level->count; k++) {
+        for (uint32_t page = 0; page < level->cursor->group->page_count; page++)
+            labels += level->parts[page].labels[k];
+        if (labels > level->max_labels[k])
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
+    }
+    *out = labels;
+    return TETLOD_OK;
+}
+
 /* The logs of all parts, each behind those of the pages before it. */
 static enum tetlod_status put_logs(struct level *level, struct tetlod_error *error)
 {
+    static const struct tetlodi_log_place begin = {0, 0, 0};
     struct tetlod_cursor *cursor = level->cursor;
-    const struct tetlodi_page_table *table = &cursor->file->index.pages;
-    struct tetlodi_recorder *recorder = &cursor->recorder;
+    const struct tetlodi_page *pages = cursor->file->index.pages.pages;
     struct tetlodi_log_place at;
-    uint32_t vertex, tet, i = 0;
-    for (uint32_t k = 0; k < level->part_count; k++)
-        recorder->labels += level->parts[k].labels;
-    if (recorder->labels > recorder->max_labels)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
+    uint64_t labels = 0;
+    uint32_t k, last = level->number + level->count - 1;
+    TETLOD_TRY(count_labels(level, &labels, error));
     TETLOD_TRY(open_log(level, &at, error));
-    for (uint32_t p = first_page(level, &vertex, &tet); p < table->page_count; p++) {
-        const struct tetlodi_page_part *part = &level->parts[i].mesh;
-        bool is_part = i < level->part_count && p == cursor->group->first_page + part->page;
-        if (!is_part && !(level->coming && level->coming->next[p]))
+    for (uint32_t p = first_page(level); p < end_page(level); p++) {
+        const struct part *part = part_of(level, p, &k);
+        if (!is_there(level, p))
             continue;
-        if (is_part)
-            tetlodi_replay_place(&cursor->replay, &part->replay, part->listed, part->listed_count, part->first_vertex,
-                                 &at);
-        i += is_part;
-        vertex += table->pages[p].vertices;
-        tet += table->pages[p].tets;
-        at.split += table->pages[p].vertices;
-        at.record += is_part ? part->replay.records : cursor->choice->logs[p].records;
-        at.label += is_part ? part->replay.label : cursor->choice->logs[p].labels;
+        if (part) {
+            const struct tetlodi_log_place *from = k ? &part->ends[k - 1] : &begin, *to = &part->ends[k];
+            tetlodi_replay_place(&cursor->replay, &at, &part->mesh.replay, from, to);
+            at.record += to->record - from->record;
+            at.label += to->label - from->label;
+        } else if (level->coming) {
+            at.record += cursor->choice->logs[p].records;
+            at.label += cursor->choice->logs[p].labels;
+        }
+        at.split += pages[p].vertices;
+        if (k < level->count) // the last page counts
+            cursor->records[level->number + k] = (uint32_t)at.record;
     }
-    tetlodi_replay_set(&cursor->replay, vertex, tet, &at);
+    cursor->recorder.labels = labels;
+    tetlodi_replay_set(&cursor->replay, level->coming ? cursor->replay.vertices : cursor->vertices[last],
+                       level->coming ? cursor->replay.tets : cursor->tets[last], &at);
     return TETLOD_OK;
 }
 
@@ -358,35 +447,71 @@ static enum tetlod_status decode_all(struct level *level, struct tetlod_error *e
 {
     struct tetlod_cursor *cursor = level->cursor;
     const uint32_t threads = cursor->file->options.threads;
+    share_out(level);
     list_parts(level);
     TETLOD_TRY(check_needed(level, error));
     level->share = (cursor->memory.most - cursor->memory.used) / (threads ? threads : 1);
-    tetlodi_helpers_start(cursor->helpers, decode_part, level, level->part_count);
+    tetlodi_helpers_start(cursor->helpers, decode_part, level, cursor->group->page_count);
     tetlodi_helpers_wait(cursor->helpers);
-    for (uint32_t i = 0; i < level->part_count; i++) {
-        if (level->parts[i].error.status == TETLOD_OK)
+    for (uint32_t page = 0; page < cursor->group->page_count; page++) {
+        const struct part *part = &level->parts[page];
+        if (part->error.status == TETLOD_OK)
             continue;
-        cursor->unread = level->parts[i].unread;
-        *error = level->parts[i].error;
+        cursor->unread = part->unread;
+        *error = part->error;
         return error->status;
     }
     return put_logs(level, error);
 }
 
-enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level,
-                                        const struct tetlodi_coming *coming, struct tetlod_error *error)
+/* Decodes the level's groups, or leaves everything as it was. */
+static enum tetlod_status decode_groups(struct level *level, struct tetlod_error *error)
 {
-    struct level all = {.cursor = cursor, .number = level, .coming = coming};
-    const struct tetlodi_replay *replay = &cursor->replay;
-    uint64_t counted = tetlodi_page_shares_bytes(replay);
+    struct tetlod_cursor *cursor = level->cursor;
+    uint64_t counted = tetlodi_page_shares_bytes(&cursor->replay);
     if (!tetlodi_count(&cursor->memory, counted))
         return tetlodi_no_room(&cursor->memory, error);
-    enum tetlod_status status = allocate(&all) ? decode_all(&all, error)
-                                               : tetlodi_fail_nomem(error, "a level in pages", counted);
-    for (uint32_t i = 0; i < all.part_count && status != TETLOD_OK; i++)
-        if (all.parts[i].done)
-            undo_part(&all, &all.parts[i]);
-    level_fini(&all);
+    enum tetlod_status status = allocate(level) ? decode_all(level, error)
+                                                : tetlodi_fail_nomem(error, "a level in pages", counted);
+    for (uint32_t page = 0; status != TETLOD_OK && level->parts && page < cursor->group->page_count; page++)
+        if (level->parts[page].done)
+            undo_part(level, &level->parts[page]);
+    level_fini(level);
     cursor->memory.used -= counted;
     return status;
+}
+
+/* Begins with levels behind the first one, up to `to`, that have the same tree, and can be held. */
+static void begin_alike(struct level *level, uint32_t to)
+{
+    struct tetlod_cursor *cursor = level->cursor;
+    const struct tetlodi_page_table *table = &cursor->file->index.pages;
+    struct tetlod_error ignored;
+    for (; level->count < MAX_ALIKE && level->number + level->count <= to; level->count++) {
+        const struct tetlodi_group *next = tetlodi_group_of(table, level->number + level->count);
+        if (!next || next->tree != cursor->group->tree ||
+            tetlodi_cursor_begin(cursor, level->number + level->count, &ignored) != TETLOD_OK)
+            break;
+        level->max_labels[level->count] = cursor->recorder.max_labels;
+    }
+}
+
+enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level, uint32_t to,
+                                        const struct tetlodi_coming *coming, uint32_t *out_level,
+                                        struct tetlod_error *error)
+{
+    const struct level alone = {
+        .cursor = cursor, .number = level, .count = 1, .coming = coming, .max_labels = {cursor->recorder.max_labels}};
+    struct level alike = alone, again = alone;
+    if (!coming)
+        begin_alike(&alike, to);
+    enum tetlod_status status = decode_groups(&alike, error);
+    *out_level = level + alike.count - 1;
+    if (status == TETLOD_OK || alike.count == 1)
+        return status;
+    // if a later level failed those before it are good, and tetrahedra may be in another page of the same tree then
+    while (*out_level > level)
+        tetlodi_cursor_uncount(cursor, (*out_level)--);
+    cursor->unread = 0;
+    return decode_groups(&again, error);
 }

@@ -75,7 +75,7 @@ static int encode_page(void *opaque, uint32_t number)
     if (!job->vertices)
         return 1;
     tetlodi_page_part_set(&job->part, shares, number);
-    job->part.first_vertex = job->first_vertex;
+    job->part.runs->first_vertex = job->first_vertex;
     job->status = tetlodi_page_part_gather(&job->part, shares, job->vertices, 0, UINT64_MAX)
                       ? encode_records(level, job)
                       : no_memory(job, &job->error);
@@ -91,14 +91,14 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
     const uint32_t added = part->replay.tets - part->tet_count;
     if (added > whole->in->tets - whole->replay->tets)
         return tetlodi_fail(&job->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: a page has too much");
-    part->first_tet = whole->replay->tets;
+    part->runs->first_tet = whole->replay->tets;
     tetlodi_page_part_scatter(part, &in->pages->shares);
     for (uint32_t v = 0; v < part->replay.vertices; v++)
         if (v >= part->listed_count || !part->seams[v])
             whole->node_at[page_part_outside(part, v)] = job->records.node_at[v];
-    memcpy(whole->original_of + part->first_tet, job->records.original_of + part->tet_count,
+    memcpy(whole->original_of + part->runs->first_tet, job->records.original_of + part->tet_count,
            added * sizeof *whole->original_of);
-    memcpy(whole->places + part->first_tet, job->records.places + part->tet_count, added);
+    memcpy(whole->places + part->runs->first_tet, job->records.places + part->tet_count, added);
     whole->recorder.labels += job->records.recorder.labels;
     whole->replay->vertices += job->vertices;
     whole->replay->tets += added;

@@ -149,10 +149,11 @@ static int find_pages(void *opaque, uint32_t task)
     const struct tetlodi_page_shares *shares = &pages->shares;
     const struct tetlodi_replay *replay = shares->whole;
     const struct tetlodi_cut *tree = pages->table.groups[pages->table.group_count - 1].tree;
+    struct tetlodi_page_finder finder = tetlodi_page_finder(tree);
     uint32_t begin = task * (uint32_t)TETS_A_TASK, left = shares->tets - begin;
     for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++)
         shares->page_of[t] =
-            tetlodi_page_at_corners(tree, replay->columns[0].values, replay->corners + 4 * (size_t)t);
+            tetlodi_page_at_corners(&finder, replay->columns[0].values, replay->corners + 4 * (size_t)t);
     return 1;
 }
 

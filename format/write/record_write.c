@@ -167,8 +167,9 @@ static uint32_t inside(const struct tetlodi_record_writer *w, uint32_t number)
     uint32_t place;
     if (!part)
         return number;
-    place = number < part->first_vertex ? ascending_place(part->listed, part->listed_count, number)
-                                        : part->listed_count + (number - part->first_vertex);
+    const uint32_t first = part->runs->first_vertex;
+    place = number < first ? ascending_place(part->listed, part->listed_count, number)
+                           : part->listed_count + (number - first);
     return place <= w->replay->vertices && page_part_outside(part, place) == number ? place : TETLOD_NONE;
 }
 

@@ -322,8 +322,8 @@ static int list_page(const struct tetlodi_stacks *s, uint32_t page, struct page_
     *lists = (struct page_lists){.page = page};
     tetlodi_page_part_set(&lists->begin, &s->pages->shares, page);
     tetlodi_page_part_set(&lists->end, &s->shares, page);
-    if (!tetlodi_page_part_list(&lists->begin, &s->pages->shares) ||
-        !tetlodi_page_part_list(&lists->end, &s->shares) || !list_contractions(s, lists))
+    if (!tetlodi_page_part_list(&lists->begin, &s->pages->shares, 0) ||
+        !tetlodi_page_part_list(&lists->end, &s->shares, 0) || !list_contractions(s, lists))
         return 0;
     list_leaves(s, lists);
     return 1;
@@ -494,13 +494,14 @@ enum { TETS_A_TASK = 1 << 14 };
 static int find_pages(void *opaque, uint32_t task)
 {
     const struct tetlodi_stacks *s = opaque;
+    struct tetlodi_page_finder finder = tetlodi_page_finder(group_of(s, 0)->tree);
     uint32_t begin = task * (uint32_t)TETS_A_TASK, left = s->end.tets - begin, corners[4];
     for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++) {
         bool there = heirs_of(s, t, corners);
         if (s->end.corners_capacity) // else they are the input's
             memcpy(s->end.corners + 4 * (size_t)t, corners, sizeof corners);
         s->shares.page_of[t] =
-            there ? tetlodi_page_at_corners(group_of(s, 0)->tree, s->end.columns[0].values, corners) : NOT_THERE;
+            there ? tetlodi_page_at_corners(&finder, s->end.columns[0].values, corners) : NOT_THERE;
     }
     return 1;
 }

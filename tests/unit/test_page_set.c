@@ -22,16 +22,22 @@ static void must(bool good)
     exit(1);
 }
 
-static void open_stream(void)
+static uint8_t *read_golden(const char *name, size_t *out_size)
 {
     char path[4096];
-    snprintf(path, sizeof path, "%s/tests/golden/paged_float32.tetlod", getenv("ROOT") ? getenv("ROOT") : ".");
+    snprintf(path, sizeof path, "%s/tests/golden/%s", getenv("ROOT") ? getenv("ROOT") : ".", name);
     FILE *in = fopen(path, "rb");
     must(in != NULL);
-    bytes = malloc(1 << 20);
-    must(bytes != NULL);
-    size = fread(bytes, 1, 1 << 20, in);
+    uint8_t *read = malloc(1 << 20);
+    must(read != NULL);
+    *out_size = fread(read, 1, 1 << 20, in);
     fclose(in);
+    return read;
+}
+
+static void open_stream(void)
+{
+    bytes = read_golden("paged_float32.tetlod", &size);
     must(tetlod_open_memory(&file, bytes, size, NULL, NULL) == TETLOD_OK);
     info = tetlod_info(file);
     must(info->page_count > 100 && info->first_paged_level > 1 && info->exact_last);
@@ -484,6 +490,10 @@ static void test_damage(void)
         }
         CHECK_TEXT(errors[0].message, errors[1].message);
         CHECK(same(cursors[0], cursors[1]));
+        struct tetlod_mesh whole;
+        tetlod_cursor_mesh(cursors[0], &whole); // whatever is decoded with it
+        CHECK_INT(whole.level, level - 1);
+        CHECK_INT(whole.tets, info->levels[level - 1].tets);
         bytes[at] ^= 4;
         for (int i = 0; i < 2; i++)
             CHECK_INT(tetlod_cursor_seek(cursors[i], finest(), NULL), TETLOD_OK); // it was written anew
@@ -494,6 +504,26 @@ static void test_damage(void)
             tetlod_close(files[i]);
         }
     }
+}
+
+/* A reader of all pages takes tetrahedra that leave their page: the mesh is the same. */
+static void test_leaving(void)
+{
+    struct tetlod_options options = {.struct_size = sizeof options, .threads = 2};
+    struct tetlod_file *other;
+    struct tetlod_cursor *here, *there;
+    size_t other_size;
+    uint8_t *other_bytes = read_golden("invalid/paged_leaves.tetlod", &other_size);
+    REQUIRE(tetlod_open_memory(&other, other_bytes, other_size, &options, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&here, file, NULL, 0, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&there, other, NULL, 0, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_cursor_seek(here, finest(), NULL), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_seek(there, finest(), NULL), TETLOD_OK);
+    CHECK(same(here, there));
+    tetlod_cursor_free(here);
+    tetlod_cursor_free(there);
+    tetlod_close(other);
+    free(other_bytes);
 }
 
 static void test_refusals(void)
@@ -526,6 +556,7 @@ int main(void)
     RUN(test_places);
     RUN(test_threads);
     RUN(test_damage);
+    RUN(test_leaving);
     RUN(test_refusals);
     tetlod_close(file);
     free(bytes);
