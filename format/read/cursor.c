@@ -178,7 +178,7 @@ static enum tetlod_status list_pages(struct tetlod_cursor *cursor, struct tetlod
     return TETLOD_OK;
 }
 
-void tetlodi_cursor_uncount(struct tetlod_cursor *cursor, uint32_t level)
+static void uncount_level(struct tetlod_cursor *cursor, uint32_t level)
 {
     for (uint32_t c = 0; c < cursor->replay.column_count; c++)
         cursor->columns[c].frame_bytes -= tetlodi_cursor_frame(cursor, level, TETLOD_NONE, c);
@@ -193,13 +193,38 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlodi_cursor_begin(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+/* Begins with levels behind the first one, up to `to`, whose pages are the same parts of space, and which can be
+ * held. */
+static struct tetlodi_levels begin_alike(struct tetlod_cursor *cursor, uint32_t first, uint32_t to)
 {
-    enum tetlod_status status = count_level(cursor, level, error);
-    if (status == TETLOD_OK)
-        status = begin_records(cursor, level, error);
-    if (status != TETLOD_OK)
-        tetlodi_cursor_uncount(cursor, level);
+    struct tetlodi_levels levels = {first, 1, {cursor->recorder.max_labels}};
+    for (uint32_t level = first + 1; level <= to && levels.count < MAX_ALIKE; level++) {
+        const struct tetlodi_group *next = tetlodi_group_of(&cursor->file->index.pages, level);
+        if (!next || next->tree != cursor->group->tree)
+            break;
+        if (count_level(cursor, level, NULL) != TETLOD_OK || begin_records(cursor, level, NULL) != TETLOD_OK) {
+            uncount_level(cursor, level);
+            break;
+        }
+        levels.max_labels[levels.count++] = cursor->recorder.max_labels;
+    }
+    return levels;
+}
+
+/* Decodes a level whose pages come at once, and maybe further ones with it up to `to`: decoding_level is the last. */
+static enum tetlod_status decode_pages(struct tetlod_cursor *cursor, uint32_t to, struct tetlod_error *error)
+{
+    struct tetlodi_levels levels = begin_alike(cursor, cursor->decoding_level, to);
+    enum tetlod_status status = tetlodi_decode_pages(cursor, &levels, NULL, error);
+    if (status != TETLOD_OK && levels.count > 1) {
+        // the first may be good; and between two a tetrahedron may go to another page of the same tree
+        while (levels.count > 1)
+            uncount_level(cursor, levels.first + --levels.count);
+        cursor->unread = 0;
+        status = tetlodi_decode_pages(cursor, &levels, NULL, error);
+    }
+    cursor->decoding_level = levels.first + levels.count - 1;
+    cursor->starless = 1;
     return status;
 }
 
@@ -295,11 +320,8 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
                                          struct tetlod_error *error)
 {
     const uint32_t level = cursor->decoding_level;
-    if (decodes_pages_at_once(cursor, *most)) {
-        TETLOD_TRY(tetlodi_decode_pages(cursor, level, to, NULL, &cursor->decoding_level, error));
-        cursor->starless = 1;
-        return TETLOD_OK;
-    }
+    if (decodes_pages_at_once(cursor, *most))
+        return decode_pages(cursor, to, error);
     if (cursor->group && !cursor->recorder.paged) // before its first page, which it may not have
         TETLOD_TRY(list_pages(cursor, error));
     TETLOD_TRY(decode_geometry(cursor, level, most, error));
@@ -383,7 +405,7 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_cursor_forget(cursor);
-    tetlodi_cursor_uncount(cursor, level);
+    uncount_level(cursor, level);
     return tetlodi_cursor_fail(cursor, level, status, inner, error);
 }
 

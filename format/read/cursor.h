@@ -26,11 +26,6 @@ void tetlodi_cursor_forget(struct tetlod_cursor *cursor);
 TETLOD_CHECKED enum tetlod_status tetlodi_cursor_room(struct tetlod_cursor *cursor, uint32_t vertices, uint32_t tets,
                                                       struct tetlod_error *error);
 
-/* Counts what a level will have, and begins with its records; the opposite of counting. */
-TETLOD_CHECKED enum tetlod_status tetlodi_cursor_begin(struct tetlod_cursor *cursor, uint32_t level,
-                                                       struct tetlod_error *error);
-void tetlodi_cursor_uncount(struct tetlod_cursor *cursor, uint32_t level);
-
 /* Bytes of a column's frame of a level, or of one of its pages. */
 uint64_t tetlodi_cursor_frame(const struct tetlod_cursor *cursor, uint32_t level, uint32_t page, uint32_t column);
 

@@ -240,8 +240,8 @@ static enum tetlod_status decode_coming(struct tetlod_cursor *cursor, uint32_t l
         return tetlodi_fail_nomem(error, "pages that come", replay->vertices * (uint64_t)4);
     }
     tetlodi_move_mesh(cursor, &moves, NULL);
-    uint32_t last;
-    enum tetlod_status status = tetlodi_decode_pages(cursor, level, level, coming, &last, error);
+    const struct tetlodi_levels one = {level, 1, {cursor->recorder.max_labels}};
+    enum tetlod_status status = tetlodi_decode_pages(cursor, &one, coming, error);
     if (status != TETLOD_OK) {
         tetlodi_moves_turn(&moves);
         tetlodi_move_mesh(cursor, &moves, NULL);

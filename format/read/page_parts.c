@@ -12,10 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/coding/page_part.h"
 #include "format/coding/record_fields.h"
 #include "format/fail.h"
-#include "format/read/cursor.h"
 #include "format/read/page_runs.h"
 
 enum { RECORDS = 96 }; /* whose fields are decoded in one go, as on one thread */
@@ -464,54 +462,20 @@ static enum tetlod_status decode_all(struct level *level, struct tetlod_error *e
     return put_logs(level, error);
 }
 
-/* Decodes the level's groups, or leaves everything as it was. */
-static enum tetlod_status decode_groups(struct level *level, struct tetlod_error *error)
+enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, const struct tetlodi_levels *levels,
+                                        const struct tetlodi_coming *coming, struct tetlod_error *error)
 {
-    struct tetlod_cursor *cursor = level->cursor;
+    struct level level = {.cursor = cursor, .number = levels->first, .count = levels->count, .coming = coming};
     uint64_t counted = tetlodi_page_shares_bytes(&cursor->replay);
+    memcpy(level.max_labels, levels->max_labels, sizeof level.max_labels);
     if (!tetlodi_count(&cursor->memory, counted))
         return tetlodi_no_room(&cursor->memory, error);
-    enum tetlod_status status = allocate(level) ? decode_all(level, error)
-                                                : tetlodi_fail_nomem(error, "a level in pages", counted);
-    for (uint32_t page = 0; status != TETLOD_OK && level->parts && page < cursor->group->page_count; page++)
-        if (level->parts[page].done)
-            undo_part(level, &level->parts[page]);
-    level_fini(level);
+    enum tetlod_status status = allocate(&level) ? decode_all(&level, error)
+                                                 : tetlodi_fail_nomem(error, "a level in pages", counted);
+    for (uint32_t page = 0; status != TETLOD_OK && level.parts && page < cursor->group->page_count; page++)
+        if (level.parts[page].done)
+            undo_part(&level, &level.parts[page]);
+    level_fini(&level);
     cursor->memory.used -= counted;
     return status;
-}
-
-/* Begins with levels behind the first one, up to `to`, that have the same tree, and can be held. */
-static void begin_alike(struct level *level, uint32_t to)
-{
-    struct tetlod_cursor *cursor = level->cursor;
-    const struct tetlodi_page_table *table = &cursor->file->index.pages;
-    struct tetlod_error ignored;
-    for (; level->count < MAX_ALIKE && level->number + level->count <= to; level->count++) {
-        const struct tetlodi_group *next = tetlodi_group_of(table, level->number + level->count);
-        if (!next || next->tree != cursor->group->tree ||
-            tetlodi_cursor_begin(cursor, level->number + level->count, &ignored) != TETLOD_OK)
-            break;
-        level->max_labels[level->count] = cursor->recorder.max_labels;
-    }
-}
-
-enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level, uint32_t to,
-                                        const struct tetlodi_coming *coming, uint32_t *out_level,
-                                        struct tetlod_error *error)
-{
-    const struct level alone = {
-        .cursor = cursor, .number = level, .count = 1, .coming = coming, .max_labels = {cursor->recorder.max_labels}};
-    struct level alike = alone, again = alone;
-    if (!coming)
-        begin_alike(&alike, to);
-    enum tetlod_status status = decode_groups(&alike, error);
-    *out_level = level + alike.count - 1;
-    if (status == TETLOD_OK || alike.count == 1)
-        return status;
-    // if a later level failed those before it are good, and tetrahedra may be in another page of the same tree then
-    while (*out_level > level)
-        tetlodi_cursor_uncount(cursor, (*out_level)--);
-    cursor->unread = 0;
-    return decode_groups(&again, error);
 }

@@ -7,6 +7,7 @@
 #ifndef TETLOD_PAGE_PARTS_H
 #define TETLOD_PAGE_PARTS_H
 
+#include "format/coding/page_part.h"
 #include "format/read/cursor_state.h"
 
 /* Pages that come to others, which are there: both [page of all groups]. */
@@ -15,12 +16,18 @@ struct tetlodi_coming {
     const uint8_t *next;  /* these and the others; the mesh is open for them (format/read/page_runs.h) */
 };
 
-/* Decodes pages of a level that has begun, whose counts are known and for which there is room: some (coming), or all
- * (coming NULL), and then those of levels behind it, too, up to `to`, as far as these have the same tree: *out_level is
- * the last of them. The cursor's log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On
- * failure the mesh is as it was, but for stars. */
-TETLOD_CHECKED enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor, uint32_t level, uint32_t to,
-                                                       const struct tetlodi_coming *coming, uint32_t *out_level,
+/* Levels that are decoded together: their groups have one tree. */
+struct tetlodi_levels {
+    uint32_t first, count;
+    uint64_t max_labels[MAX_ALIKE]; /* that the records up to each may have */
+};
+
+/* Decodes pages of levels that have begun, whose counts are known and for which there is room: all (coming NULL), or
+ * some, of one level. The cursor's log is at its end. Afterwards stars are those of no mesh: tetlodi_replay_restar. On
+ * failure the mesh is as it was, but for stars; of several levels the first may be good then. */
+TETLOD_CHECKED enum tetlod_status tetlodi_decode_pages(struct tetlod_cursor *cursor,
+                                                       const struct tetlodi_levels *levels,
+                                                       const struct tetlodi_coming *coming,
                                                        struct tetlod_error *error);
 
 #endif

@@ -450,9 +450,12 @@ mutant('a set that is not closed', 'format/read/page_set.c',
 mutant('left out and in a finer one', 'format/read/page_parts.c',
        'if (level->number == first_level ? last !=', 'if (level->number == 0 ? last !=',
        'tetrahedra of a page that is left out are in no finer page', 'unit/test_page_set')
-mutant('the page before', 'format/read/page_choice.c', 'tetlodi_page_at_corners(group[-1].tree,',
-       'tetlodi_page_at_corners(group->tree,', 'a tetrahedron of a page that goes is of the one before',
+mutant('the page before', 'format/read/page_choice.c', 'tetlodi_page_finder(is_first ? NULL : group[-1].tree)',
+       'tetlodi_page_finder(is_first ? NULL : group->tree)', 'a tetrahedron of a page that goes is of the one before',
        'unit/test_page_set')
+mutant('levels before one that is damaged', 'format/read/cursor.c',
+       'if (status != TETLOD_OK && levels.count > 1) {', 'if (false) {',
+       'of levels that are decoded together those before a damaged one are whole', 'unit/test_page_set')
 mutant('who split may split again', 'format/read/page_choice.c',
        'replay->stars[split->vertex].leaf = 0; // it splits', ';',
        'what is known of vertices by a page goes with it', 'unit/test_page_set')
