@@ -9,6 +9,7 @@ import vtk
 
 from common import CONFIG, case, finish, must, path, report, tetlod, write
 import mpi_job
+from kuhn_grid import kuhn
 from meshes import add_arrays, converted, tet_mesh, vtk_mesh
 
 PIECES = 3
@@ -111,6 +112,31 @@ def crack_case():
     return None if as_vtu('all.pvtu')[0] == as_vtu('whole.vtu')[0] else 'the crack is closed, or numbers are others'
 
 
+def unnumbered_crack_case():
+    """Pieces that a crack goes through, with the same values on both sides, and no numbers: they are joined where they
+    were cut, and the crack stays open."""
+    points, tets = kuhn(4, np.random.default_rng(8))
+    x, y = np.divmod(np.arange(len(points)) // 5, 5)
+    layer = (tets % 5).min(axis=1)
+    right = (x[tets] >= 2).all(axis=1)
+    both = np.flatnonzero((x == 2) & (y < 2))
+    copies = {v: len(points) + i for i, v in enumerate(both)}
+    points = np.concatenate([points, points[both]])
+    tets[right] = np.vectorize(lambda v: copies.get(v, v))(tets[right])
+    part = np.minimum(layer, PIECES - 1)
+    pieces = [np.flatnonzero(part == p) for p in range(PIECES)]
+    save_pvtu(points, tets, {'heat': points.sum(axis=1)}, {}, pieces)
+    found, owners = converted(path('all.pvtu')), {}
+    if len(found[0]) != len(points) or len(found[1]) != len(tets):
+        return len(found[0]), len(points)
+    for corners in np.sort(found[1], axis=1):
+        for i in range(4):
+            face = tuple(np.delete(corners, i))
+            owners[face] = owners.get(face, 0) + 1
+    open_faces = sum(count == 1 for count in owners.values())
+    return None if open_faces == 6 * 4 * 4 * 2 + 2 * 2 * 4 * 2 else open_faces
+
+
 def own_numbers_case():
     """Pieces that each count from 0: they are joined by places, without these numbers, and that is said."""
     points, tets, fields, cells = numbered_mesh()
@@ -187,6 +213,7 @@ NO_RANKS = mpi_job.missing()
 if not NO_RANKS:
     case('VTK: pieces and their ghosts, by ranks', ranks_case, 'all.pvtu', 'heat')
 case('VTK: a crack is not glued', crack_case)
+case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
 try:

@@ -136,14 +136,15 @@ void block_note_others(struct block *first, struct block *block, bool cell, stru
 
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Points of several
  * blocks become one by their numbers in the whole mesh where all blocks know them, else they are welded; those of one
- * block are welded if the tolerance `weld` is not negative. */
+ * block are welded if it is a grid, or the tolerance `weld` is not negative. */
 TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out,
                                                struct io_report *report,
                                                struct tetlod_error *error);
 
-/* Makes one of points that are no further apart than the tolerance and have the same values in all fields. */
-TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
-                                             struct tetlod_error *error);
+/* Makes one of points that are no further apart than the tolerance and have the same values in all fields. Of pieces
+ * origins[point] tells them apart (weld_pieces.h); NULL: it is one. */
+TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins,
+                                             struct io_report *report, struct tetlod_error *error);
 
 /* Cells refer to target[point] in place of the point. */
 void block_redirect(struct block *block, const uint32_t *target);

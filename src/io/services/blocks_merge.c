@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/services/assemble.h"
+#include "src/io/services/weld_pieces.h"
 #include "src/util/array.h"
 
 /* The list of fields of a block, at points or of cells. */
@@ -270,6 +270,19 @@ static enum tetlod_status merge_all(struct blocks *blocks, struct block *out, st
     return TETLOD_OK;
 }
 
+/* Which block each point is of. */
+static uint32_t *list_origins(const struct blocks *blocks)
+{
+    size_t count = 0, at = 0;
+    for (size_t b = 0; b < blocks->count; b++)
+        count += blocks->at[b].mesh.vertex_count;
+    uint32_t *origins = array_new(count, sizeof *origins);
+    for (size_t b = 0; b < blocks->count && origins; b++)
+        for (uint32_t v = 0; v < blocks->at[b].mesh.vertex_count; v++)
+            origins[at++] = weld_origin(b, blocks->at[b].dims[0] != 0);
+    return origins;
+}
+
 enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
                                 struct tetlod_error *error)
 {
@@ -277,12 +290,14 @@ enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block
     if (blocks->count == 1 && (weld < 0 || !blocks->at[0].dims[0])) {
         *out = blocks->at[0];
         blocks->count = 0;
-        return weld < 0 ? TETLOD_OK : block_weld(out, weld, report, error);
+        return weld < 0 ? TETLOD_OK : block_weld(out, weld, NULL, report, error);
     }
     report->blocks = blocks->count;
     uint64_t *points = NULL, *cells = NULL;
+    uint32_t *origins = weld < 0 ? list_origins(blocks) : NULL;
     bool joined = false;
-    enum tetlod_status status = blocks_numbers(blocks, false, &points, error);
+    enum tetlod_status status = weld < 0 && !origins ? tetlodi_fail_nomem(error, "the points' pieces", blocks->count)
+                                                     : blocks_numbers(blocks, false, &points, error);
     if (status == TETLOD_OK && points)
         status = blocks_numbers(blocks, true, &cells, error);
     if (status == TETLOD_OK)
@@ -291,5 +306,8 @@ enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block
         status = block_join_numbered(out, points, cells, &joined, report, error);
     free(points);
     free(cells);
-    return status == TETLOD_OK && (!joined || weld >= 0) ? block_weld(out, weld < 0 ? 0 : weld, report, error) : status;
+    if (status == TETLOD_OK && (!joined || weld >= 0))
+        status = block_weld(out, weld < 0 ? 0 : weld, origins, report, error);
+    free(origins);
+    return status;
 }

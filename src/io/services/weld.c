@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/services/assemble.h"
+#include "src/io/services/weld_pieces.h"
 #include "src/util/array.h"
 
 struct weld {
@@ -100,25 +100,23 @@ static uint32_t find(const struct weld *w, const double box[3], uint64_t values,
     return found;
 }
 
-/* Chooses what `v` becomes: true where that is another point. A point without a place (NaN) is at the place of no
- * other. */
-static bool weld_point(struct weld *w, uint32_t v)
+/* Chooses what `v` becomes. A point without a place (NaN) is at the place of no other. */
+static void weld_point(struct weld *w, uint32_t v)
 {
     const double *p = w->mesh->positions + 3 * (size_t)v;
     const double box[3] = {box_of(w, p[0]), box_of(w, p[1]), box_of(w, p[2])};
     w->target[v] = v;
     if (isnan(box[0]) || isnan(box[1]) || isnan(box[2]))
-        return false;
+        return;
     uint64_t values = hash_values(w->mesh, v);
     uint32_t found = find(w, box, values, v);
     if (found != TETLOD_NONE) {
         w->target[v] = found;
-        return true;
+        return;
     }
     size_t bucket = bucket_of(w, box, values);
     w->next[v] = w->first[bucket];
     w->first[bucket] = v;
-    return false;
 }
 
 /* Cells refer to targets afterwards; the points that nothing uses any more are dropped like all such points. */
@@ -139,8 +137,8 @@ void block_redirect(struct block *block, const uint32_t *target)
     }
 }
 
-enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
-                              struct tetlod_error *error)
+enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins,
+                              struct io_report *report, struct tetlod_error *error)
 {
     struct weld w = {.mesh = &block->mesh, .tolerance = tolerance, .mask = 1};
     uint32_t count = block->mesh.vertex_count;
@@ -156,7 +154,11 @@ enum tetlod_status block_weld(struct block *block, double tolerance, struct io_r
     }
     memset(w.first, 0xff, (w.mask + 1) * sizeof *w.first); // TETLOD_NONE
     for (uint32_t v = 0; v < count; v++)
-        report->welded_points += weld_point(&w, v);
+        weld_point(&w, v);
+    if (origins)
+        TETLOD_TRY_DONE(weld_untie(block, origins, w.target, error));
+    for (uint32_t v = 0; v < count; v++)
+        report->welded_points += w.target[v] != v;
     block_redirect(block, w.target);
 done:
     free(w.first);
