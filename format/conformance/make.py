@@ -222,7 +222,8 @@ def write_streams(program):
     write = {'section_unknown': (other, 'a section that is not known', '3.5'),
              'index_plain': (plain(base), 'an index that is not packed', '3.2'),
              'header_optional': (sealed(base[:16] + b'\1\0\0\0' + base[20:]), 'an unknown optional feature', '3.1'),
-             'minor_version': (sealed(base[:10] + b'\7\0' + base[12:]), 'a later minor version', '11')}
+             'minor_version': (sealed(base[:10] + b'\7\0' + base[12:]), 'a later minor version', '11'),
+             'paged_deep': (make_invalid.deepened(61), 'levels in pages: pages behind 64 cuts', '7.6')}
     for name, (data, feature, clause) in write.items():
         with open(os.path.join(HERE, 'valid', name + '.tetlod'), 'wb') as file:
             file.write(data)

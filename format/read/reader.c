@@ -281,7 +281,7 @@ static void place_frames(const struct tetlodi_page_table *table, uint32_t parts,
 /* Do the pages of a group give the level and its frames? */
 static bool goes_with_level(const struct tetlodi_index *index, uint32_t g)
 {
-    static const uint8_t none[DIGEST_SIZE];
+    static const uint8_t none[DIGEST_SIZE] = {0};
     const struct tetlodi_page_table *table = &index->pages;
     const struct tetlodi_group *group = &table->groups[g];
     uint32_t fields = index->info.field_count, level = table->first_level + g;

@@ -16,6 +16,8 @@ ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES, HEAT, PARENTS, HEX, PAGED, ORIGINA
     for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise',
                  'topologies', 'series_cells', 'parents_float32', 'series_parents', 'paged_float32',
                  'original_cells', 'original_quadratic'))
+with open(os.path.join(FOLDER, '..', '..', 'format', 'conformance', 'valid', 'paged_none.tetlod'), 'rb') as stored:
+    FLAT = plain(stored.read())
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -235,6 +237,7 @@ def cases():
     yield 'paged_random', 'decode', 'a page of other bytes, with its digest', random_page(group[-1])
     yield 'paged_checked', 'open', 'a level in pages with a digest', put(
         PAGED, level_of(PAGED, len(tetlod.open(PAGED).levels) - 2) + 24 + 32 + 8, 'B', 1)
+    yield 'paged_deep', 'open', 'pages behind 65 cuts', deepened(62)
     yield 'original_early', 'open', 'original cells before level 0', section(KEPT, b'ORIG', 2)
     yield 'original_twice', 'open', 'ORIG twice', section(ORIGINAL, b'ORIG', 0)
     fields, (cells, corners, further) = len(tetlod.open(BENT).fields), original_words(BENT)[:3]
@@ -336,6 +339,17 @@ def paged_rows():
         row['needs'], row['needed'] = at, [paged_word(at + 4 * i) for i in range(row['count'])]
         at += 4 * row['count']
     return found
+
+
+def deepened(cuts):
+    """FLAT, whose one group has 8 pages behind 3 cuts each, with so many further cuts before them: empty pages lie on
+    their other sides."""
+    table = tetlod.open(FLAT).section('PAGE')
+    first, groups, pages, nodes = struct.unpack_from('<4I', table)
+    rows, row = 16 + 5 * nodes, (len(table) - 16 - 5 * nodes) // pages
+    return with_section(FLAT, 'PAGE', struct.pack('<4I', first, groups, pages + cuts, nodes + 2 * cuts) +
+                        struct.pack('<Bf', 0, 1e9) * cuts + table[16:rows] + struct.pack('<BI', 3, 0) * cuts +
+                        table[rows:] + bytes(row) * cuts)
 
 
 def random_page(rows):
