@@ -314,6 +314,65 @@ static void test_spans_of_pages(void)
     CHECK_INT(tetlod_page_spans(file, finest(), tetlod_page_count(file, finest()), NULL, 0, NULL, 0), 0);
 }
 
+/* A stream of one of two fields as it arrives: cursors have each level as soon as its bytes are there. */
+static void feed_field(struct tetlod_file *two, const uint8_t *all, uint32_t field)
+{
+    const struct tetlod_info *of = tetlod_info(two);
+    struct tetlod_span spans[400];
+    struct tetlod_feed *feed;
+    struct tetlod_cursor *cursor = NULL, *whole;
+    struct tetlod_mesh mesh, same;
+    size_t count = tetlod_spans(two, TETLOD_NONE, of->level_count - 1, &field, 1, spans, 400);
+    REQUIRE(count <= 400 && tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_feed_select(feed, &of->fields[field].name, 1, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&whole, two, NULL, 0, NULL) == TETLOD_OK);
+    uint32_t level = TETLOD_NONE, before;
+    for (size_t i = 0; i < count; i++)
+        for (uint64_t at = 0; at < spans[i].size; at += 97) {
+            size_t some = spans[i].size - at < 97 ? (size_t)(spans[i].size - at) : 97;
+            CHECK(tetlod_feed_add(feed, all + spans[i].offset + at, some, NULL) <= TETLOD_MORE);
+            before = level;
+            level = tetlod_feed_level(feed);
+            if (level == before)
+                continue;
+            if (!cursor)
+                REQUIRE(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &field, 1, NULL) == TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(cursor, level, NULL), TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(whole, level, NULL), TETLOD_OK);
+            tetlod_cursor_mesh(cursor, &mesh);
+            tetlod_cursor_mesh(whole, &same);
+            CHECK(mesh.tets == same.tets && memcmp(mesh.corners, same.corners, 16 * (size_t)same.tets) == 0);
+            CHECK(memcmp(mesh.fields[field], same.fields[field], 8 * (size_t)same.vertices) == 0);
+        }
+    CHECK_INT(level, of->level_count - 1);
+    tetlod_cursor_free(cursor);
+    tetlod_cursor_free(whole);
+    tetlod_feed_free(feed);
+}
+
+/* Geometry and first field of a page are one range; neighbours are one range, too, for those who want no other field.
+ */
+static void test_fields_of_pages(void)
+{
+    struct tetlod_file *two;
+    size_t count;
+    uint8_t *all = read_golden("../../format/conformance/valid/paged_float64.tetlod", &count);
+    REQUIRE(tetlod_open_memory(&two, all, count, NULL, NULL) == TETLOD_OK);
+    const uint32_t level = tetlod_info(two)->first_paged_level, fields[] = {0, 1};
+    struct tetlod_span spans[4], first, second;
+    CHECK_INT(tetlod_page_spans(two, level, 0, fields, 1, &first, 1), 1);
+    CHECK_INT(tetlod_page_spans(two, level, 1, fields, 1, &second, 1), 1);
+    CHECK_INT(first.offset + first.size, second.offset);
+    CHECK_INT(tetlod_page_spans(two, level, 0, fields + 1, 1, spans, 4), 2);
+    CHECK_INT(tetlod_page_spans(two, level, 0, NULL, 0, spans, 4), 2);
+    CHECK_INT(tetlod_spans(two, level - 1, level, fields, 1, spans, 4), 1);
+    CHECK_INT(tetlod_spans(two, level - 1, level, NULL, 0, spans, 4), 1);
+    for (uint32_t field = 0; field < 2; field++)
+        feed_field(two, all, field);
+    tetlod_close(two);
+    free(all);
+}
+
 struct allowed {
     const struct tetlod_span *spans;
     size_t count;
@@ -553,6 +612,7 @@ int main(void)
     RUN(test_numbers);
     RUN(test_spans);
     RUN(test_spans_of_pages);
+    RUN(test_fields_of_pages);
     RUN(test_places);
     RUN(test_threads);
     RUN(test_damage);
