@@ -24,7 +24,7 @@ struct tetlodi_page_shares {
     uint32_t seam_count;                 /* vertices at seams */
     const uint8_t *seams;                /* [seams_known] of the first ones it is known; borrowed */
     uint32_t seams_known;
-    uint32_t *page_of;                   /* [tet] */
+    uint32_t *page_of;                   /* [tet]; of no more use once it is sorted by */
     uint32_t *owner;                     /* [vertex] the one page that has it, or PAGE_SEAM */
     uint32_t *local;                     /* [vertex] its number in its page, or PAGE_SEAM */
     uint32_t *tet_begins, *tet_list;     /* [page + 1]; tetrahedra page by page, ascending */

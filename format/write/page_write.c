@@ -141,6 +141,19 @@ static int find_needed(struct tetlodi_page_writer *pages, uint32_t tets)
 
 /* ---- a group */
 
+/* The pages of the group's tetrahedra are their former ones from now on. */
+static int keep_former(struct tetlodi_page_writer *pages)
+{
+    struct tetlodi_page_shares *shares = &pages->shares;
+    TETLODI_FREE(pages->memory, pages->former, pages->former_capacity);
+    if (!tetlodi_count(pages->memory, (shares->tets + (uint64_t)1) * sizeof *shares->page_of))
+        return 0;
+    pages->former = shares->page_of;
+    pages->former_capacity = shares->tets + (size_t)1;
+    shares->page_of = NULL;
+    return 1;
+}
+
 enum { TETS_A_TASK = 1 << 14 };
 
 static int find_pages(void *opaque, uint32_t task)
@@ -181,17 +194,15 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
     pages->tets = replay->tets;
     tetlodi_page_shares_fini(shares);
     if (!tetlodi_page_shares_init(shares, replay, group->pages) ||
-        !TETLODI_ROOM(pages->memory, pages->added, pages->added_capacity, group->pages + (size_t)1) ||
-        !TETLODI_ROOM(pages->memory, pages->former, pages->former_capacity, replay->tets))
+        !TETLODI_ROOM(pages->memory, pages->added, pages->added_capacity, group->pages + (size_t)1))
         return 0;
     tetlodi_helpers_start(helpers, find_pages, pages, (replay->tets + TETS_A_TASK - 1) / TETS_A_TASK);
     tetlodi_helpers_wait(helpers);
     shares->seams = pages->seams;
     shares->seams_known = pages->seams_known;
     tetlodi_page_shares_sort(shares, helpers);
-    if (!find_needed(pages, replay->tets))
+    if (!find_needed(pages, replay->tets) || !keep_former(pages))
         return 0;
-    memcpy(pages->former, shares->page_of, replay->tets * sizeof *pages->former);
     for (uint32_t p = 0; p <= group->pages; p++)
         pages->added[p] = replay->tets;
     return 1;
