@@ -67,15 +67,12 @@ void tetlodi_models_start(struct tetlodi_recorder *recorder)
 enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,
                                          struct tetlod_error *error)
 {
-    uint32_t fields = replay->column_count - 1, codes = 0;
-    for (uint32_t f = 0; f <= fields; f++)
-        codes += replay->columns[f].components;
+    uint32_t fields = replay->column_count - 1;
     *recorder = (struct tetlodi_recorder){.replay = replay,
                                           .coders = calloc(fields + 1, sizeof *recorder->coders),
                                           .models = malloc(sizeof *recorder->models),
-                                          .field_models = calloc(fields + 1, sizeof *recorder->field_models),
-                                          .codes = calloc(codes, sizeof *recorder->codes)};
-    if (!recorder->coders || !recorder->models || !recorder->field_models || !recorder->codes) {
+                                          .field_models = calloc(fields + 1, sizeof *recorder->field_models)};
+    if (!recorder->coders || !recorder->models || !recorder->field_models) {
         tetlodi_recorder_fini(recorder);
         return tetlodi_fail_nomem(error, "the coder's models", (fields + 1) * sizeof *recorder->field_models);
     }
@@ -95,23 +92,22 @@ void tetlodi_recorder_fini(struct tetlodi_recorder *recorder)
 {
     for (int i = 0; i < 2 && recorder->replay; i++)
         tetlodi_field_log_fini(&recorder->logs[i], recorder->replay->memory);
-    if (recorder->replay)
+    if (recorder->replay) {
         tetlodi_star_fini(&recorder->star, recorder->replay->memory);
+        tetlodi_star_marks_fini(&recorder->marks, recorder->replay->memory);
+    }
     free(recorder->coders);
     free(recorder->models);
     free(recorder->field_models);
-    free(recorder->codes);
     *recorder = (struct tetlodi_recorder){0};
 }
 
-static enum tetlodi_placement choose_placement(const struct tetlodi_record *record, int64_t (*all)[4],
-                                       const struct tetlodi_column *column)
+static enum tetlodi_placement choose_placement(const struct tetlodi_record *record, const int64_t own[3],
+                                               const struct tetlodi_scale *scale)
 {
-    const struct tetlodi_scale *scale = &column->scale;
-    const int64_t *own = column->codes + (size_t)record->vertex * 3;
     int first = 1, middle = 1;
     for (unsigned axis = 0; axis < 3; axis++) {
-        const int64_t *codes = all[axis];
+        const int64_t *codes = record->codes[axis];
         uint64_t difference =
             (uint64_t)codes[0] - (uint64_t)tetlodi_middle(scale, axis, own[axis], codes, record->children); // may wrap
         first &= codes[0] == own[axis];
@@ -215,29 +211,28 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
     return value;
 }
 
-TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct tetlodi_record *record, int encoding)
+TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const struct tetlodi_star_view *star,
+                                     struct tetlodi_record *record, int encoding)
 {
     struct tetlodi_coder local = *recorder->coders, *coder = &local; // in registers
     struct tetlodi_geometry_models *models = recorder->models;
-    const struct tetlodi_column *column = &recorder->replay->columns[0];
-    const struct tetlodi_scale *scale = &column->scale;
-    const int64_t *own = column->codes + (size_t)record->vertex * 3;
+    const struct tetlodi_scale *scale = &recorder->replay->columns[0].scale;
+    const int64_t *own = star->own;
     unsigned width = scale_width(scale), placement = 0;
     local.encoder = encoding ? local.encoder : NULL;
     if (encoding)
-        placement = choose_placement(record, recorder->codes, column);
+        placement = choose_placement(record, own, scale);
     placement = code_tree(coder, models->placement, 2, placement);
     coder->bad |= placement == 3;
     placement %= 3;
     struct trail trails[4] = {{.kind = placement == ELSEWHERE ? 3 : placement}, {.kind = placement},
                               {.kind = placement}, {.kind = placement}};
     for (unsigned axis = 0; axis < 3; axis++) {
-        int64_t *codes = recorder->codes[axis];
-        struct reach link = reach(&recorder->star, own[axis], axis);
+        int64_t *codes = record->codes[axis];
+        struct reach link = reach(star, own[axis], axis);
         for (uint32_t i = placement == ELSEWHERE ? 0 : 1; i < record->children; i++) {
             int64_t difference = code_difference(codes[i], own[axis], width);
-            difference = code_step(coder, &models->step[axis], &recorder->star, axis, own[axis], link, &trails[i],
-                                   difference);
+            difference = code_step(coder, &models->step[axis], star, axis, own[axis], link, &trails[i], difference);
             codes[i] = code_offset(own[axis], difference, scale);
         }
         if (placement == AT_FIRST) {
@@ -251,19 +246,20 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct t
     }
     record->placement = (enum tetlodi_placement)placement;
     struct tetlodi_bit(*leaf)[16] = models->leaf[placement];
-    unsigned quarter = recorder->star.size / 4 < 15 ? recorder->star.size / 4 : 15, leaves = 0;
+    unsigned quarter = star->size / 4 < 15 ? star->size / 4 : 15, leaves = 0;
     for (uint32_t i = 0; i < record->children; i++)
         leaves |= (unsigned)code_bit(coder, &leaf[i ? 1 + (leaves & 1) : 0][quarter], record->leaves >> i & 1) << i;
     record->leaves = leaves;
     *recorder->coders = local;
 }
 
-static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
+static void code_positions(struct tetlodi_recorder *recorder, const struct tetlodi_star_view *star,
+                           struct tetlodi_record *record)
 {
     if (encoder_of(recorder->coders))
-        positions_inline(recorder, record, 1);
+        positions_inline(recorder, star, record, 1);
     else
-        positions_inline(recorder, record, 0);
+        positions_inline(recorder, star, record, 0);
 }
 
 /* What the labels of a star are guessed from: the two vertices that the split vertex parts into. */
@@ -288,12 +284,12 @@ static void pair_init(struct pair *pair, const double *a, const double *b)
 
 /* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), which makes it larger, and which is
  * nearer, in 8 steps. The steps rise, so that all that are passed can be counted. */
-static void geometry_contexts(struct tetlodi_star_view *star, const double *positions, uint32_t child)
+static void geometry_contexts(struct tetlodi_star_view *star)
 {
     struct pair pair;
-    pair_init(&pair, positions + (size_t)star->vertex * 3, positions + (size_t)child * 3);
+    pair_init(&pair, star->ends[0], star->ends[1]);
     const double *a = pair.a, *b = pair.b, *d = pair.along, *m = pair.middle3, *s = pair.steps;
-    const uint32_t *corners = star->corners;
+    const uint8_t *which = star->which;
     uint8_t *contexts = star->contexts;
     for (uint32_t i = 0, size = star->size; i < size; i += 2) {
         struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
@@ -304,8 +300,8 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
         pair2 of_b = (nx * (b[0] - p0.x) + ny * (b[1] - p0.y)) + nz * (b[2] - p0.z);
         pair2 near = ((((p0.x + p1.x) + p2.x) - m[0]) * d[0] + (((p0.y + p1.y) + p2.y) - m[1]) * d[1]) +
                      (((p0.z + p1.z) + p2.z) - m[2]) * d[2];
-        pair2 sign = {(double)(1 - 2 * (int)(corners[i] & 1)),
-                      (double)(1 - 2 * (int)(corners[i + (i + 1 < size)] & 1))};
+        pair2 sign = {(double)(1 - 2 * (int)(which[i] & 1)),
+                      (double)(1 - 2 * (int)(which[i + (i + 1 < size)] & 1))};
         mask2 passed = (near > s[0]) + (near > s[1]) + (near > s[2]) + (near > s[3]) + (near > s[4]) + (near > s[5]) +
                        (near > s[6]);
         mask2 larger = of_a * of_a > of_b * of_b;
@@ -341,11 +337,10 @@ TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi
     *all = coder;
 }
 
-static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
+static void code_labels(struct tetlodi_recorder *recorder, struct tetlodi_star_view *star, unsigned at_first)
 {
-    struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_bit *models = recorder->models->label + at_first * (LABEL_CONTEXTS / 2);
-    geometry_contexts(star, recorder->replay->columns[0].values, child);
+    geometry_contexts(star);
     if (encoder_of(recorder->coders))
         code_labels_inline(recorder->coders, models, star, 1);
     else
@@ -353,11 +348,10 @@ static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsig
 }
 
 /* Whether the tetrahedron between a vertex and its child at a boundary face would be a positive one. */
-static unsigned positive_between(const struct tetlodi_recorder *recorder, uint32_t e, uint32_t child)
+static unsigned positive_between(const struct tetlodi_star_view *star, uint32_t e)
 {
-    const double *positions = recorder->replay->columns[0].values, *points[4];
-    tetlodi_star_between_points(&recorder->star, e, positions + (size_t)recorder->star.vertex * 3,
-                                positions + (size_t)child * 3, points);
+    const double *points[4];
+    tetlodi_star_between_points(star, e, points);
     const double *p0 = points[0], *p1 = points[1], *p2 = points[2], *p3 = points[3];
     double ax = p1[0] - p0[0], ay = p1[1] - p0[1], az = p1[2] - p0[2];
     double bx = p2[0] - p0[0], by = p2[1] - p0[1], bz = p2[2] - p0[2];
@@ -378,11 +372,11 @@ static int is_irregular(const struct tetlodi_star_view *star)
 }
 
 /* At a boundary face, where the rule says nothing. */
-static int code_boundary(struct tetlodi_recorder *recorder, uint32_t e, uint32_t child, unsigned at_first)
+static int code_boundary(struct tetlodi_recorder *recorder, const struct tetlodi_star_view *star, uint32_t e,
+                         unsigned at_first)
 {
-    const struct tetlodi_star_view *star = &recorder->star;
     unsigned label = star->labels[star->edge[e].first / 3];
-    unsigned context = (at_first * 2 + label) * 2 + positive_between(recorder, e, child);
+    unsigned context = (at_first * 2 + label) * 2 + positive_between(star, e);
     return code_bit(recorder->coders, &recorder->models->boundary[context], star->made[e] != NOT_MADE);
 }
 
@@ -396,29 +390,27 @@ TETLODI_INLINE uint32_t keep_edge(struct tetlodi_star_view *star, uint32_t kept,
 }
 
 /* Codes at which edges tetrahedra come back, and leaves these in the list. */
-static void code_edges(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
+static void code_edges(struct tetlodi_recorder *recorder, struct tetlodi_star_view *star, unsigned at_first)
 {
-    struct tetlodi_star_view *star = &recorder->star;
     uint32_t kept = 0;
     for (uint32_t e = 0, count = star->edge_count; e < count; e++) {
         unsigned made = star->made[e] | (star->seen[e] == LABELS_DIFFER);
         if (star->edge[e].first == star->edge[e].last)
-            made = (unsigned)code_boundary(recorder, e, child, at_first);
+            made = (unsigned)code_boundary(recorder, star, e, at_first);
         kept = keep_edge(star, kept, e, made);
     }
     star->edge_count = kept;
 }
 
-static void code_edges_irregular(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
+static void code_edges_irregular(struct tetlodi_recorder *recorder, struct tetlodi_star_view *star, unsigned at_first)
 {
-    struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_geometry_models *models = recorder->models;
     uint32_t kept = 0;
     for (uint32_t e = 0; e < star->edge_count; e++) {
         unsigned differ = star->seen[e] == LABELS_DIFFER;
         int made = star->made[e] != NOT_MADE, flip = star->made[e] == MADE_FLIPPED;
         if (star->edge[e].first == star->edge[e].last)
-            made = code_boundary(recorder, e, child, at_first);
+            made = code_boundary(recorder, star, e, at_first);
         else
             made = code_bit(recorder->coders, &models->made[differ], made);
         flip = made && code_bit(recorder->coders, &models->flip, flip);
@@ -443,8 +435,7 @@ static uint32_t walk_end(const struct tetlodi_recorder *recorder)
     return recorder->paged ? recorder->listed_count + (vertices - recorder->level_start) : vertices;
 }
 
-/* The place of a vertex that is there: of a page's own, if the walk is of a page. */
-static uint32_t place_of(const struct tetlodi_recorder *recorder, uint32_t vertex)
+uint32_t tetlodi_place_of(const struct tetlodi_recorder *recorder, uint32_t vertex)
 {
     if (!recorder->paged)
         return vertex;
@@ -453,22 +444,25 @@ static uint32_t place_of(const struct tetlodi_recorder *recorder, uint32_t verte
     return ascending_place(recorder->listed, recorder->listed_count, vertex);
 }
 
-/* Tetrahedra (vertex, child, x, y) that no edge of the link implies, or that are there more than once. */
-static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_t child, struct tetlod_error *error)
+static enum tetlod_status too_many_tets(struct tetlod_error *error)
 {
-    struct tetlodi_star_view *star = &recorder->star;
-    struct tetlodi_coder *coder = &recorder->coders[0];
+    return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record brings back more tetrahedra than its level has");
+}
+
+/* Tetrahedra (vertex, child, x, y) that no edge of the link implies, or that are there more than once. */
+static enum tetlod_status decode_extras(struct tetlodi_recorder *recorder, struct tetlodi_star_view *star,
+                                        uint32_t child, struct tetlod_error *error)
+{
     struct tetlodi_memory *memory = recorder->replay->memory;
-    int64_t count = code_number(coder, &recorder->models->extra, 0, star->extra_count);
+    int64_t count = code_number(&recorder->coders[0], &recorder->models->extra, 0, 0);
     if (count < 0 || (uint64_t)count > recorder->most_tets - recorder->replay->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record brings back more tetrahedra than its level has");
+        return too_many_tets(error);
     star->extra_count = (uint32_t)count;
     if (!TETLODI_ROOM(memory, star->extras, star->extras_capacity, star->extra_count))
         return tetlodi_no_room(memory, error);
     for (uint32_t i = 0; i < star->extra_count; i++) {
         for (int k = 0; k < 2; k++) {
-            uint32_t known = recorder->plan ? place_of(recorder, star->extras[i][k]) : 0;
-            int64_t place = code_number(coder, &recorder->models->extra, 1, known);
+            int64_t place = code_number(&recorder->coders[0], &recorder->models->extra, 1, 0);
             uint32_t id = place < 0 || place >= walk_end(recorder) ? child : vertex_at(recorder, (uint32_t)place);
             if (id >= child || id == star->vertex)
                 return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record names a vertex that is not there");
@@ -480,11 +474,17 @@ static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_
     return TETLOD_OK;
 }
 
-/* Lays the tetrahedra that come back behind those that are there. Their number, or TETLOD_NONE if memory is out. */
-static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
+static void encode_extras(struct tetlodi_recorder *recorder, const struct tetlodi_star_view *star)
 {
-    struct tetlodi_replay *replay = recorder->replay;
-    const struct tetlodi_star_view *star = &recorder->star;
+    code_number(&recorder->coders[0], &recorder->models->extra, 0, star->extra_count);
+    for (uint32_t i = 0; i < star->extra_count; i++)
+        for (int k = 0; k < 2; k++)
+            code_number(&recorder->coders[0], &recorder->models->extra, 1, star->extras[i][k]);
+}
+
+/* Lays the tetrahedra that come back behind those that are there. Their number, or TETLOD_NONE if memory is out. */
+static uint32_t put_tets(struct tetlodi_replay *replay, const struct tetlodi_star_view *star, uint32_t child)
+{
     size_t most = (size_t)replay->tets + star->edge_count + star->extra_count;
     if (!TETLODI_ROOM(replay->memory, replay->corners, replay->corners_capacity, 4 * most))
         return TETLOD_NONE;
@@ -507,98 +507,103 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
     return count;
 }
 
+/* What is said of a split whose ends are known: labels, and where tetrahedra come back. 1: also which extras. */
+static int code_split(struct tetlodi_recorder *recorder, struct tetlodi_star_view *star, unsigned at_first)
+{
+    code_labels(recorder, star, at_first);
+    int irregular = encoder_of(recorder->coders) && is_irregular(star);
+    irregular = code_bit(&recorder->coders[0], &recorder->models->irregular, irregular);
+    if (irregular)
+        code_edges_irregular(recorder, star, at_first);
+    else
+        code_edges(recorder, star, at_first);
+    return irregular;
+}
+
 /* Parts one child from the vertex. The star is laid out, both positions are in place. */
-static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned number, unsigned at_first,
-                                     struct tetlod_error *error)
+static enum tetlod_status decode_split(struct tetlodi_recorder *recorder, unsigned number, unsigned at_first,
+                                       struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = recorder->replay;
     struct tetlodi_star_view *star = &recorder->star;
     uint32_t child = replay->vertices;
     recorder->labels += star->size;
-    if (recorder->plan && !recorder->plan(recorder->opaque, star, number))
-        return tetlodi_no_room(replay->memory, error);
-    code_labels(recorder, child, at_first);
-    int irregular = code_bit(&recorder->coders[0], &recorder->models->irregular, recorder->plan && is_irregular(star));
-    if (irregular) {
-        code_edges_irregular(recorder, child, at_first);
-        TETLOD_TRY(code_extras(recorder, child, error));
-    } else {
-        code_edges(recorder, child, at_first);
-        star->extra_count = 0;
-    }
-    uint32_t added = put_tets(recorder, child);
+    tetlodi_star_part(star, replay, child);
+    if (code_split(recorder, star, at_first))
+        TETLOD_TRY(decode_extras(recorder, star, child, error));
+    uint32_t added = put_tets(replay, star, child);
     if (added == TETLOD_NONE || !tetlodi_replay_log_labels(replay, star->labels, star->size))
         return tetlodi_no_room(replay->memory, error);
     if (added > recorder->most_tets - replay->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record brings back more tetrahedra than its level has");
+        return too_many_tets(error);
     if (!tetlodi_replay_log(replay, star->vertex, added, number == 1) || !tetlodi_replay_apply(replay))
         return tetlodi_no_room(replay->memory, error);
     return TETLOD_OK;
 }
 
-/* Puts the children's positions in place. */
-static enum tetlod_status place_children(struct tetlodi_recorder *recorder, const struct tetlodi_record *record,
-                                         struct tetlod_error *error)
+enum tetlod_status tetlodi_record_place(struct tetlodi_replay *replay, struct tetlodi_record *record,
+                                        struct tetlod_error *error)
 {
-    struct tetlodi_replay *replay = recorder->replay;
     size_t vertices = (size_t)replay->vertices + record->children - 1;
     if (!tetlodi_replay_room(replay, vertices, replay->tets) ||
         !tetlodi_column_room(replay->columns, replay->memory, vertices, replay->records + (size_t)1))
         return tetlodi_no_room(replay->memory, error);
     if (!tetlodi_column_place(replay->columns, 1, record->vertex, replay->vertices, record->children, replay->records,
-                              recorder->codes))
+                              record->codes))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds a value that is not finite");
     replay->columns->records = ++replay->records;
     replay->all_records++;
+    replay->stars[record->vertex].leaf = record->leaves & 1;
+    for (uint32_t i = 1; i < record->children; i++)
+        replay->stars[replay->vertices + i - 1].leaf = record->leaves >> i & 1;
     return TETLOD_OK;
 }
 
-/* An encoder's fields follow each record at once. The writer has made room for them. */
-static void encode_fields(struct tetlodi_recorder *recorder)
+/* Does the first child take the vertex's place in space, too? */
+static unsigned is_at_first(const struct tetlodi_star_view *star, const struct tetlodi_record *record)
 {
-    struct tetlodi_replay *replay = recorder->replay;
-    int64_t(*codes)[4] = recorder->codes + 3;
-    for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components)
-        tetlodi_field_encode(recorder, recorder->log, f, codes);
-    tetlodi_field_log_clear(recorder->log);
+    const int64_t *own = star->own;
+    return own[0] == record->codes[0][0] && own[1] == record->codes[1][0] && own[2] == record->codes[2][0];
 }
 
-static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
-                                      struct tetlod_error *error)
+static uint32_t code_arity(struct tetlodi_recorder *recorder, uint32_t children)
+{
+    return 2 + code_tree(recorder->coders, recorder->models->arity, 2, children - 2);
+}
+
+static enum tetlod_status decode_record(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
+                                        struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = recorder->replay;
-    if (!tetlodi_star_lay_out(&recorder->star, replay, record->vertex))
+    struct tetlodi_star_view *star = &recorder->star;
+    if (!tetlodi_star_lay_out(star, &recorder->marks, replay, record->vertex))
         return tetlodi_no_room(replay->memory, error);
-    record->children = 2 + code_tree(recorder->coders, recorder->models->arity, 2, record->children - 2);
+    record->first_child = replay->vertices;
+    record->number = replay->records;
+    record->children = code_arity(recorder, 2);
     if (record->children > 4 || record->children - 1 > recorder->most_vertices - replay->vertices)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record makes more vertices than its level has");
-    code_positions(recorder, record);
+    code_positions(recorder, star, record);
     if (recorder->coders[0].bad)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds what no writer writes");
-    if (recorder->log && !tetlodi_field_log_add(recorder, recorder->log, record))
+    if (recorder->log && !tetlodi_field_log_add(recorder, recorder->log, replay->memory, star, record))
         return tetlodi_no_room(replay->memory, error);
-    const int64_t *own = replay->columns[0].codes + (size_t)record->vertex * 3;
-    unsigned at_first =
-        own[0] == recorder->codes[0][0] && own[1] == recorder->codes[1][0] && own[2] == recorder->codes[2][0];
-    TETLOD_TRY(place_children(recorder, record, error));
-    replay->stars[record->vertex].leaf = record->leaves & 1;
+    unsigned at_first = is_at_first(star, record);
+    TETLOD_TRY(tetlodi_record_place(replay, record, error));
     for (unsigned i = 1; i < record->children; i++) {
-        replay->stars[replay->vertices].leaf = record->leaves >> i & 1;
-        if (i > 1 && !tetlodi_star_lay_out(&recorder->star, replay, record->vertex))
+        if (i > 1 && !tetlodi_star_lay_out(star, &recorder->marks, replay, record->vertex))
             return tetlodi_no_room(replay->memory, error);
-        TETLOD_TRY(code_split(recorder, i, at_first, error));
+        TETLOD_TRY(decode_split(recorder, i, at_first, error));
     }
-    if (encoder_of(recorder->coders) && recorder->plan && recorder->log)
-        encode_fields(recorder);
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
-                                       struct tetlod_error *error)
+static enum tetlod_status decode_or_undo(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
+                                         struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = recorder->replay;
     uint32_t splits = replay->splits, records = replay->records;
-    enum tetlod_status status = code_record(recorder, record, error);
+    enum tetlod_status status = decode_record(recorder, record, error);
     if (status == TETLOD_OK && recorder->labels > recorder->max_labels)
         status = tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
     if (status == TETLOD_OK)
@@ -614,6 +619,20 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
     return status;
 }
 
+int tetlodi_record_encode(struct tetlodi_recorder *recorder, struct tetlodi_memory *memory,
+                          struct tetlodi_record *record, struct tetlodi_star_view *stars)
+{
+    unsigned at_first = is_at_first(stars, record);
+    code_arity(recorder, record->children);
+    code_positions(recorder, stars, record);
+    if (recorder->log && !tetlodi_field_log_add(recorder, recorder->log, memory, stars, record))
+        return 0;
+    for (unsigned i = 1; i < record->children; i++)
+        if (code_split(recorder, &stars[i - 1], at_first))
+            encode_extras(recorder, &stars[i - 1]);
+    return 1;
+}
+
 static uint64_t labels_of(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes)
 {
     if (!column)
@@ -621,15 +640,15 @@ static uint64_t labels_of(const struct tetlodi_recorder *recorder, uint32_t colu
     return limit_of(LABELS_FREE, FIELD_LABELS_PER_BYTE, bytes) / recorder->replay->columns[column].components;
 }
 
-bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes)
+bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint64_t labels, uint32_t column, uint64_t bytes)
 {
-    return recorder->labels <= labels_of(recorder, column, bytes);
+    return labels <= labels_of(recorder, column, bytes);
 }
 
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets)
 {
     recorder->max_labels = UINT64_MAX;
-    for (uint32_t c = 0; c < recorder->replay->column_count && !recorder->plan; c++) {
+    for (uint32_t c = 0; c < recorder->replay->column_count; c++) {
         uint64_t most = labels_of(recorder, c, recorder->replay->columns[c].frame_bytes);
         recorder->max_labels = most < recorder->max_labels ? most : recorder->max_labels;
     }
@@ -661,20 +680,26 @@ void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_
     recorder->walk = vertex_at(recorder, 0);
 }
 
-/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. Of
- * vertices of the original nothing is asked. */
-TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, int split, int encoding)
+/* Under which model it is asked whether a vertex at the walk splits. TETLOD_NONE: it never does, or not here. */
+TETLODI_INLINE uint32_t split_context(const struct tetlodi_recorder *recorder, const struct tetlodi_star *stars,
+                                      uint32_t v)
+{
+    uint32_t size = stars[v].size / 4, before = v < recorder->level_start;
+    if (stars[v].leaf || (recorder->paged && before && recorder->seams[v]))
+        return TETLOD_NONE;
+    return (before ? 0 : SPLIT_CONTEXTS) + (size < SPLIT_CONTEXTS ? size : SPLIT_CONTEXTS - 1);
+}
+
+int tetlodi_level_next(struct tetlodi_recorder *recorder)
 {
     struct tetlodi_coder coder = *recorder->coders; // in registers
-    struct tetlodi_bit(*models)[16] = recorder->models->splits;
+    struct tetlodi_bit *models = recorder->models->splits[0];
     const struct tetlodi_star *stars = recorder->replay->stars;
-    uint32_t place = recorder->place, level_start = recorder->level_start;
-    coder.encoder = encoding ? coder.encoder : NULL;
+    uint32_t place = recorder->place, end = walk_end(recorder);
+    coder.encoder = NULL;
     for (; place < end; place++) {
-        uint32_t v = vertex_at(recorder, place), size = stars[v].size / 4;
-        if (recorder->paged && v < level_start && recorder->seams[v])
-            continue;
-        if (!stars[v].leaf && (split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split)))
+        uint32_t context = split_context(recorder, stars, vertex_at(recorder, place));
+        if (context != TETLOD_NONE && code_bit(&coder, &models[context], 0))
             break;
     }
     *recorder->coders = coder;
@@ -683,14 +708,23 @@ TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, 
     return place < end;
 }
 
-int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
+uint32_t tetlodi_level_asks(struct tetlodi_recorder *recorder, int split)
 {
-    return step_inline(recorder, recorder->place + 1, split, 1);
+    uint32_t context = split_context(recorder, recorder->replay->stars, recorder->walk);
+    if (context == TETLOD_NONE || !split)
+        recorder->walk = vertex_at(recorder, ++recorder->place);
+    return context;
 }
 
-int tetlodi_level_next(struct tetlodi_recorder *recorder)
+size_t tetlodi_splits_encode(struct tetlodi_recorder *recorder, const uint8_t *asked, size_t count)
 {
-    return step_inline(recorder, walk_end(recorder), 0, 0);
+    size_t done = 0;
+    for (int split = 0; done < count && !split; done++) {
+        unsigned model = asked[done] % ASKED_SPLITS;
+        split = asked[done] / ASKED_SPLITS;
+        code_bit(recorder->coders, &recorder->models->splits[model / SPLIT_CONTEXTS][model % SPLIT_CONTEXTS], split);
+    }
+    return done;
 }
 
 enum tetlod_status tetlodi_record_decode(struct tetlodi_recorder *recorder, struct tetlod_error *error)
@@ -700,7 +734,7 @@ enum tetlod_status tetlodi_record_decode(struct tetlodi_recorder *recorder, stru
     if (!tetlodi_level_next(recorder))
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
     record.vertex = recorder->walk;
-    enum tetlod_status status = tetlodi_record_code(recorder, &record, error);
+    enum tetlod_status status = decode_or_undo(recorder, &record, error);
     if (status != TETLOD_OK && recorder->log)
         recorder->log->count = whole; // it has no room in the columns
     return status;

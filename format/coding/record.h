@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The coding of records (SPEC 7 and 8), both ways: a record of the encoder is coded and applied, a decoder's is read
- * and applied. Not installed.
+ * The coding of records (SPEC 7 and 8), both ways. A decoder's record is read and applied; an encoder applies some
+ * first and keeps the stars as they were, of which all that is said of them is coded later, on another thread. Not
+ * installed.
  */
 #ifndef TETLOD_RECORD_H
 #define TETLOD_RECORD_H
@@ -36,12 +37,17 @@ void tetlodi_page_begin(struct tetlodi_recorder *recorder, const struct tetlodi_
 int tetlodi_walk_ended(const struct tetlodi_recorder *recorder);
 
 /* May a column's frames have so many labels, times a field's components, in so many bytes (SPEC 2.3)? */
-bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes);
+bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint64_t labels, uint32_t column, uint64_t bytes);
 
-/* An encoder says whether the vertex at the walk splits; a decoder goes to the next that does, or to the walk's end. A
- * vertex that does not split is passed. 1 if there is one: it is at the walk. */
-int tetlodi_level_says(struct tetlodi_recorder *recorder, int split);
+/* A decoder goes to the next vertex of the walk that splits, or to the walk's end. 1 if there is one. */
 int tetlodi_level_next(struct tetlodi_recorder *recorder);
+
+/* An encoder asks under which model it is said whether the vertex at the walk splits; TETLOD_NONE: nothing is said of
+ * it. Unless it splits the walk goes on. */
+uint32_t tetlodi_level_asks(struct tetlodi_recorder *recorder, int split);
+
+/* The place in the walk of a vertex that is there. */
+uint32_t tetlodi_place_of(const struct tetlodi_recorder *recorder, uint32_t vertex);
 
 /* Frames hold what an encoder writes, and end where that ends, but for zero bytes. */
 TETLOD_CHECKED enum tetlod_status tetlodi_check_ends(const struct tetlodi_recorder *recorder,
@@ -50,10 +56,20 @@ TETLOD_CHECKED enum tetlod_status tetlodi_check_ends(const struct tetlodi_record
 /* Says what is wrong with a field's frame: its coder's `bad`. */
 enum tetlod_status tetlodi_fail_field(int bad, struct tetlod_error *error);
 
-/* Codes one record, logs it and applies it. A decoder decodes fields later, from the log. On failure the mesh is as it
- * was. */
-TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
-                                                      struct tetlod_error *error);
+/* Puts the positions of a record's children in place, and whether they are the original's. ERR_STREAM: one is not
+ * finite. */
+TETLOD_CHECKED enum tetlod_status tetlodi_record_place(struct tetlodi_replay *replay, struct tetlodi_record *record,
+                                                       struct tetlod_error *error);
+
+/* What an encoder has asked, one byte each, up to the first vertex that splits: a model, and ASKED_SPLITS if it does.
+ * How many that are. */
+enum { ASKED_SPLITS = 0x80 };
+size_t tetlodi_splits_encode(struct tetlodi_recorder *recorder, const uint8_t *asked, size_t count);
+
+/* Encodes a record: stars[child - 1] as it was before that child parted from it, with labels, edges at which tetrahedra
+ * come back, and the places of extras. It goes into the log of fields, whose memory is given. 0 if that is out. */
+int tetlodi_record_encode(struct tetlodi_recorder *recorder, struct tetlodi_memory *memory,
+                          struct tetlodi_record *record, struct tetlodi_star_view *stars);
 
 /* Decodes the record of the next vertex that splits. Of one that fails the fields' log has nothing. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_decode(struct tetlodi_recorder *recorder, struct tetlod_error *error);

@@ -62,10 +62,9 @@ TETLODI_INLINE double least_of(double least, double b, double c, double d)
 
 /* The first tetrahedron that holds the point, by its place in the star, or the one whose least barycentric weight is
  * greatest. */
-static uint32_t find_tet(const struct tetlodi_recorder *recorder, const double point[3], double weights[3])
+static uint32_t find_tet(const struct tetlodi_star_view *star, const double v[3], const double point[3],
+                         double weights[3])
 {
-    const struct tetlodi_star_view *star = &recorder->star;
-    const double *v = recorder->replay->columns[0].values + (size_t)star->vertex * 3;
     double px = point[0] - v[0], py = point[1] - v[1], pz = point[2] - v[2], best = -INFINITY;
     uint32_t found = TETLOD_NONE;
     for (uint32_t i = 0; i < star->size && !(best >= 0); i += 2) {
@@ -95,44 +94,47 @@ static uint32_t find_tet(const struct tetlodi_recorder *recorder, const double p
     return found;
 }
 
-/* Where a child's position is in the star. */
-static void locate(const struct tetlodi_recorder *recorder, const struct tetlodi_record *record, unsigned child,
-                   struct tetlodi_location *out)
+/* Where a child's position is in the star, whose vertex is at `v`. */
+static void locate(const struct tetlodi_star_view *star, const struct tetlodi_scale *scale, const double v[3],
+                   const struct tetlodi_record *record, unsigned child, struct tetlodi_location *out)
 {
-    const struct tetlodi_column *positions = recorder->replay->columns;
     double point[3];
     int same = 1;
     for (unsigned axis = 0; axis < 3; axis++) {
-        same &= recorder->codes[axis][child] == positions->codes[(size_t)record->vertex * 3 + axis];
-        point[axis] = scale_value(&positions->scale, axis, recorder->codes[axis][child]);
+        same &= record->codes[axis][child] == star->own[axis];
+        point[axis] = scale_value(scale, axis, record->codes[axis][child]);
     }
-    uint32_t tet = same ? TETLOD_NONE : find_tet(recorder, point, out->weights);
+    uint32_t tet = same ? TETLOD_NONE : find_tet(star, v, point, out->weights);
     for (int k = 0; k < 3; k++)
-        out->corners[k] = tet == TETLOD_NONE ? TETLOD_NONE : recorder->star.link[recorder->star.others[tet][k]];
+        out->corners[k] = tet == TETLOD_NONE ? TETLOD_NONE : star->link[star->others[tet][k]];
 }
 
-int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_field_log *log,
+int tetlodi_field_log_add(const struct tetlodi_recorder *recorder, struct tetlodi_field_log *log,
+                          struct tetlodi_memory *memory, const struct tetlodi_star_view *star,
                           const struct tetlodi_record *record)
 {
-    const struct tetlodi_star_view *star = &recorder->star;
-    struct tetlodi_replay *replay = recorder->replay;
-    struct tetlodi_memory *memory = replay->memory;
+    const struct tetlodi_scale *scale = &recorder->replay->columns[0].scale;
+    double v[3];
     if (!TETLODI_ROOM(memory, log->records, log->records_capacity, log->count + (size_t)1) ||
         !TETLODI_ROOM(memory, log->locations, log->locations_capacity, log->location_count + (size_t)4) ||
         // never NULL
         !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count + 1))
         return 0;
-    log->records[log->count++] = (struct tetlodi_field_record){.vertex = record->vertex,
-                                                               .first_child = replay->vertices,
-                                                               .number = replay->records,
-                                                               .link_count = star->link_count,
-                                                               .children = (uint8_t)record->children,
-                                                               .placement = (uint8_t)record->placement,
-                                                               .leaves = (uint8_t)record->leaves};
+    struct tetlodi_field_record *added = &log->records[log->count++];
+    *added = (struct tetlodi_field_record){.vertex = record->vertex,
+                                           .first_child = record->first_child,
+                                           .number = record->number,
+                                           .link_count = star->link_count,
+                                           .children = (uint8_t)record->children,
+                                           .placement = (uint8_t)record->placement,
+                                           .leaves = (uint8_t)record->leaves};
+    memcpy(added->nodes, record->nodes, sizeof added->nodes);
     for (uint32_t i = 0; i < star->link_count; i++)
         log->links[log->link_count++] = star->link[i];
+    for (unsigned axis = 0; axis < 3; axis++)
+        v[axis] = scale_value(scale, axis, star->own[axis]);
     for (uint32_t i = 0; i < record->children; i++)
-        locate(recorder, record, i, &log->locations[log->location_count++]);
+        locate(star, scale, v, record, i, &log->locations[log->location_count++]);
     return 1;
 }
 
@@ -274,9 +276,9 @@ int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t v
 }
 
 TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field,
-                               int64_t (*codes)[4],
-                              int encoding)
+                               tetlodi_codes_of *codes_of, void *opaque, int encoding)
 {
+    int64_t codes[MAX_COMPONENTS][4] = {{0}};
     struct tetlodi_column *column = &recorder->replay->columns[field];
     struct tetlodi_coder coder = recorder->coders[field]; // in registers
     const struct tetlodi_location *where = log->locations;
@@ -287,6 +289,8 @@ TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct t
         const struct tetlodi_field_record *record = &log->records[r];
         for (size_t i = 0, end = r + 1 < log->count ? record[1].link_count : 0; i < end; i++) // the next record's
             __builtin_prefetch(column->codes + (size_t)link[record->link_count + i] * column->components);
+        if (encoding)
+            codes_of(opaque, field, record, codes);
         code_children(&coder, &recorder->field_models[field - 1], column, record, link, where, codes);
         if (coder.bad)
             break;
@@ -304,14 +308,13 @@ TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct t
 
 void tetlodi_field_decode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field)
 {
-    int64_t codes[MAX_COMPONENTS][4] = {{0}};
-    code_field(recorder, log, field, codes, 0);
+    code_field(recorder, log, field, NULL, NULL, 0);
 }
 
 void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field,
-                          int64_t (*codes)[4])
+                          tetlodi_codes_of *codes_of, void *opaque)
 {
-    code_field(recorder, log, field, codes, 1);
+    code_field(recorder, log, field, codes_of, opaque, 1);
 }
 
 int tetlodi_fields_room(struct tetlodi_recorder *recorder)

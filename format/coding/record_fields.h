@@ -13,9 +13,9 @@ int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t
  * set. */
 void tetlodi_copies_code(struct tetlodi_coder *coder, struct tetlodi_field_models *models, unsigned components);
 
-/* Adds a record whose star is laid out and whose children's positions are known, and which is not applied yet. 0 if out
- * of memory. */
-int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_field_log *log,
+/* Adds a record with its star as it was before it. 0 if out of memory. */
+int tetlodi_field_log_add(const struct tetlodi_recorder *recorder, struct tetlodi_field_log *log,
+                          struct tetlodi_memory *memory, const struct tetlodi_star_view *star,
                           const struct tetlodi_record *record);
 
 static inline void tetlodi_field_log_clear(struct tetlodi_field_log *log)
@@ -34,9 +34,13 @@ int tetlodi_fields_room(struct tetlodi_recorder *recorder);
  * finite. */
 void tetlodi_field_decode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field);
 
-/* The same for an encoder, whose log has one record, with `codes` of its children. */
+/* Sets a field's codes [component][child] of a record that is encoded. */
+typedef void tetlodi_codes_of(void *opaque, uint32_t field, const struct tetlodi_field_record *record,
+                              int64_t (*codes)[4]);
+
+/* The same for an encoder. */
 void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field,
-                          int64_t (*codes)[4]);
+                          tetlodi_codes_of *codes_of, void *opaque);
 
 /* Puts the codes of a record's children into a column: the first in the vertex's place, whose own go into `before`.
  * There is room. The caller counts the column's records. 0, with the vertex unchanged, if a value is not finite. */

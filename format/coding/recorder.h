@@ -6,7 +6,7 @@
 #include "format/coding/star_view.h"
 #include "format/common/coder.h"
 
-enum { LABEL_CONTEXTS = 2 * 2 * 4 * 8 * 10 };
+enum { LABEL_CONTEXTS = 2 * 2 * 4 * 8 * 10, SPLIT_CONTEXTS = 16 };
 
 /* Models of how far a child is from the vertex along one axis (SPEC 7.2): whether at all, to which side, and how far in
  * bits, by how far the link reaches to that side and by how far along the axis before. */
@@ -16,7 +16,8 @@ struct tetlodi_step {
 
 /* What the geometry frames of all levels learn together. */
 struct tetlodi_geometry_models {
-    struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2],
+    struct tetlodi_bit splits[8][SPLIT_CONTEXTS];
+    struct tetlodi_bit arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2],
         flip;
     struct tetlodi_bit seed, across[2], fresh, known[64];
     struct tetlodi_bit leaf[3][3][16];
@@ -41,12 +42,16 @@ struct tetlodi_record {
     uint32_t vertex, children; /* 2 to 4; the first child takes the vertex's place */
     unsigned leaves;           /* bit i: child i is a vertex of the original, which never splits */
     enum tetlodi_placement placement;
+    uint32_t first_child, number; /* of the second child, which is new; of the record in the log */
+    int64_t codes[3][4];          /* positions [axis][child]: an encoder sets them */
+    uint32_t nodes[4];            /* an encoder's children, by which it knows the values of fields */
 };
 
 /* What fields need to know of a record's geometry (format/coding/record_fields.c). */
 struct tetlodi_field_record {
-    uint32_t vertex, first_child, number, link_count; /* first_child: number of the second child, which is new */
+    uint32_t vertex, first_child, number, link_count; /* as in a record */
     uint8_t children, placement, leaves;
+    uint32_t nodes[4];
 };
 
 /* Where a child is in the star before the split. */
@@ -70,21 +75,16 @@ struct tetlodi_recorder {
     struct tetlodi_coder *coders;   /* [column] geometry, then the fields */
     struct tetlodi_geometry_models *models;
     struct tetlodi_field_models *field_models;
-    struct tetlodi_star_view star;
+    struct tetlodi_star_view star;      /* a decoder's */
+    struct tetlodi_star_marks marks;
     struct tetlodi_field_log *log;      /* of the records since fields were coded; NULL: nobody wants fields */
-    /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
-    struct tetlodi_field_log logs[2];
-    int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
+    struct tetlodi_field_log logs[2];   /* one is written while fields are coded from the other */
     uint32_t most_vertices, most_tets;  /* what the level may have */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
     int paged;                          /* the walk is of a page: listed vertices first, then those that it adds */
     const uint32_t *listed;             /* the page's vertices, ascending; borrowed */
     const uint8_t *seams;               /* [vertex before the group] it does not split; borrowed */
     uint32_t listed_count, place;       /* place: of the walk */
-    /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
-     * 1 to 3. NULL in a decoder. 0 if out of memory. */
-    int (*plan)(void *opaque, struct tetlodi_star_view *star, unsigned child);
-    void *opaque;
     uint64_t labels, max_labels; /* of all levels' records so far, and what their frames may have (SPEC 2.3) */
 };
 

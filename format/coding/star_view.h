@@ -20,8 +20,11 @@ enum { NOT_MADE = 0, MADE = 1, MADE_FLIPPED = 2 };
 /* The star of a vertex laid out to be split. */
 struct tetlodi_star_view {
     uint32_t vertex, size, link_count, edge_count, extra_count;
-    /* the star in the replay's pool, until it is split: 4 * tetrahedron + which the vertex is */
+    /* the star in the replay's pool, until it is split: 4 * tetrahedron + which the vertex is; that alone */
     const uint32_t *corners;
+    uint8_t *which;
+    int64_t own[3];      /* codes of the vertex's position before the record */
+    double ends[2][3];   /* positions of the vertex and of the child that parts from it, once they are known */
     uint32_t (*others)[3], (*edges)[3]; /* others: the corners but the vertex, by number in the link */
     uint8_t *labels, *contexts;         /* label 1: goes with the child */
     uint32_t *link;                     /* vertices */
@@ -30,19 +33,30 @@ struct tetlodi_star_view {
     struct tetlodi_link_edge *edge;
     uint8_t *seen, *made;    /* of edges */
     uint32_t (*extras)[2];   /* vertices */
-    uint32_t *mark, *table;  /* numbers in the link of vertices, from first_mark on; of edges */
+    size_t which_capacity, others_capacity, edges_capacity, labels_capacity, contexts_capacity, link_capacity,
+        positions_capacity, codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity;
+};
+
+/* By which a link is found of the star that was laid out last. */
+struct tetlodi_star_marks {
+    uint32_t *mark, *table;    /* numbers in the link of vertices, from first_mark on; of edges */
     uint32_t first_mark, mask; /* mask: of a hash table of edges; 0: it has all pairs */
-    size_t others_capacity, edges_capacity, labels_capacity, contexts_capacity, link_capacity, positions_capacity,
-        codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity, mark_capacity,
-        table_capacity;
+    size_t mark_capacity, table_capacity;
 };
 
 /* 0 if out of memory. */
-int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex);
+int tetlodi_star_lay_out(struct tetlodi_star_view *view, struct tetlodi_star_marks *marks,
+                         const struct tetlodi_replay *replay, uint32_t vertex);
 void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory);
+void tetlodi_star_marks_fini(struct tetlodi_star_marks *marks, struct tetlodi_memory *memory);
 
-/* The link edge between two vertices that are there, none of them the star's own; TETLOD_NONE: there is none. */
-uint32_t tetlodi_star_edge(const struct tetlodi_star_view *view, uint32_t x, uint32_t y);
+/* The positions of the vertex and of a child are in place. */
+void tetlodi_star_part(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t child);
+
+/* The link edge between two vertices that are there, none of them the star's own, of the star that was laid out last;
+ * TETLOD_NONE: there is none. */
+uint32_t tetlodi_star_edge(const struct tetlodi_star_view *view, const struct tetlodi_star_marks *marks, uint32_t x,
+                           uint32_t y);
 
 /* The corners of the tetrahedron that comes back at edge e between the split vertex and child (SPEC 7.4). */
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
@@ -56,10 +70,8 @@ static inline void corners_flip(uint32_t corners[4])
     corners[1] = swap;
 }
 
-/* Their positions, with the vertex's and the child's. */
-void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex,
-                                 const double *child,
-                                 const double *points[4]);
+/* Their positions. */
+void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *points[4]);
 
 /* Two tetrahedra of a star at a time: each lane does what SPEC specifies for one. */
 typedef double pair2 __attribute__((vector_size(16)));

@@ -14,6 +14,7 @@
 struct job {
     struct tetlodi_page_part part;
     struct tetlodi_record_writer records;
+    struct tetlodi_buffer *frames;   /* [column] */
     uint32_t vertices, first_vertex; /* that it adds */
     enum tetlod_status status;
     struct tetlod_error error;
@@ -60,11 +61,11 @@ static enum tetlod_status encode_records(const struct level *level, struct job *
                           part->columns[c].components))
             return no_memory(job, &job->error);
     tetlodi_start_coders(&job->records, in->slowest);
-    job->records.recorder.max_labels = UINT64_MAX;
     tetlodi_page_part_begin(part, &job->records.recorder, &in->whole->recorder, job->vertices, level->most_tets);
     while (part->replay.vertices < vertices)
         TETLOD_TRY(tetlodi_write_vertex(&job->records, in->contractions, &job->error));
-    return tetlodi_finish_coders(&job->records) ? TETLOD_OK : no_memory(job, &job->error);
+    TETLOD_TRY(tetlodi_write_batch(&job->records, job->frames, &job->error));
+    return tetlodi_write_rest(&job->records, &job->error);
 }
 
 static int encode_page(void *opaque, uint32_t number)
@@ -76,7 +77,8 @@ static int encode_page(void *opaque, uint32_t number)
         return 1;
     tetlodi_page_part_set(&job->part, shares, number);
     job->part.runs->first_vertex = job->first_vertex;
-    job->status = tetlodi_page_part_gather(&job->part, shares, job->vertices, 0, UINT64_MAX)
+    job->frames = calloc(level->in->whole->replay->column_count, sizeof *job->frames);
+    job->status = job->frames && tetlodi_page_part_gather(&job->part, shares, job->vertices, 0, UINT64_MAX)
                       ? encode_records(level, job)
                       : no_memory(job, &job->error);
     return job->status == TETLOD_OK;
@@ -103,7 +105,7 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
     whole->replay->vertices += job->vertices;
     whole->replay->tets += added;
     for (uint32_t c = 0; c < part->replay.column_count; c++) {
-        tetlodi_put_block(&in->frames[c], job->records.encoders[c].bytes, job->records.encoders[c].size);
+        tetlodi_put_block(&in->frames[c], job->frames[c].bytes, job->frames[c].size);
         if (in->frames[c].failed)
             return no_memory(job, &job->error);
     }
@@ -112,6 +114,10 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
 
 static void drop(struct job *job)
 {
+    for (uint32_t c = 0; job->frames && c < job->part.replay.column_count; c++)
+        tetlodi_buffer_fini(&job->frames[c]);
+    free(job->frames);
+    job->frames = NULL;
     tetlodi_record_writer_fini(&job->records);
     tetlodi_page_part_fini(&job->part);
 }

@@ -1,9 +1,16 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In: the forest, and a mesh that has the level before. The walk is the caller's: what each record does is planned of
+ * the forest alone and applied, and the stars are kept as they were. Batches of such records are coded behind it, on
+ * other threads if there are any: the geometry of one batch and, column by column, the fields of the one before. Each
+ * column has a coder of its own, so the bytes are those of one thread.
+ */
 #include "format/write/record_write.h"
 
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/coding/record_fields.h"
 #include "format/common/ascending.h"
 #include "format/fail.h"
 
@@ -113,20 +120,20 @@ static bool same_place(const struct tetlodi_record_writer *w, uint32_t a, uint32
 
 /* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y,
  * z, so that the sign of where the second lies can be learned. */
-static uint32_t order_children(struct tetlodi_record_writer *w, uint32_t node)
+static uint32_t order_children(struct tetlodi_record_writer *w, uint32_t node, uint32_t *children)
 {
     uint32_t count = lineage_child_count(w->lineage, node), first = 0;
-    memcpy(w->children, lineage_children(w->lineage, node), count * sizeof *w->children);
+    memcpy(children, lineage_children(w->lineage, node), count * sizeof *children);
     for (uint32_t c = 1; c < count; c++) {
-        uint32_t a = w->children[c], b = w->children[first];
+        uint32_t a = children[c], b = children[first];
         size_t axis = axis_between(w, a, b);
         bool less = axis < 3 && tetlodi_node_code(w, 0, a, axis) < tetlodi_node_code(w, 0, b, axis);
         if (!same_place(w, b, node) && (same_place(w, a, node) || less))
             first = c;
     }
-    uint32_t swap = w->children[0];
-    w->children[0] = w->children[first];
-    w->children[first] = swap;
+    uint32_t swap = children[0];
+    children[0] = children[first];
+    children[first] = swap;
     return count;
 }
 
@@ -134,8 +141,10 @@ static uint32_t order_children(struct tetlodi_record_writer *w, uint32_t node)
 static bool list_arrivals(struct tetlodi_record_writer *w, uint32_t node)
 {
     uint32_t c = node - w->in->vertices, begin = w->lineage->meeting_begin[c], end = w->lineage->meeting_begin[c + 1];
+    size_t tets = w->replay->tets + (size_t)(end - begin);
     if (!TETLODI_ROOM(w->memory, w->arrived, w->arrived_capacity, end - begin) ||
-        !tetlodi_tets_room(w, w->replay->tets + (size_t)(end - begin)))
+        !tetlodi_tets_room(w, tets) ||
+        !TETLODI_ROOM(w->memory, w->replay->corners, w->replay->corners_capacity, 4 * tets))
         return false;
     w->arrived_count = 0;
     for (uint32_t i = begin; i < end; i++)
@@ -190,13 +199,18 @@ static void look_at(const struct tetlodi_record_writer *w, struct tetlodi_arriva
         for (int d = 0; d < c; d++)
             arrival->there &= corners[c] != corners[d];
     }
-    arrival->edge = arrival->there ? tetlodi_star_edge(star, arrival->others[0], arrival->others[1]) : TETLOD_NONE;
+    arrival->edge = arrival->there ? tetlodi_star_edge(star, &w->recorder.marks, arrival->others[0],
+                                                      arrival->others[1]) : TETLOD_NONE;
 }
 
 /* Takes a tetrahedron out of those that wait, into the order of arrival, with its corners as the stream has them. */
 static void arrive(struct tetlodi_record_writer *w, uint32_t i, const uint32_t corners[4], uint32_t *count)
 {
-    tetlodi_settle_tet(w, w->replay->tets + (*count)++, w->arrived[i].tet, corners);
+    uint32_t number = w->replay->tets + (*count)++;
+    memcpy(w->replay->corners + 4 * (size_t)number, corners, 4 * sizeof *corners);
+    for (int c = 0; c < 4; c++)
+        __builtin_prefetch(w->replay->stars + corners[c]);
+    tetlodi_settle_tet(w, number, w->arrived[i].tet, corners);
     w->arrived[i] = w->arrived[--w->arrived_count];
 }
 
@@ -239,17 +253,19 @@ static int plan_extras(struct tetlodi_record_writer *w, struct tetlodi_star_view
         }
         if (!TETLODI_ROOM(w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
             return 0;
-        memcpy(star->extras[star->extra_count++], corners + 2, sizeof *star->extras);
+        for (int k = 0; k < 2; k++)
+            star->extras[star->extra_count][k] = tetlodi_place_of(&w->recorder, corners[2 + k]);
+        star->extra_count++;
         arrive(w, i, corners, count);
     }
     return 1;
 }
 
-/* The recorder asks how child number `number` parts from the rest. */
-static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
+/* Plans how a child parts from the rest, and puts the tetrahedra that come back behind those that are there: their
+ * number, or TETLOD_NONE if out of memory. */
+static uint32_t plan_split(struct tetlodi_record_writer *w, struct tetlodi_star_view *star, uint32_t node)
 {
-    struct tetlodi_record_writer *w = opaque;
-    uint32_t node = w->children[number], count = 0;
+    uint32_t count = 0;
     const struct leaf_range range = w->lineage->range[node];
     for (uint32_t i = 0; i < star->size; i++)
         star->labels[i] = goes_with(w, star->corners[i], &range);
@@ -261,7 +277,7 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
         plan_edge(w, star, i, &count);
         i = next_at_edge(w, edge + 1);
     }
-    return plan_extras(w, star, &count);
+    return plan_extras(w, star, &count) ? count : TETLOD_NONE;
 }
 
 static enum tetlod_status no_memory(const struct tetlodi_record_writer *w, struct tetlod_error *error)
@@ -275,6 +291,21 @@ static enum tetlod_status wrong_page(struct tetlod_error *error)
                         "the sequence cannot be written: a contraction is in the wrong page");
 }
 
+enum { AHEAD = 32 }; /* vertices: about three records of a usual level */
+
+/* What the record of a vertex that comes soon needs, where it is another miss of the cache for each tetrahedron. */
+static void prefetch_star(const struct tetlodi_record_writer *w, uint32_t slot)
+{
+    const struct tetlodi_star *star = &w->replay->stars[slot];
+    const uint32_t *corners = w->replay->pool + star->at;
+    __builtin_prefetch(w->lineage->meeting_begin + (w->node_at[slot] - w->in->vertices));
+    for (uint32_t i = 0; i < star->size; i++) {
+        __builtin_prefetch(w->original_of + corners[i] / 4);
+        __builtin_prefetch(w->places + corners[i] / 4);
+        __builtin_prefetch(w->replay->corners + corners[i]);
+    }
+}
+
 /* The corners that the labels of a star are found from, in time. */
 static void prefetch_corners(const struct tetlodi_record_writer *w, uint32_t slot)
 {
@@ -284,38 +315,165 @@ static void prefetch_corners(const struct tetlodi_record_writer *w, uint32_t slo
         __builtin_prefetch(w->in->corners + 4 * (size_t)w->original_of[corners[i] / 4]);
 }
 
-static enum tetlod_status write_record(struct tetlodi_record_writer *w, uint32_t slot, struct tetlod_error *error)
+/* Parts a child from the vertex. Its position and the vertex's are in place. */
+static enum tetlod_status part_child(struct tetlodi_record_writer *w, struct tetlodi_star_view *star,
+                                     const struct tetlodi_record *record, uint32_t i, struct tetlod_error *error)
 {
-    uint32_t node = w->node_at[slot];
-    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
-    int64_t(*codes)[4] = w->recorder.codes;
-    if (!list_arrivals(w, node))
+    struct tetlodi_replay *replay = w->replay;
+    w->recorder.labels += star->size;
+    tetlodi_star_part(star, replay, replay->vertices);
+    uint32_t added = plan_split(w, star, record->nodes[i]);
+    if (added == TETLOD_NONE || !tetlodi_replay_log_labels(replay, star->labels, star->size))
         return no_memory(w, error);
-    prefetch_corners(w, slot);
-    for (uint32_t i = 0; i < record.children; i++)
-        record.leaves |= (unsigned)is_original(w, w->children[i]) << i;
-    for (uint32_t c = 0; c < w->replay->column_count; c++)
-        for (size_t n = w->replay->columns[c].components, k = 0; k < n; k++, codes++)
-            for (uint32_t i = 0; i < record.children; i++)
-                (*codes)[i] = tetlodi_node_code(w, c, w->children[i], k);
-    w->node_at[slot] = w->children[0];
-    TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, error));
-    if (w->part && w->arrived_count)
+    if (added > w->recorder.most_tets - replay->tets)
         return wrong_page(error);
-    w->replay->label = 0; // the writer never goes back
-    w->replay->records = w->replay->all_records = w->replay->splits = w->replay->all_splits = 0;
+    if (!tetlodi_replay_log(replay, star->vertex, added, i == 1) || !tetlodi_replay_apply(replay))
+        return no_memory(w, error);
     return TETLOD_OK;
 }
 
+/* Plans the record of a vertex and applies it. */
+static enum tetlod_status plan_record(struct tetlodi_record_writer *w, uint32_t slot, struct tetlod_error *error)
+{
+    struct tetlodi_batch *batch = w->planned;
+    struct tetlodi_replay *replay = w->replay;
+    struct tetlodi_record *record = &batch->records[batch->count++];
+    uint32_t node = w->node_at[slot];
+    *record = (struct tetlodi_record){.vertex = slot, .first_child = replay->vertices};
+    record->children = order_children(w, node, record->nodes);
+    if (record->children - 1 > w->recorder.most_vertices - replay->vertices)
+        return wrong_page(error);
+    if (!list_arrivals(w, node))
+        return no_memory(w, error);
+    prefetch_corners(w, slot);
+    for (uint32_t i = 0; i < record->children; i++) {
+        record->leaves |= (unsigned)is_original(w, record->nodes[i]) << i;
+        for (size_t axis = 0; axis < 3; axis++)
+            record->codes[axis][i] = tetlodi_node_code(w, 0, record->nodes[i], axis);
+    }
+    w->node_at[slot] = record->nodes[0];
+    for (uint32_t i = 1; i < record->children; i++) {
+        struct tetlodi_star_view *star = &batch->stars[batch->star_count++];
+        if (!tetlodi_star_lay_out(star, &w->recorder.marks, replay, slot))
+            return no_memory(w, error);
+        if (i == 1)
+            TETLOD_TRY(tetlodi_record_place(replay, record, error));
+        TETLOD_TRY(part_child(w, star, record, i, error));
+    }
+    if (w->part && w->arrived_count)
+        return wrong_page(error);
+    replay->label = 0; // the writer never goes back
+    replay->records = replay->all_records = replay->splits = replay->all_splits = 0;
+    return TETLOD_OK;
+}
 
 enum tetlod_status tetlodi_write_vertex(struct tetlodi_record_writer *w, uint32_t contractions,
                                         struct tetlod_error *error)
 {
+    struct tetlodi_batch *batch = w->planned;
     if (tetlodi_walk_ended(&w->recorder))
         return wrong_page(error);
-    if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+    uint32_t slot = w->recorder.walk;
+    bool split = splits(w, slot, contractions);
+    if (slot + AHEAD < w->replay->vertices && splits(w, slot + AHEAD, contractions))
+        prefetch_star(w, slot + AHEAD);
+    uint32_t model = tetlodi_level_asks(&w->recorder, split);
+    if (model == TETLOD_NONE)
         return TETLOD_OK;
-    return write_record(w, w->recorder.walk, error);
+    if (!TETLODI_ROOM(w->memory, batch->asked, batch->asked_capacity, batch->asked_count + 1))
+        return no_memory(w, error);
+    batch->asked[batch->asked_count++] = (uint8_t)(model | (split ? ASKED_SPLITS : 0));
+    if (!split)
+        return TETLOD_OK;
+    TETLOD_TRY(plan_record(w, slot, error));
+    return batch->star_count + MAX_CHILDREN > w->batch_stars ? tetlodi_write_batch(w, NULL, error) : TETLOD_OK;
+}
+
+/* ---- coding */
+
+static void codes_of(void *opaque, uint32_t field, const struct tetlodi_field_record *record, int64_t (*codes)[4])
+{
+    const struct tetlodi_record_writer *w = opaque;
+    for (size_t n = w->replay->columns[field].components, k = 0; k < n; k++)
+        for (uint32_t i = 0; i < record->children; i++)
+            codes[k][i] = tetlodi_node_code(w, field, record->nodes[i], k);
+}
+
+/* What a column has coded becomes its frame, behind which the next one begins. */
+static void end_frame(struct tetlodi_record_writer *w, uint32_t column, struct tetlodi_buffer *frames)
+{
+    struct tetlodi_written *to = &w->written[column];
+    if (!frames)
+        return;
+    tetlodi_encode_finish(&w->recorder.coders[column]);
+    tetlodi_put_block(&frames[column], to->encoder.bytes, to->encoder.size);
+    to->failed |= frames[column].failed || to->encoder.failed;
+    tetlodi_encode_start(&w->recorder.coders[column], w->slowest, &to->encoder, &to->memory);
+}
+
+static void code_geometry(struct tetlodi_record_writer *w)
+{
+    struct tetlodi_batch *batch = w->coded;
+    struct tetlodi_record *record = batch->records;
+    struct tetlodi_star_view *star = batch->stars;
+    for (size_t at = 0; at < batch->asked_count;) {
+        at += tetlodi_splits_encode(&w->recorder, batch->asked + at, batch->asked_count - at);
+        if (!(batch->asked[at - 1] & ASKED_SPLITS))
+            break;
+        if (!tetlodi_record_encode(&w->recorder, &w->written[0].memory, record, star))
+            w->written[0].failed = true;
+        star += record++->children - 1;
+    }
+    end_frame(w, 0, batch->frames);
+}
+
+static int code_column(void *opaque, uint32_t column)
+{
+    struct tetlodi_record_writer *w = opaque;
+    if (!column) {
+        code_geometry(w);
+    } else {
+        tetlodi_field_encode(&w->recorder, w->fields_log, column, codes_of, w);
+        end_frame(w, column, w->fields_frames);
+    }
+    return 1;
+}
+
+static enum tetlod_status await_columns(struct tetlodi_record_writer *w, struct tetlod_error *error)
+{
+    bool failed = false;
+    tetlodi_helpers_wait(w->helpers);
+    for (uint32_t c = 0; c < w->replay->column_count; c++)
+        failed |= w->written[c].failed || w->written[c].encoder.failed;
+    return failed ? no_memory(w, error) : TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_write_batch(struct tetlodi_record_writer *w, struct tetlodi_buffer *frames,
+                                       struct tetlod_error *error)
+{
+    struct tetlodi_batch *coded = w->planned;
+    struct tetlodi_recorder *recorder = &w->recorder;
+    TETLOD_TRY(await_columns(w, error));
+    w->fields_log = recorder->log;
+    w->fields_frames = w->coded->frames;
+    recorder->log = recorder->log ? &recorder->logs[recorder->log == recorder->logs] : NULL;
+    if (recorder->log)
+        tetlodi_field_log_clear(recorder->log);
+    w->planned = w->coded;
+    w->coded = coded;
+    coded->frames = frames;
+    w->planned->count = w->planned->star_count = 0;
+    w->planned->asked_count = 0;
+    w->planned->frames = NULL;
+    tetlodi_helpers_start(w->helpers, code_column, w, w->replay->column_count);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetlodi_write_rest(struct tetlodi_record_writer *w, struct tetlod_error *error)
+{
+    TETLOD_TRY(tetlodi_write_batch(w, NULL, error));
+    TETLOD_TRY(tetlodi_write_batch(w, NULL, error)); // its fields
+    return await_columns(w, error);
 }
 
 /* ---- beginning and end */
@@ -350,29 +508,50 @@ void tetlodi_set_codes(const struct tetlodi_record_writer *w, uint32_t vertex, u
     }
 }
 
+enum { A_BATCH = 256 };
+
+static bool batch_init(struct tetlodi_batch *batch, size_t stars)
+{
+    batch->records = malloc(stars * sizeof *batch->records);
+    batch->stars = calloc(stars, sizeof *batch->stars);
+    return batch->records && batch->stars;
+}
+
 enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *w, size_t vertices, size_t tets,
                                               struct tetlod_error *error)
 {
     w->memory = w->replay->memory;
-    w->encoders = calloc(w->replay->column_count, sizeof *w->encoders);
-    if (!w->encoders || !TETLODI_ROOM(w->memory, w->node_at, w->node_capacity, vertices) ||
-        !tetlodi_tets_room(w, tets))
+    w->written = calloc(w->replay->column_count, sizeof *w->written);
+    w->batch_stars = w->helpers ? A_BATCH : MAX_CHILDREN;
+    w->planned = &w->batches[0];
+    w->coded = &w->batches[1];
+    if (!w->written || !batch_init(w->planned, w->batch_stars) || !batch_init(w->coded, w->batch_stars) ||
+        !TETLODI_ROOM(w->memory, w->node_at, w->node_capacity, vertices) || !tetlodi_tets_room(w, tets))
         return no_memory(w, error);
-    TETLOD_TRY(tetlodi_recorder_init(&w->recorder, w->replay, error));
-    w->recorder.plan = plan_split;
-    w->recorder.opaque = w;
-    return TETLOD_OK;
+    for (uint32_t c = 0; c < w->replay->column_count; c++)
+        w->written[c].memory.most = UINT64_MAX;
+    return tetlodi_recorder_init(&w->recorder, w->replay, error);
 }
 
 void tetlodi_record_writer_fini(struct tetlodi_record_writer *w)
 {
-    tetlodi_recorder_fini(&w->recorder);
-    for (size_t c = 0; w->encoders && c < w->replay->column_count; c++)
-        TETLODI_FREE(w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
-    free(w->encoders);
-    w->encoders = NULL;
     if (!w->memory)
         return;
+    for (int i = 0; i < 2 && w->written; i++)
+        tetlodi_field_log_fini(&w->recorder.logs[i], &w->written[0].memory);
+    tetlodi_recorder_fini(&w->recorder);
+    for (size_t c = 0; w->written && c < w->replay->column_count; c++)
+        TETLODI_FREE(&w->written[c].memory, w->written[c].encoder.bytes, w->written[c].encoder.capacity);
+    free(w->written);
+    w->written = NULL;
+    for (struct tetlodi_batch *batch = w->batches; batch < w->batches + 2; batch++) {
+        for (size_t i = 0; batch->stars && i < w->batch_stars; i++)
+            tetlodi_star_fini(&batch->stars[i], w->memory);
+        TETLODI_FREE(w->memory, batch->asked, batch->asked_capacity);
+        free(batch->records);
+        free(batch->stars);
+        *batch = (struct tetlodi_batch){0};
+    }
     TETLODI_FREE(w->memory, w->node_at, w->node_capacity);
     TETLODI_FREE(w->memory, w->original_of, w->original_capacity);
     TETLODI_FREE(w->memory, w->places, w->places_capacity);
@@ -381,16 +560,15 @@ void tetlodi_record_writer_fini(struct tetlodi_record_writer *w)
 
 void tetlodi_start_coders(struct tetlodi_record_writer *w, unsigned slowest)
 {
+    w->slowest = slowest;
     for (uint32_t c = 0; c < w->replay->column_count; c++)
-        tetlodi_encode_start(&w->recorder.coders[c], slowest, &w->encoders[c], w->memory);
+        tetlodi_encode_start(&w->recorder.coders[c], slowest, &w->written[c].encoder, &w->written[c].memory);
 }
 
-int tetlodi_finish_coders(struct tetlodi_record_writer *w)
+enum tetlod_status tetlodi_end_frames(struct tetlodi_record_writer *w, struct tetlodi_buffer *frames,
+                                      struct tetlod_error *error)
 {
-    int good = 1;
-    for (uint32_t c = 0; c < w->replay->column_count; c++) {
-        tetlodi_encode_finish(&w->recorder.coders[c]);
-        good &= !w->encoders[c].failed;
-    }
-    return good;
+    for (uint32_t c = 0; c < w->replay->column_count; c++)
+        end_frame(w, c, frames);
+    return await_columns(w, error);
 }

@@ -15,6 +15,23 @@ struct tetlodi_arrival {
     uint32_t edge;                  /* of the link, between the others; TETLOD_NONE: it has none */
 };
 
+/* Records that are planned and applied, of which nothing is coded yet. */
+struct tetlodi_batch {
+    struct tetlodi_record *records;
+    struct tetlodi_star_view *stars; /* of all records, one for each child but the first */
+    uint32_t count, star_count;
+    uint8_t *asked;                  /* which vertices split, as tetlodi_splits_encode takes it */
+    size_t asked_count, asked_capacity;
+    struct tetlodi_buffer *frames;   /* [column] which end behind it, or NULL */
+};
+
+/* What a column is coded with, by one thread at a time. */
+struct tetlodi_written {
+    struct tetlodi_encoder encoder;
+    struct tetlodi_memory memory;
+    bool failed; /* memory was out */
+};
+
 struct tetlodi_record_writer {
     const struct tetlodi_write_input *in;
     struct lineage *lineage;    /* borrowed; `waiting` counts down to the split with which a tetrahedron is there */
@@ -24,21 +41,26 @@ struct tetlodi_record_writer {
     uint32_t *original_of;      /* [tet in order of arrival] */
     uint8_t *places;            /* [the same] which of the original's corners each of its four is, two bits each */
     size_t node_capacity, original_capacity, places_capacity;
-    uint32_t children[MAX_CHILDREN];
     struct tetlodi_arrival *arrived;
     uint32_t arrived_count;
     size_t arrived_capacity;
     struct tetlodi_memory *memory; /* borrowed, as are the replay and its columns: positions, then the fields */
     struct tetlodi_replay *replay;
     struct tetlodi_recorder recorder;
-    struct tetlodi_encoder *encoders; /* [column] */
+    struct tetlodi_written *written;  /* [column] */
+    unsigned slowest;
+    struct tetlodi_helpers *helpers;  /* or NULL; borrowed */
+    struct tetlodi_batch batches[2], *planned, *coded;
+    uint32_t batch_stars;
+    const struct tetlodi_field_log *fields_log; /* the batch before, whose fields are coded with `coded`'s geometry */
+    struct tetlodi_buffer *fields_frames;
 };
 
 /* What columns are of an input: positions, then the fields. */
 void tetlodi_set_columns(const struct tetlodi_write_input *in, struct tetlodi_column *columns);
 
-/* All is set up to the lineage, slots, the part and the replay, whose memory it takes: room for so many vertices and
- * tetrahedra. On failure it can be freed. */
+/* All is set up to the lineage, slots, the part, helpers and the replay, whose memory it takes: room for so many
+ * vertices and tetrahedra. On failure it can be freed, once no helper works for it. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_writer_init(struct tetlodi_record_writer *writer, size_t vertices,
                                                              size_t tets, struct tetlod_error *error);
 void tetlodi_record_writer_fini(struct tetlodi_record_writer *writer);
@@ -63,12 +85,22 @@ void tetlodi_settle_node(struct tetlodi_record_writer *writer, uint32_t node, ui
 void tetlodi_settle_tet(struct tetlodi_record_writer *writer, uint32_t number, uint32_t tet, const uint32_t corners[4]);
 bool tetlodi_tets_room(struct tetlodi_record_writer *writer, size_t tets);
 
-/* Starts the coders of all columns, and ends them: then encoders have their bytes. 0 if memory was out. */
+/* Starts the coders of all columns, and ends them, with all that was written and what they code coming to the end of
+ * frames[column]. ERR_NOMEM. */
 void tetlodi_start_coders(struct tetlodi_record_writer *writer, unsigned slowest);
-int tetlodi_finish_coders(struct tetlodi_record_writer *writer);
+TETLOD_CHECKED enum tetlod_status tetlodi_end_frames(struct tetlodi_record_writer *writer,
+                                                     struct tetlodi_buffer *frames, struct tetlod_error *error);
 
-/* Passes a vertex of the walk or writes its record, on the way to a level with so many contractions. */
+/* Passes a vertex of the walk or plans its record, on the way to a level with so many contractions. */
 TETLOD_CHECKED enum tetlod_status tetlodi_write_vertex(struct tetlodi_record_writer *writer, uint32_t contractions,
                                                        struct tetlod_error *error);
+
+/* Begins to code what is planned, and the fields of what was before. With `frames` all coders end behind it: theirs is
+ * in frames[column] in the end. */
+TETLOD_CHECKED enum tetlod_status tetlodi_write_batch(struct tetlodi_record_writer *writer,
+                                                      struct tetlodi_buffer *frames, struct tetlod_error *error);
+
+/* Codes all that is planned: then frames are there. */
+TETLOD_CHECKED enum tetlod_status tetlodi_write_rest(struct tetlodi_record_writer *writer, struct tetlod_error *error);
 
 #endif

@@ -38,6 +38,8 @@ struct writer {
     struct tetlodi_record_writer records; /* of the whole mesh */
     struct tetlodi_helpers *helpers;
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
+    uint64_t *labels;              /* [level] of the recorder, up to its end */
+    uint32_t levels_stored;
     struct tetlodi_buffer order;
     struct tetlodi_cell_parts cells;
     struct tetlodi_page_writer pages;
@@ -188,21 +190,14 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
 static bool goes_with(const struct writer *w, uint32_t level, uint32_t part, uint64_t bytes)
 {
     return is_within(tetlodi_part_numbers(&w->index, level, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes) &&
-           tetlodi_labels_hold(&w->records.recorder, part, bytes) &&
+           tetlodi_labels_hold(&w->records.recorder, w->labels[level], part, bytes) &&
            (part || tetlodi_pages_hold(w->pages.table.page_count, bytes));
 }
 
-/* Closes the coders: what they have written is the level. */
-static enum tetlod_status store_frames(struct writer *w, uint32_t level)
+/* Where a level's frames go. */
+static struct tetlodi_buffer *frames_of(const struct writer *w, uint32_t level)
 {
-    uint32_t parts = w->in->field_count + 1;
-    int good = tetlodi_finish_coders(&w->records);
-    for (uint32_t part = 0; part < parts && good; part++) {
-        struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
-        tetlodi_put_block(stored, w->records.encoders[part].bytes, w->records.encoders[part].size);
-        good = !stored->failed;
-    }
-    return good ? TETLOD_OK : out_of_memory(w);
+    return w->stored + (size_t)level * (w->in->field_count + 1);
 }
 
 /* The group that a level is, or NULL. */
@@ -212,10 +207,9 @@ static const struct tetlodi_write_group *group_of(const struct writer *w, uint32
     return level >= first && level - first < w->in->group_count ? &w->in->groups[level - first] : NULL;
 }
 
-/* Keeps what a level is. Its frames are stored. */
-static enum tetlod_status store_level(struct writer *w, uint32_t level)
+/* Keeps what a level is that is planned. */
+static void count_level(struct writer *w, uint32_t level)
 {
-    uint32_t parts = w->in->field_count + 1;
     const struct tetlodi_write_level *in = &w->in->levels[level];
     struct tetlod_level *out = &w->index.levels[level];
     out->vertices = w->replay.vertices;
@@ -223,8 +217,14 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     out->domain_error = in->domain_error;
     memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
            w->in->field_count * TETLOD_MEASURES * sizeof(double));
+    w->labels[level] = w->records.recorder.labels;
+}
+
+static enum tetlod_status store_level(struct writer *w, uint32_t level)
+{
+    uint32_t parts = w->in->field_count + 1;
     for (uint32_t part = 0; part < parts; part++) {
-        struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
+        struct tetlodi_buffer *stored = &frames_of(w, level)[part];
         while (!stored->failed && !goes_with(w, level, part, w->columns[part].frame_bytes + stored->size))
             tetlodi_put(stored, 0, 1);
         if (stored->failed)
@@ -234,6 +234,15 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
             group_of(w, level) ? (struct tetlodi_frame){.size = stored->size} // pages have digests of their own
                                : tetlodi_frame_of(stored->bytes, stored->size);
     }
+    return TETLOD_OK;
+}
+
+/* Keeps the frames of all levels up to this one. */
+static enum tetlod_status store_levels(struct writer *w, uint32_t level)
+{
+    TETLOD_TRY(tetlodi_write_rest(&w->records, w->error));
+    while (w->levels_stored <= level)
+        TETLOD_TRY(store_level(w, w->levels_stored++));
     return TETLOD_OK;
 }
 
@@ -268,7 +277,7 @@ static enum tetlod_status ask_behind_page(void *opaque)
 /* A level in pages, each with models of its own. */
 static enum tetlod_status write_group(struct writer *w, uint32_t level, const struct tetlodi_write_group *group)
 {
-    struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
+    struct tetlodi_buffer *frames = frames_of(w, level);
     const struct tetlodi_page_encode encode = {.whole = &w->records,
                                                .pages = &w->pages,
                                                .group = group,
@@ -278,12 +287,14 @@ static enum tetlod_status write_group(struct writer *w, uint32_t level, const st
                                                .helpers = w->helpers,
                                                .ask = ask_behind_page,
                                                .opaque = w};
+    TETLOD_TRY(store_levels(w, level - 1));
     if (!tetlodi_page_writer_begin(&w->pages, w->helpers, &w->replay, group, level))
         return out_of_memory(w);
     tetlodi_page_writer_extend(&w->pages, w->helpers);
     TETLODI_FREE(&w->memory, w->replay.pool, w->replay.pool_capacity); // the stars of pages are their own
     TETLOD_TRY(tetlodi_encode_pages(&encode, w->error));
-    TETLOD_TRY(store_level(w, level));
+    count_level(w, level);
+    TETLOD_TRY(store_levels(w, level));
     tetlodi_page_writer_end(&w->pages, frames);
     tetlodi_page_writer_extend(&w->pages, w->helpers);
     return TETLOD_OK;
@@ -320,13 +331,15 @@ static enum tetlod_status take_order(struct writer *w)
 /* A level in pages that others code as well. */
 static enum tetlod_status share_group(struct writer *w, uint32_t level)
 {
-    struct tetlodi_buffer *frames = w->stored + (size_t)level * (w->in->field_count + (size_t)1);
+    struct tetlodi_buffer *frames = frames_of(w, level);
+    TETLOD_TRY(store_levels(w, level - 1));
     if (!w->stacks.node_at)
         TETLOD_TRY(end_root(w));
     TETLOD_TRY(tetlodi_stacks_level(&w->stacks, level, frames, &w->records.recorder.labels));
     w->replay.vertices = w->stacks.vertices;
     w->replay.tets = w->stacks.tets;
-    TETLOD_TRY(store_level(w, level));
+    count_level(w, level);
+    TETLOD_TRY(store_levels(w, level));
     tetlodi_page_writer_end(&w->pages, frames);
     TETLOD_TRY(ask(w));
     return w->in->levels[level].contractions || !tetlodi_stacks_keep_order(&w->stacks) ? TETLOD_OK : take_order(w);
@@ -345,10 +358,9 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     tetlodi_level_begin(&w->records.recorder, vertices, in->tets);
     if (group_of(w, level))
         return write_group(w, level, group_of(w, level));
-    tetlodi_start_coders(&w->records, w->index.slowest);
     TETLOD_TRY(write_records(w, vertices, contractions));
-    TETLOD_TRY(store_frames(w, level));
-    return store_level(w, level);
+    count_level(w, level);
+    return tetlodi_write_batch(&w->records, frames_of(w, level), w->error);
 }
 
 /* The exact values of a field, in the finest level's order. */
@@ -369,17 +381,17 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
 
 static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 {
+    TETLOD_TRY(store_levels(w, level - 1));
     w->index.tail = 1;
     tetlodi_lineage_fini(&w->lineage); // no record is left, and memory is at its peak here
     tetlodi_replay_drop(&w->replay);
-    tetlodi_start_coders(&w->records, w->index.slowest);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact) {
             TETLOD_TRY(code_tail(w, f));
             TETLOD_TRY(ask(w));
         }
-    TETLOD_TRY(store_frames(w, level));
-    return store_level(w, level);
+    count_level(w, level);
+    return tetlodi_end_frames(&w->records, frames_of(w, level), w->error);
 }
 
 static enum tetlod_status write_levels(struct writer *w)
@@ -394,12 +406,11 @@ static enum tetlod_status write_levels(struct writer *w)
     free(base.tet_order);
     free(base.arrival);
     if (status == TETLOD_OK)
-        status = store_frames(w, 0);
-    if (status == TETLOD_OK)
-        status = store_level(w, 0);
+        status = tetlodi_end_frames(&w->records, frames_of(w, 0), w->error);
+    count_level(w, 0);
     for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
         status = w->in->levels[level - 1].contractions ? write_level(w, level) : write_tail(w, level);
-    return status;
+    return status == TETLOD_OK ? store_levels(w, w->in->level_count - 1) : status;
 }
 
 /* ---- order */
@@ -540,12 +551,13 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->records.lineage = &w->lineage;
     w->records.replay = &w->replay;
     w->columns = calloc(parts, sizeof *w->columns);
-    w->helpers = tetlodi_helpers_new(in->threads > 1 ? in->threads - 1 : 0);
+    w->helpers = w->records.helpers = tetlodi_helpers_new(in->threads > 1 ? in->threads - 1 : 0);
+    w->labels = calloc(in->level_count, sizeof *w->labels);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
-    if (!w->columns || !w->stored || !tetlodi_index_allocate(&w->index))
+    if (!w->columns || !w->stored || !w->labels || !tetlodi_index_allocate(&w->index))
         return out_of_memory(w);
     set_columns(w);
     tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
@@ -560,14 +572,14 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
 
 static void release(struct writer *w)
 {
+    tetlodi_helpers_free(w->helpers); // they may be at work
     for (size_t i = 0; i < (w->in->field_count + (size_t)1) * w->in->level_count && w->stored; i++)
         tetlodi_buffer_fini(&w->stored[i]);
-    tetlodi_helpers_free(w->helpers);
     tetlodi_record_writer_fini(&w->records);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
     tetlodi_lineage_fini(&w->lineage);
-    void *const owned[] = {w->records.slot_at, w->columns, w->stored};
+    void *const owned[] = {w->records.slot_at, w->columns, w->stored, w->labels};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);

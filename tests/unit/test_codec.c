@@ -488,7 +488,7 @@ static void test_labels_go_with_bytes(void)
         CHECK_INT(tetlod_cursor_seek(s.cursor, last, &error), TETLOD_OK);
         CHECK(recorder->labels > 2 * LABELS_FREE);
         for (uint32_t c = 0; c < s.cursor->replay.column_count; c++)
-            CHECK(tetlodi_labels_hold(recorder, c, s.cursor->columns[c].frame_bytes));
+            CHECK(tetlodi_labels_hold(recorder, recorder->labels, c, s.cursor->columns[c].frame_bytes));
         tetlod_cursor_free(s.cursor);
         REQUIRE(tetlod_cursor_new(&s.cursor, s.file, NULL, 0, &error) == TETLOD_OK);
         uint64_t most = LABELS_FREE;
