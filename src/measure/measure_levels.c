@@ -119,11 +119,6 @@ static bool is_mine(const struct measure_levels *m, size_t chunk)
 
 /* ---- a sample's error */
 
-/* A sample of the original: where it is, and as a combination of the corners of its source. */
-struct point {
-    double p[3], weights[4];
-};
-
 static void load_source(const struct measure_levels *m, struct source *source, size_t tet)
 {
     if (source->tet == tet)
@@ -148,21 +143,22 @@ static const double *random_weights(struct source *source)
     return source->random;
 }
 
-static void find_point(const struct measure_levels *m, struct worker *worker, size_t sample, struct point *out)
+/* Where a sample is. Returns its weights at the corners of its source. */
+static const double *find_point(const struct measure_levels *m, struct worker *worker, size_t sample, double p[3])
 {
     static const double vertex[4] = {1, 0, 0, 0}, middle[4] = {0.25, 0.25, 0.25, 0.25};
     struct source *source = &worker->source;
     size_t n = m->original->vertex_count;
     if (sample < n) {
-        memcpy(out->weights, vertex, sizeof vertex);
-        memcpy(out->p, m->original->positions + 3 * sample, sizeof out->p);
-        return;
+        memcpy(p, m->original->positions + 3 * sample, 3 * sizeof(double));
+        return vertex;
     }
     load_source(m, source, (sample - n) / SAMPLES_PER_TET);
-    memcpy(out->weights, (sample - n) % SAMPLES_PER_TET ? random_weights(source) : middle, sizeof middle);
+    const double *u = (sample - n) % SAMPLES_PER_TET ? random_weights(source) : middle;
     for (int d = 0; d < 3; d++)
-        out->p[d] = out->weights[0] * source->positions[0][d] + out->weights[1] * source->positions[1][d] +
-                    out->weights[2] * source->positions[2][d] + out->weights[3] * source->positions[3][d];
+        p[d] = u[0] * source->positions[0][d] + u[1] * source->positions[1][d] + u[2] * source->positions[2][d] +
+               u[3] * source->positions[3][d];
+    return u;
 }
 
 /* The original's values at a sample: own[i] at the first corner of its tetrahedron, own[width + i] what it is above
@@ -262,13 +258,13 @@ static void add_up(struct measure_levels *m, size_t chunk)
 /* Where only values are rounded the sample is where it was, whatever else lies at the same point. */
 static void file_rounding(struct measure_levels *m, struct worker *worker, size_t sample)
 {
-    struct point point;
+    double p[3];
     const uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
-    find_point(m, worker, sample, &point);
-    find_own(m, worker, sample, point.weights, worker->batch.own);
+    const double *own_weights = find_point(m, worker, sample, p);
+    find_own(m, worker, sample, own_weights, worker->batch.own);
     walk_gather(worker->walker.components, m->width,
                 sample < m->original->vertex_count ? alone : worker->source.corners, worker->values);
-    file_error(m, sample, worker->batch.own, worker->values, point.weights);
+    file_error(m, sample, worker->batch.own, worker->values, own_weights);
 }
 
 /* Lists samples to be looked for, from `sample` on, until the batch is full. Returns the first that it has not seen. */
@@ -290,11 +286,9 @@ static void find_points(const struct measure_levels *m, struct worker *worker)
 {
     struct batch *batch = &worker->batch;
     for (size_t i = 0; i < batch->count; i++) {
-        struct point point;
         walk_expect_corners(&worker->walker, batch->begins[i]);
-        find_point(m, worker, batch->samples[i], &point);
-        memcpy(batch->points[i], point.p, sizeof point.p);
-        find_own(m, worker, batch->samples[i], point.weights, batch->own + 2 * m->width * i);
+        const double *own_weights = find_point(m, worker, batch->samples[i], batch->points[i]);
+        find_own(m, worker, batch->samples[i], own_weights, batch->own + 2 * m->width * i);
     }
 }
 
@@ -363,19 +357,18 @@ static uint32_t body_of(const struct measure_levels *m, size_t sample)
 
 static void find_stray(struct measure_levels *m, struct worker *worker, struct stray *stray)
 {
-    struct point point;
     struct place closest;
-    double start[3], weights[4];
+    double p[3], start[3], weights[4];
     bool room;
-    find_point(m, worker, stray->sample, &point);
-    stray->distance = mesh_surface_closest(&m->surface, body_of(m, stray->sample), point.p, &closest, &stray->face);
+    const double *own_weights = find_point(m, worker, stray->sample, p);
+    stray->distance = mesh_surface_closest(&m->surface, body_of(m, stray->sample), p, &closest, &stray->face);
     if (stray->face == TETLOD_NONE) // it has no boundary at all: nothing is outside
         return;
     for (uint32_t d = 0; d < 3; d++)
         start[d] = place_value(m->mesh->positions, 3, d, &closest);
-    const struct walk_cell *cell = walk_along(&worker->walker, stray->face / 4, start, point.p, weights, &room);
+    const struct walk_cell *cell = walk_along(&worker->walker, stray->face / 4, start, p, weights, &room);
     worker->failed |= !room;
-    find_own(m, worker, stray->sample, point.weights, worker->batch.own);
+    find_own(m, worker, stray->sample, own_weights, worker->batch.own);
     if (cell) {
         m->hosts[stray->sample] = cell->tet;
         file_error(m, stray->sample, worker->batch.own, cell->values, weights);
@@ -400,14 +393,14 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
     struct measure_levels *m = context;
     for (size_t i = begin; i < end; i++) {
         struct stray *stray = &m->strays[i];
-        struct point point;
+        double p[3];
         uint32_t face;
         if (stray->face != TETLOD_NONE && m->mesh->states[stray->face / 4] != COARSE_SAME)
             stray->face = TETLOD_NONE;
         if (stray->face == TETLOD_NONE)
             continue;
-        find_point(m, &m->workers[number], stray->sample, &point);
-        if (mesh_surface_distance(&m->changed, body_of(m, stray->sample), point.p, stray->distance,
+        find_point(m, &m->workers[number], stray->sample, p);
+        if (mesh_surface_distance(&m->changed, body_of(m, stray->sample), p, stray->distance,
                                   &face) <= stray->distance)
             stray->face = TETLOD_NONE;
     }

@@ -42,6 +42,9 @@ static const double NO_DIFFERENCE = 1e-12;
 /* Of fewer tetrahedra every level is measured: it takes a second or two. */
 enum { MEASURED_WHOLE = 1 << 18 };
 
+/* Of more, no level is measured for the sake of a larger error than that, but the coarsest. */
+static const double LAST_NAME = 0.2;
+
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
@@ -343,7 +346,8 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     return TETLOD_OK;
 }
 
-/* Is a mark's level the coarsest one within an error that has a name, of some field? */
+/* Is a mark's level the coarsest one within an error that has a name, up to the greatest that users look at, of some
+ * field? */
 static bool is_named(const struct build *build, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
@@ -352,9 +356,9 @@ static bool is_named(const struct build *build, uint32_t mark)
         mark_errors(build, mark, f, own);
         mark_errors(build, mark + 1, f, coarser);
         double name = FIRST_LIMIT;
-        while (name < 1 && name * (1 + LIMIT_TIE) < own[TETLOD_MAX])
-            name = next_limit(name, 1, INFINITY, &named);
-        if (name * (1 + LIMIT_TIE) < coarser[TETLOD_MAX])
+        while (name < LAST_NAME && name * (1 + LIMIT_TIE) < own[TETLOD_MAX])
+            name = next_limit(name, LAST_NAME, INFINITY, &named);
+        if (own[TETLOD_MAX] <= name * (1 + LIMIT_TIE) && name * (1 + LIMIT_TIE) < coarser[TETLOD_MAX])
             return true;
     }
     return false;

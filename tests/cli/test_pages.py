@@ -178,7 +178,7 @@ def measured_where_users_look(stream):
     """Of the finest level, the coarsest, and the coarsest within an error that has a name; of others only what is proved
     is known."""
     errors = [level['errors'][stream['fields'][0]['name']] for level in stream['levels']]
-    names = [digit / 10 ** power for power in range(7) for digit in (1, 2, 5)]
+    names = [digit / 10 ** power for power in range(1, 7) for digit in (1, 2, 5) if digit / 10 ** power <= 0.2]
     for k, error in enumerate(errors[:-2]):
         coarser = errors[k - 1]['max'] if k else 9
         named = not k or any(error['max'] <= name * (1 + 1e-9) < coarser for name in names)
