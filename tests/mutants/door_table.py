@@ -108,7 +108,7 @@ JOBS('stopping waits for the queue', 'test_stop_with_a_queue', 'server/jobs/obta
     'if (run->workers && cache_drop_unwanted(run->cache, run->entry)) {', 'stop within --drain + 1 s',
     more=(('server/jobs/obtain.c', '(!workers_stopping(run->workers) && cache_wanted(run->cache, run->entry));',
            'cache_wanted(run->cache, run->entry);'),
-          ('server/server.c', 'LAST_SECONDS = 0.75;', 'LAST_SECONDS = 9;')))
+          ('server/server.c', 'LAST_SECONDS = 0.6;', 'LAST_SECONDS = 9;')))
 JOBS('no time of grace', 'test_grace', 'server/server.c', 'nap(server->options.grace_seconds);', '',
     'connections are still accepted')
 mutant('ready while it stops', 'server/routes/health.c', 'if (atomic_load(&site->draining)) {', 'if (0) {',
@@ -202,6 +202,16 @@ mutant('python: an exact band below the finest level', 'client-examples/python/t
 mutant('plain bits beyond their number', 'format/common/coder.h', 'coder->bad |= (int)(value >> count);',
     'value = value >> count ? (1u << count) - 1 : value;', 'decoders do not differ',
     'golden/test_vectors.py check_invalid')
+mutant('pages behind more cuts', 'format/common/cuts.h', 'MAX_CUTS = 64 /*', 'MAX_CUTS = 65 /*',
+    'decoders do not differ', 'golden/test_vectors.py check_invalid')
+mutant('python: pages behind more cuts', 'client-examples/python/tetlod/reference_pages.py', 'depth < MAX_CUTS',
+    'depth <= MAX_CUTS', 'the same', 'golden/test_vectors.py check_invalid')
+mutant('a level in pages with a digest', 'format/read/reader.c',
+    ' || memcmp(whole->digest, none, DIGEST_SIZE) != 0', '', 'the same', 'golden/test_vectors.py check_invalid')
+mutant('python: a level in pages with a digest', 'client-examples/python/tetlod/reference_pages.py',
+    'frame[2] == bytes(16)', 'True', 'the same', 'golden/test_vectors.py check_invalid')
+mutant('no field beside the geometry', 'format/coding/page_table.h', 'parts < 2 ? parts : 2;', '1;',
+    'a page is in one range for those who look at the first field', 'unit/test_page_set')
 mutant('a code that is the whole range', 'format/common/coder.c', 'coder->bad = coder->code == coder->range;', '',
     'the same', 'golden/test_vectors.py check_invalid')
 mutant('python: plain bits beyond their number', 'client-examples/python/tetlod/reference.py',
