@@ -397,6 +397,15 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_new(struct tetlod_p
                                                                  struct tetlod_error *error);
 TETLOD_API void tetlod_page_set_free(struct tetlod_page_set *set);
 
+/* The same for so much memory (as tetlod_page_set_info says it): where that is not enough no level is finer than
+ * *out_level, the finest for which it is enough, and coarser ones stay. ERR_LIMIT, and what they take, if even the
+ * levels before those in pages take more. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_fit(struct tetlod_page_set **out,
+                                                                 const struct tetlod_file *file, uint32_t level,
+                                                                 const struct tetlod_place *places, size_t place_count,
+                                                                 uint64_t memory, uint32_t *out_level,
+                                                                 struct tetlod_error *error);
+
 /* One page more, by its level and its number there, and all that it needs. ERR_ARGUMENT if there is no such page. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_page_set_add(struct tetlod_page_set *set, uint32_t level,
                                                                  uint32_t page, struct tetlod_error *error);
@@ -413,7 +422,8 @@ struct tetlod_page_set_info {
     uint32_t level; /* the finest of which it has a page, or the last one before those in pages */
     uint32_t pages;
     uint64_t vertices, tets; /* of the mesh with these pages */
-    uint64_t reserved[2];
+    uint64_t memory;         /* bytes that a cursor with them and with all fields takes, not more */
+    uint64_t reserved[1];
 };
 TETLOD_API void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_set_info *out);
 
@@ -449,8 +459,9 @@ TETLOD_API size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t lev
  * that are not in the set go at once, without decoding; those that stay are kept; those that it has not are decoded,
  * and no others, when the set's level is asked for: whichever pages it had before, the mesh is then the same.
  * tetlod_cursor_step and tetlod_cursor_refine bring a page at least. From all pages to a set, or back, nothing is kept
- * of the levels in pages. The set is copied. ERR_ARGUMENT if it is another file's; else as the cursor, and the cursor
- * has the pages that it had. */
+ * of the levels in pages. The set is copied. ERR_ARGUMENT if it is another file's; ERR_LIMIT, and what they take, if
+ * the pages take more memory than the file's options allow; else as the cursor. Then the cursor has the pages that it
+ * had. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor,
                                                                   const struct tetlod_page_set *set,
                                                                   struct tetlod_error *error);

@@ -9,6 +9,13 @@
 #include "format/read/page_choice.h"
 #include "format/read/span_list.h"
 
+static enum tetlod_status fail_memory(const char *what, uint64_t needed, uint64_t most, struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                        "%s take %llu bytes of memory, and %llu are allowed: take fewer or coarser ones", what,
+                        (unsigned long long)needed, (unsigned long long)most);
+}
+
 static const struct tetlodi_page_table *table_of(const struct tetlod_page_set *set)
 {
     return &set->file->index.pages;
@@ -210,6 +217,22 @@ size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t level, uint32_
 
 /* ---- the set */
 
+/* What a cursor with such a mesh takes while it is decoded and when it moves: codes and values, stars, what undoes
+ * records, models; arrays that grow have room to spare. */
+static uint64_t memory_of(const struct tetlodi_index *index, uint64_t vertices, uint64_t tets, uint32_t components)
+{
+    uint64_t models = (1 << 20) + index->info.field_count * (uint64_t)sizeof(struct tetlodi_field_models);
+    return vertices * (24 * (uint64_t)components + 64) + tets * 72 + models;
+}
+
+static uint32_t count_components(const struct tetlod_info *info)
+{
+    uint32_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return components;
+}
+
 void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_set_info *out)
 {
     const struct tetlodi_page_table *table = table_of(set);
@@ -227,6 +250,51 @@ void tetlod_page_set_info(const struct tetlod_page_set *set, struct tetlod_page_
             out->vertices += table->pages[p].vertices;
             out->tets += table->pages[p].tets;
         }
+    out->memory = memory_of(&set->file->index, out->vertices, out->tets, count_components(info));
+}
+
+static struct tetlod_place no_finer(const struct tetlod_place *place, uint32_t level)
+{
+    struct tetlod_place coarser = *place;
+    coarser.level = place->level < level ? place->level : level;
+    return coarser;
+}
+
+/* The set with no level finer than `most`. */
+static enum tetlod_status make_coarser(struct tetlod_page_set **out, const struct tetlod_file *file, uint32_t level,
+                                       const struct tetlod_place *places, size_t place_count, uint32_t most,
+                                       struct tetlod_error *error)
+{
+    struct tetlod_place *coarser = malloc((place_count + 1) * sizeof *coarser);
+    if (!coarser)
+        return tetlodi_fail_nomem(error, "places", place_count * (uint64_t)sizeof *coarser);
+    for (size_t i = 0; i < place_count; i++)
+        coarser[i] = no_finer(&places[i], most);
+    enum tetlod_status status =
+        tetlod_page_set_new(out, file, level < most ? level : most, coarser, place_count, error);
+    free(coarser);
+    return status;
+}
+
+enum tetlod_status tetlod_page_set_fit(struct tetlod_page_set **out, const struct tetlod_file *file, uint32_t level,
+                                       const struct tetlod_place *places, size_t place_count, uint64_t memory,
+                                       uint32_t *out_level, struct tetlod_error *error)
+{
+    struct tetlod_page_set_info about;
+    uint32_t most = level;
+    for (size_t i = 0; i < place_count; i++)
+        most = places[i].level > most ? places[i].level : most;
+    for (;; most--) {
+        TETLOD_TRY(make_coarser(out, file, level, places, place_count, most, error));
+        tetlod_page_set_info(*out, &about);
+        *out_level = most;
+        if (about.memory <= memory)
+            return TETLOD_OK;
+        tetlod_page_set_free(*out);
+        *out = NULL;
+        if (most < file->index.pages.first_level)
+            return fail_memory("the levels before those in pages", about.memory, memory, error);
+    }
 }
 
 size_t tetlod_page_set_spans(const struct tetlod_page_set *set, const uint32_t *fields, uint32_t field_count,
@@ -247,11 +315,26 @@ size_t tetlod_page_set_spans(const struct tetlod_page_set *set, const uint32_t *
 
 /* ---- cursors */
 
+/* With the cursor's fields only. */
+static enum tetlod_status check_memory(const struct tetlod_cursor *cursor, const struct tetlod_page_set *set,
+                                       struct tetlod_error *error)
+{
+    struct tetlod_page_set_info about;
+    uint32_t components = 0;
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+        components += cursor->columns[c].components;
+    tetlod_page_set_info(set, &about);
+    uint64_t needed = memory_of(&cursor->file->index, about.vertices, about.tets, components);
+    return needed <= cursor->memory.most ? TETLOD_OK : fail_memory("the pages", needed, cursor->memory.most, error);
+}
+
 enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor, const struct tetlod_page_set *set,
                                         struct tetlod_error *error)
 {
     if (set && set->file != cursor->file)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the pages are those of another file");
+    if (set)
+        TETLOD_TRY(check_memory(cursor, set, error));
     return tetlodi_cursor_choose(cursor, set ? set->has : NULL, error);
 }
 

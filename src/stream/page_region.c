@@ -49,18 +49,9 @@ static uint64_t mesh_bytes(const struct tetlod_info *info, const struct tetlod_p
     return pages->vertices * components * 8 + pages->tets * (uint64_t)(16 + 8 + 4);
 }
 
-/* Of the cursor beside: codes and values, stars, and what undoes records. */
-static uint64_t cursor_bytes(const struct tetlod_info *info, const struct tetlod_page_set_info *pages)
-{
-    uint64_t components = 3;
-    for (uint32_t f = 0; f < info->field_count; f++)
-        components += info->fields[f].components;
-    return pages->vertices * (24 * components + 64) + pages->tets * (uint64_t)(4 + 72) + (1 << 20);
-}
-
 uint64_t page_region_bytes(const struct tetlod_info *info, const struct tetlod_page_set_info *pages)
 {
-    return mesh_bytes(info, pages) + cursor_bytes(info, pages) + pages->tets * (uint64_t)4;
+    return mesh_bytes(info, pages) + pages->memory + pages->tets * (uint64_t)8; // and levels of tetrahedra
 }
 
 /* Tells the parts by the levels of tetrahedra. */

@@ -585,6 +585,63 @@ static void test_leaving(void)
     free(other_bytes);
 }
 
+/* A cursor that may take what a set takes has it, and goes down and up; one that may not is told so before anything
+ * happens. A set for so much memory is as fine as that allows. */
+static void test_memory(void)
+{
+    for (int eighths = 1; eighths <= 8; eighths++) {
+        struct tetlod_place place = {.level = finest()};
+        struct tetlod_page_set_info about, less;
+        struct tetlod_page_set *set, *small;
+        struct tetlod_error error = {0};
+        uint32_t level;
+        for (int axis = 0; axis < 3; axis++) {
+            double width = info->bounds[1][axis] - info->bounds[0][axis];
+            place.low[axis] = info->bounds[0][axis];
+            place.high[axis] = place.low[axis] + width * eighths / 8;
+        }
+        REQUIRE(tetlod_page_set_new(&set, file, 0, &place, 1, NULL) == TETLOD_OK);
+        tetlod_page_set_info(set, &about);
+        tetlod_page_set_free(set);
+        for (int enough = 0; enough < 2; enough++) {
+            struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = about.memory - !enough};
+            struct tetlod_file *other;
+            struct tetlod_cursor *cursor;
+            struct tetlod_mesh mesh;
+            REQUIRE(tetlod_open_memory(&other, bytes, size, &options, NULL) == TETLOD_OK);
+            REQUIRE(tetlod_page_set_new(&set, other, 0, &place, 1, NULL) == TETLOD_OK);
+            REQUIRE(tetlod_cursor_new(&cursor, other, NULL, 0, NULL) == TETLOD_OK);
+            CHECK_INT(tetlod_cursor_select(cursor, set, &error), enough ? TETLOD_OK : TETLOD_ERR_LIMIT);
+            CHECK_INT(tetlod_cursor_seek(cursor, enough ? about.level : info->first_paged_level - 1, NULL), TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(cursor, 0, NULL), TETLOD_OK);
+            CHECK_INT(tetlod_cursor_seek(cursor, enough ? about.level : info->first_paged_level - 1, NULL), TETLOD_OK);
+            tetlod_cursor_mesh(cursor, &mesh);
+            CHECK_INT(mesh.tets, enough ? about.tets : info->levels[info->first_paged_level - 1].tets);
+            tetlod_cursor_free(cursor);
+            tetlod_page_set_free(set);
+            tetlod_close(other);
+        }
+        char needed[32];
+        snprintf(needed, sizeof needed, " %llu ", (unsigned long long)about.memory);
+        CHECK(strstr(error.message, needed) != NULL);
+        REQUIRE(tetlod_page_set_fit(&set, file, 0, &place, 1, about.memory, &level, NULL) == TETLOD_OK);
+        REQUIRE(tetlod_page_set_fit(&small, file, 0, &place, 1, about.memory - 1, &level, NULL) == TETLOD_OK);
+        tetlod_page_set_info(set, &less);
+        CHECK_INT(less.tets, about.tets);
+        tetlod_page_set_info(small, &less);
+        CHECK(level < finest() && less.memory < about.memory && less.tets < about.tets);
+        tetlod_page_set_free(set);
+        place.level = level + 1; // the next finer one is too much
+        REQUIRE(tetlod_page_set_new(&set, file, 0, &place, 1, NULL) == TETLOD_OK);
+        tetlod_page_set_info(set, &less);
+        CHECK(less.memory >= about.memory);
+        tetlod_page_set_free(set);
+        tetlod_page_set_free(small);
+        CHECK_INT(tetlod_page_set_fit(&set, file, 0, &place, 1, 1000, &level, &error), TETLOD_ERR_LIMIT);
+        CHECK(set == NULL);
+    }
+}
+
 static void test_refusals(void)
 {
     struct tetlod_page_set *set;
@@ -617,6 +674,7 @@ int main(void)
     RUN(test_threads);
     RUN(test_damage);
     RUN(test_leaving);
+    RUN(test_memory);
     RUN(test_refusals);
     tetlod_close(file);
     free(bytes);

@@ -84,7 +84,7 @@ class CPlace(Structure):
 
 class CPageSetInfo(Structure):
     _fields_ = [('level', c_uint32), ('pages', c_uint32), ('vertices', c_uint64), ('tets', c_uint64),
-                ('reserved', c_uint64 * 2)]
+                ('memory', c_uint64), ('reserved', c_uint64)]
 
 
 class CSpan(Structure):
