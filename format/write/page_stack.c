@@ -142,7 +142,7 @@ static enum tetlod_status keep_mesh(struct coding *coding)
     if (!coding->stack->keeps_mesh)
         return TETLOD_OK;
     out->vertices = replay->vertices;
-    out->tets = replay->tets;
+    out->tets = replay->tets - coding->stack->tets;
     out->leaves = malloc(out->vertices + (size_t)1);
     if (!out->leaves)
         return no_memory(coding);
@@ -151,6 +151,8 @@ static enum tetlod_status keep_mesh(struct coding *coding)
     out->nodes = coding->records.node_at;
     out->numbers = coding->records.original_of;
     out->places = coding->records.places;
+    memmove(out->numbers, out->numbers + coding->stack->tets, out->tets * sizeof *out->numbers);
+    memmove(out->places, out->places + coding->stack->tets, out->tets);
     coding->records.node_at = coding->records.original_of = NULL;
     coding->records.places = NULL;
     return TETLOD_OK;

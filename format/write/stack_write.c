@@ -595,8 +595,6 @@ static int keep_page(struct tetlodi_stacks *s, uint32_t page, const struct arriv
         s->node_at[lists.begin.listed[v]] = lists.leaves[result->nodes[v]];
         s->leaves[lists.begin.listed[v]] = result->leaves[v];
     }
-    for (; room && t < lists.begin.tet_count; t++)
-        s->places[lists.begin.tets[t]] = result->places[t];
     for (uint32_t level = 0; room && level < s->level_count; level++) {
         size_t at = level * (size_t)s->page_count + page;
         for (uint32_t i = 0; i < result->levels[level].vertices; i++, v++) {

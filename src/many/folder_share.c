@@ -540,9 +540,10 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     pthread_mutex_init(&share->lock, NULL);
     monotonic_cond_init(&share->stopped);
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
-    *out = (struct work_share){.members = members, .leads = share->leads, .writes = writes, .keeps_parts = true,
-                               .begin = begin, .take = take, .put = put, .settle = settle, .get = get, .end = end,
-                               .call = writes ? NULL : call, .pass = pass, .opaque = share};
+    const uint32_t few = members < 1 ? 1 : members < WORK_FEW ? members : WORK_FEW;
+    *out = (struct work_share){.members = members, .few = few, .leads = share->leads, .writes = writes,
+                               .keeps_parts = true, .begin = begin, .take = take, .put = put, .settle = settle,
+                               .get = get, .end = end, .call = writes ? NULL : call, .pass = pass, .opaque = share};
     return TETLOD_OK;
 }
 

@@ -51,8 +51,7 @@ static enum tetlod_status begin_sweep(struct sweep *sweep)
 static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    uint32_t members = share->members > WORK_FEW ? WORK_FEW : share->members ? share->members : 1, part, count = 0;
-    uint32_t most = (MEASURE_PARTS + BOUNDS_TAKE + members - 1) / members;
+    uint32_t most = (MEASURE_PARTS + BOUNDS_TAKE + share->few - 1) / share->few, part, count = 0;
     memset(sweep->mine, 0, sizeof sweep->mine);
     for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
         sweep->mine[part] = true;

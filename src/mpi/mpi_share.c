@@ -130,6 +130,14 @@ static void drop_results(struct mpi_share *share)
 /* ---- parts */
 
 /* The next part, on rank 0; false if there is none. */
+/* Does rank 0 take no part of a stage of few, or of another one? It packs what others take, and joins what comes of
+ * it, in which they wait for it: where they are many it has enough to do, and needs no memory for a part. */
+static bool only_serves(int ranks, bool few)
+{
+    enum { MANY = 8 };
+    return ranks >= (few ? WORK_FEW + 1 : MANY);
+}
+
 static bool next_part(struct mpi_share *share, uint32_t *out)
 {
     pthread_mutex_lock(&share->lock);
@@ -256,7 +264,7 @@ static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
     struct mpi_share *share = opaque;
     bool any;
     if (share->rank == 0) {
-        any = next_part(share, out_part);
+        any = !only_serves(share->ranks, share->hears == share->few) && next_part(share, out_part);
     } else {
         pthread_mutex_lock(&share->asking);
         any = want_part(share, out_part, out_input);
@@ -454,10 +462,11 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     pthread_mutex_init(&share->lock, NULL);
     pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
-    *out = (struct work_share){.members = (uint32_t)share->ranks, .leads = share->rank == 0,
-                               .writes = share->rank == 0, .begin = begin, .take = take, .put = put, .settle = settle,
-                               .get = get, .end = end, .spent_alone = spent_alone, .call = call, .pass = pass,
-                               .opaque = share};
+    const uint32_t few = share->ranks < WORK_FEW ? (uint32_t)share->ranks : WORK_FEW;
+    *out = (struct work_share){.members = (uint32_t)share->ranks, .few = few - only_serves(share->ranks, true),
+                               .leads = share->rank == 0, .writes = share->rank == 0, .begin = begin, .take = take,
+                               .put = put, .settle = settle, .get = get, .end = end, .spent_alone = spent_alone,
+                               .call = call, .pass = pass, .opaque = share};
     return TETLOD_OK;
 }
 
@@ -551,10 +560,16 @@ void job_cost_fini(struct job_cost *cost)
     *cost = (struct job_cost){0};
 }
 
+static bool serves_in(const struct stage_cost *stage, uint32_t ranks)
+{
+    return only_serves((int)ranks, stage->ranks == WORK_FEW);
+}
+
 /* Of so many ranks those that do parts of the stage. */
 static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
 {
-    return ranks < stage->ranks ? ranks : stage->ranks;
+    uint32_t those = ranks < stage->ranks ? ranks : stage->ranks;
+    return those - serves_in(stage, ranks);
 }
 
 double job_cost_of(const struct job_cost *cost, uint32_t ranks)
@@ -579,8 +594,8 @@ double job_cost_moved(const struct job_cost *cost, uint32_t ranks)
 {
     double bytes = (ranks - 1) * cost->passed[0] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) * cost->passed[1];
     for (uint32_t i = 0; i < cost->stage_count; i++) {
-        uint32_t those = ranks_in(&cost->stages[i], ranks);
-        bytes += cost->stages[i].moved * (those - 1) / those;
+        uint32_t own = !serves_in(&cost->stages[i], ranks), those = ranks_in(&cost->stages[i], ranks);
+        bytes += cost->stages[i].moved * (those - own) / those;
     }
     return bytes;
 }

@@ -33,6 +33,7 @@ enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_SAMPLES, 
 enum { WORK_FEW = 4 };
 
 struct work_share {
+    uint32_t few;     /* members that work on a stage which is one of few */
     uint32_t members; /* about: it may be more or fewer that work */
     bool leads;       /* this one has the mesh, and goes on alone when nothing is left to share */
     bool writes;      /* the stream: one that leads */

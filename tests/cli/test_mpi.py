@@ -159,7 +159,7 @@ must('sample', 'fin', '--size', '16', '-o', 'fin.vtu')
 case('rank 0 speaks', says_once)
 if os.environ.get('ONLY') == 'rank 0 speaks': # of an installed program
     finish()
-case('three and six ranks', same, (3, 6), ['fin.vtu'], '--paged=1500')
+case('three and eight ranks', same, (3, 8), ['fin.vtu'], '--paged=1500')
 case('large arrays in files', same, (2,), ['fin.vtu'], '--paged=1000', '--memory', '16M', '--scratch', SCRATCH)
 must('sample', 'torus', '--size', '6', '-o', 'torus.vtu')
 case('a boundary that moves, local bounds', same, (3,), ['torus.vtu'], '--paged=2000', '--domain-error', '0.001',
