@@ -52,6 +52,15 @@ TETLOD_CHECKED enum tetlod_status measure_levels_pack(const struct measure_level
 /* The bytes of a part at one level, which measure_levels_pack appends. */
 size_t measure_levels_part_size(const struct measure_levels *measure, uint32_t part);
 
+/* Appends what one needs to know who joins the parts: so many bytes. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status measure_levels_pack_sums(const struct measure_levels *measure, struct buffer *out);
+size_t measure_levels_sums_size(uint32_t fields);
+
+/* Of these bytes: what takes parts and says what they have come to, and measures nothing. *out can be freed in any case.
+ * ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status measure_levels_of_sums(struct measure_levels **out, const struct tetmesh *original,
+                                                         const unsigned char *bytes, struct tetlod_error *error);
+
 /* Takes a part that another program has measured. */
 void measure_levels_unpack(struct measure_levels *measure, uint32_t part, const unsigned char *bytes);
 

@@ -100,6 +100,9 @@ static enum tetlod_status measure_parts(struct sweep *sweep)
 static enum tetlod_status put_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
+    if (sweep->mine[PART_BOUNDS] &&
+        measure_levels_pack_sums(sweep->measure, &sweep->parts[PART_BOUNDS]) != TETLOD_OK)
+        return tetlodi_fail_nomem(sweep->error, "the levels", sweep->parts[PART_BOUNDS].size);
     for (uint32_t part = 0; part < STAGE_PARTS; part++) {
         if (sweep->mine[part])
             TETLOD_TRY(share->put(share->opaque, part, sweep->parts[part].bytes, sweep->parts[part].size,
@@ -141,21 +144,33 @@ static uint32_t asked_count(const struct shared_levels *levels)
     return count;
 }
 
-static enum tetlod_status get_part(struct sweep *sweep, uint32_t part)
+/* A part of so many bytes a level and some behind them. */
+static enum tetlod_status get_part(struct sweep *sweep, uint32_t part, size_t level, size_t behind)
 {
     const struct work_share *share = sweep->levels->share;
     struct buffer *at = &sweep->parts[part];
-    size_t level = part == PART_BOUNDS ? sizeof(double) : measure_levels_part_size(sweep->measure, part - PART_SAMPLES);
     TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
-    return at->size == level * asked_count(sweep->levels)
+    return at->size == level * asked_count(sweep->levels) + behind
                ? TETLOD_OK
                : tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");
 }
 
+static enum tetlod_status get_parts(struct sweep *sweep)
+{
+    const struct tetmesh *original = sweep->levels->original;
+    const size_t sums = measure_levels_sums_size(original->field_count);
+    const struct buffer *bounds = &sweep->parts[PART_BOUNDS];
+    TETLOD_TRY(get_part(sweep, PART_BOUNDS, sizeof(double), sums));
+    TETLOD_TRY(measure_levels_of_sums(&sweep->measure, original, bounds->bytes + bounds->size - sums, sweep->error));
+    for (uint32_t part = 0; part < MEASURE_PARTS; part++)
+        TETLOD_TRY(get_part(sweep, part + PART_SAMPLES, measure_levels_part_size(sweep->measure, part), 0));
+    return TETLOD_OK;
+}
+
 static enum tetlod_status join_levels(struct sweep *sweep, struct measured *measured, double *domains)
 {
-    for (uint32_t part = 0; part < STAGE_PARTS; part++)
-        TETLOD_TRY(get_part(sweep, part));
+    end_sweep(sweep);
+    TETLOD_TRY(get_parts(sweep));
     size_t row = 0; // of the marks that are asked for
     for (uint32_t mark = 0; mark < sweep->levels->log->mark_count; mark++) {
         if (!sweep->levels->asked[mark])
@@ -291,11 +306,8 @@ enum tetlod_status measure_shared(const struct shared_levels *levels, struct mea
     if (work_has_helpers(share))
         TETLOD_TRY_DONE(call_helpers(levels, error));
     TETLOD_TRY_DONE(work_share_run(share, STAGE_PARTS, NULL, NULL, do_parts, &sweep, error));
-    if (share->writes) {
-        if (!sweep.measure)
-            TETLOD_TRY_DONE(begin_sweep(&sweep));
+    if (share->writes)
         TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));
-    }
 done:
     end_sweep(&sweep);
     free_parts(&sweep);
