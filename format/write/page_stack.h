@@ -25,8 +25,8 @@ struct tetlodi_page_stack {
     bool keeps_mesh; /* it is asked what the mesh is at the end */
 };
 
-/* What coding has come to. Vertices are those at the last level, tetrahedra those that came with the levels, in order of
- * arrival, if it is asked. */
+/* What coding has come to. Vertices are those at the last level, tetrahedra those that came with the levels, in order
+ * of arrival, if it is asked. */
 struct tetlodi_stack_level {
     uint32_t vertices, tets; /* that it adds */
     uint64_t labels;

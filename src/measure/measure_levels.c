@@ -755,11 +755,6 @@ done:
 
 /* ---- parts */
 
-size_t measure_levels_sums_size(uint32_t fields)
-{
-    return sizeof(uint64_t) + fields * sizeof(double);
-}
-
 enum tetlod_status measure_levels_pack_sums(const struct measure_levels *m, struct buffer *out)
 {
     const uint64_t counted = m->counted;
@@ -773,17 +768,12 @@ enum tetlod_status measure_levels_of_sums(struct measure_levels **out, const str
     const size_t samples = sample_count(original), chunks = tally_chunks(samples), fields = original->field_count;
     struct measure_levels *m = *out = array_zero(1, sizeof *m);
     uint64_t counted;
-    if (!m)
-        return tetlodi_fail_nomem(error, "the samples", sizeof *m);
     memcpy(&counted, bytes, sizeof counted);
-    *m = (struct measure_levels){.original = original,
-                                 .field_count = original->field_count,
-                                 .scales = array_new(fields, sizeof(double)),
-                                 .samples = samples,
-                                 .chunks = chunks,
-                                 .counted = (size_t)counted,
-                                 .tallies = array_zero(chunks * fields, sizeof(struct tally))};
-    if (!m->scales || !m->tallies)
+    if (m)
+        *m = (struct measure_levels){.field_count = original->field_count, .samples = samples, .chunks = chunks,
+                                     .counted = (size_t)counted, .scales = array_new(fields, sizeof(double)),
+                                     .tallies = array_zero(chunks * fields, sizeof(struct tally))};
+    if (!m || !m->scales || !m->tallies)
         return tetlodi_fail_nomem(error, "the samples", chunks * fields * sizeof(struct tally));
     memcpy(m->scales, bytes + sizeof counted, fields * sizeof *m->scales);
     return TETLOD_OK;

@@ -54,9 +54,12 @@ size_t measure_levels_part_size(const struct measure_levels *measure, uint32_t p
 
 /* Appends what one needs to know who joins the parts: so many bytes. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_levels_pack_sums(const struct measure_levels *measure, struct buffer *out);
-size_t measure_levels_sums_size(uint32_t fields);
+static inline size_t measure_levels_sums_size(uint32_t fields)
+{
+    return sizeof(uint64_t) + fields * sizeof(double);
+}
 
-/* Of these bytes: what takes parts and says what they have come to, and measures nothing. *out can be freed in any case.
+/* Of these bytes: what takes parts and says what they have come to, and measures nothing. It can be freed in any case.
  * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_levels_of_sums(struct measure_levels **out, const struct tetmesh *original,
                                                          const unsigned char *bytes, struct tetlod_error *error);
