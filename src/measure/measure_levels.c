@@ -757,8 +757,7 @@ done:
 
 enum tetlod_status measure_levels_pack_sums(const struct measure_levels *m, struct buffer *out)
 {
-    const uint64_t counted = m->counted;
-    TETLOD_TRY(buffer_append(out, &counted, sizeof counted));
+    TETLOD_TRY(buffer_append(out, &m->counted, sizeof m->counted));
     return buffer_append(out, m->scales, m->field_count * sizeof *m->scales);
 }
 
@@ -767,15 +766,14 @@ enum tetlod_status measure_levels_of_sums(struct measure_levels **out, const str
 {
     const size_t samples = sample_count(original), chunks = tally_chunks(samples), fields = original->field_count;
     struct measure_levels *m = *out = array_zero(1, sizeof *m);
-    uint64_t counted;
-    memcpy(&counted, bytes, sizeof counted);
     if (m)
         *m = (struct measure_levels){.field_count = original->field_count, .samples = samples, .chunks = chunks,
-                                     .counted = (size_t)counted, .scales = array_new(fields, sizeof(double)),
+                                     .scales = array_new(fields, sizeof(double)),
                                      .tallies = array_zero(chunks * fields, sizeof(struct tally))};
     if (!m || !m->scales || !m->tallies)
         return tetlodi_fail_nomem(error, "the samples", chunks * fields * sizeof(struct tally));
-    memcpy(m->scales, bytes + sizeof counted, fields * sizeof *m->scales);
+    memcpy(&m->counted, bytes, sizeof m->counted);
+    memcpy(m->scales, bytes + sizeof m->counted, fields * sizeof *m->scales);
     return TETLOD_OK;
 }
 

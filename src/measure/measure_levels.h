@@ -56,7 +56,7 @@ size_t measure_levels_part_size(const struct measure_levels *measure, uint32_t p
 TETLOD_CHECKED enum tetlod_status measure_levels_pack_sums(const struct measure_levels *measure, struct buffer *out);
 static inline size_t measure_levels_sums_size(uint32_t fields)
 {
-    return sizeof(uint64_t) + fields * sizeof(double);
+    return sizeof(size_t) + fields * sizeof(double);
 }
 
 /* Of these bytes: what takes parts and says what they have come to, and measures nothing. It can be freed in any case.
