@@ -114,7 +114,9 @@ int tetlodi_field_log_add(const struct tetlodi_recorder *recorder, struct tetlod
                           const struct tetlodi_record *record)
 {
     const struct tetlodi_scale *scale = &recorder->replay->columns[0].scale;
-    double v[3];
+    // one by one: of a loop over the axes gcc 12 makes wrong code at -O3
+    const double v[3] = {scale_value(scale, 0, star->own[0]), scale_value(scale, 1, star->own[1]),
+                         scale_value(scale, 2, star->own[2])};
     if (!TETLODI_ROOM(memory, log->records, log->records_capacity, log->count + (size_t)1) ||
         !TETLODI_ROOM(memory, log->locations, log->locations_capacity, log->location_count + (size_t)4) ||
         // never NULL
@@ -131,8 +133,6 @@ int tetlodi_field_log_add(const struct tetlodi_recorder *recorder, struct tetlod
     memcpy(added->nodes, record->nodes, sizeof added->nodes);
     for (uint32_t i = 0; i < star->link_count; i++)
         log->links[log->link_count++] = star->link[i];
-    for (unsigned axis = 0; axis < 3; axis++)
-        v[axis] = scale_value(scale, axis, star->own[axis]);
     for (uint32_t i = 0; i < record->children; i++)
         locate(star, scale, v, record, i, &log->locations[log->location_count++]);
     return 1;
