@@ -508,7 +508,7 @@ void tetlodi_set_codes(const struct tetlodi_record_writer *w, uint32_t vertex, u
     }
 }
 
-enum { A_BATCH = 256 };
+enum { A_BATCH = 64 };
 
 static bool batch_init(struct tetlodi_batch *batch, size_t stars)
 {
