@@ -147,14 +147,14 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out $(WRITING),$(FORMAT_SRC)) $(CUT_SRC)
-# of these bytes count more than time
+# of these bytes count more than time, or no time is lost
 WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures print view view_cells view_adopt \
     view_filter view_function view_solid view_steps) \
     src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c \
     src/mesh/tetmesh.c \
-    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section tail time_table \
-    topologies) \
-    $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/status.c
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section star_view step_code \
+    tail time_table topologies) \
+    $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/common/pack.c format/status.c
 WASM := build/wasm/tetlod.wasm
 # what makes a level that is finer in boxes, and answers with a proof: loaded when it is first wanted
 REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter-out $(WRITING),$(FORMAT_SRC)) \

@@ -7,11 +7,11 @@
 #include "src/simplify/simplify.h"
 
 /* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records,
- * and goes before a field's exact tail, and what that takes; and what the program takes with its libraries and the
- * compressor's tables: measured. What is built by cells takes PAGED_TET more a tetrahedron: cells that wait, with their
- * seams, and pages. Of the rest the allocator wastes one part in ALLOCATOR. */
-enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
-      PAGED_TET = 40, PROGRAM = 14 << 20, ALLOCATOR = 32 };
+ * and goes before a field's exact tail, and what that takes; records that wait for other threads; and what the program
+ * takes with its libraries and the compressor's tables: measured. What is built by cells takes PAGED_TET more a
+ * tetrahedron: cells that wait, with their seams, and pages. Of the rest the allocator wastes one part in ALLOCATOR. */
+enum { WRITER_TET = 27, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18,
+      WRITER_WAITING = 7 << 18, PAGED_TET = 40, PROGRAM = 14 << 20, ALLOCATOR = 32 };
 
 /* What stays resident where large arrays are in files: a thread's cell, and the root, which has some cells' tetrahedra;
  * a tetrahedron of a cell: measured. */
@@ -47,7 +47,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh) + bounds * (12 * vertices + 8 * tets) +
                        (build_asks_overlay(options) ? overlay_levels_bytes(mesh) : 0);
     uint64_t records = tets * WRITER_RECORDS, last = records > WRITER_TAIL ? records : WRITER_TAIL;
-    uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last;
+    uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last +
+                      (options->threads == 1 ? 0 : WRITER_WAITING);
     uint64_t keep = options->keep_features > 0 ? log + coarsening_bytes(mesh) + 85 * vertices + 32 * tets : 0;
     uint64_t most = contract > measure ? contract : measure;
     most = most > keep ? most : keep;
