@@ -152,8 +152,8 @@ WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures pr
     view_filter view_function view_solid view_steps) \
     src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c \
     src/mesh/tetmesh.c \
-    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section star_view step_code \
-    tail time_table topologies) \
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table section star_view \
+    step_code tail time_table topologies) \
     $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/checksum.c format/common/pack.c format/status.c
 WASM := build/wasm/tetlod.wasm
 # what makes a level that is finer in boxes, and answers with a proof: loaded when it is first wanted
