@@ -31,7 +31,7 @@ struct build_request {
     /* ordered: --metric is given; moves_boundary: --domain-error */
     bool for_mail, json, quiet, all, ordered, moves_boundary;
     bool draws_progress; /* in any case */
-    bool by_share; /* it takes the memory that is its share: several programs build, and none is told how much */
+    bool by_share; /* several programs build without --memory: each takes its share of the memory */
     char own_output[4096]; /* the name of the output where none is given */
     struct progress progress;
     double phase_started;

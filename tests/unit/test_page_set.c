@@ -585,8 +585,8 @@ static void test_leaving(void)
     free(other_bytes);
 }
 
-/* A cursor that may take what a set takes has it, and goes down and up; one that may not is told so before anything
- * happens. A set for so much memory is as fine as that allows. */
+/* A limit of exactly a set's memory is enough to decode it and to move down and up; with one byte less it is refused
+ * before anything is decoded. The set that is made for some memory is as fine as the memory allows. */
 static void test_memory(void)
 {
     for (int eighths = 1; eighths <= 8; eighths++) {

@@ -11,6 +11,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/union_find.h"
 
 /* Cells of more points are left out: they are of high order, whose corners come first. */
 enum { MAX_POINTS = 27 };
@@ -109,20 +110,6 @@ static int by_places(const void *a, const void *b)
 
 /* ---- what is joined */
 
-static uint32_t root_of(uint32_t *target, uint32_t v)
-{
-    while (target[v] != v)
-        v = target[v] = target[target[v]];
-    return v;
-}
-
-static void unite(uint32_t *target, uint32_t a, uint32_t b)
-{
-    a = root_of(target, a);
-    b = root_of(target, b);
-    target[a > b ? a : b] = a > b ? b : a;
-}
-
 /* Faces at one place, unless a piece has two of them. */
 static void join_faces(struct untie *u, size_t begin, size_t end)
 {
@@ -133,7 +120,7 @@ static void join_faces(struct untie *u, size_t begin, size_t end)
             return;
     for (size_t i = begin + 1; i < end; i++)
         for (int c = 0; c < 3; c++)
-            unite(u->target, list[begin].points[c], list[i].points[c]);
+            join_sets(u->target, list[begin].points[c], list[i].points[c]);
 }
 
 static void join_all(struct untie *u, uint32_t count)
@@ -148,9 +135,7 @@ static void join_all(struct untie *u, uint32_t count)
         join_faces(u, begin, end);
     }
     for (uint32_t v = 0; v < count; v++)
-        root_of(u->target, v);
-    for (uint32_t v = 0; v < count; v++)
-        u->target[v] = root_of(u->target, v);
+        u->target[v] = find_root(u->target, v);
 }
 
 enum tetlod_status weld_untie(const struct block *block, const uint32_t *origins, uint32_t *io_target,
