@@ -12,23 +12,12 @@ struct face {
     uint32_t mid, high, slot; /* the least vertex is the bucket; slot = 4*tet + face */
 };
 
-static void sort3(uint32_t v[3])
-{
-    for (int i = 0; i < 2; i++)
-        for (int j = 0; j < 2 - i; j++)
-            if (v[j] > v[j + 1]) {
-                uint32_t swap = v[j];
-                v[j] = v[j + 1];
-                v[j + 1] = swap;
-            }
-}
-
 static void face_vertices(const uint32_t *corners, size_t slot, uint32_t v[3])
 {
     const uint32_t *tet = corners + (slot & ~(size_t)3);
     for (int i = 0; i < 3; i++)
         v[i] = tet[tet_faces[slot & 3][i]];
-    sort3(v);
+    sort_three(v);
 }
 
 static int compare_faces(const void *left, const void *right)

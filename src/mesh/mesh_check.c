@@ -138,18 +138,6 @@ static uint32_t collect_link(struct check *c, uint32_t v)
     return count;
 }
 
-static void sort_three(uint32_t ids[3])
-{
-    static const int pairs[3][2] = {{0, 1}, {1, 2}, {0, 1}};
-    for (int i = 0; i < 3; i++) {
-        uint32_t *a = &ids[pairs[i][0]], *b = &ids[pairs[i][1]], kept = *a;
-        if (*a > *b) {
-            *a = *b;
-            *b = kept;
-        }
-    }
-}
-
 static void count_duplicates(struct check *c, uint32_t v, uint32_t count)
 {
     uint32_t kept = 0;

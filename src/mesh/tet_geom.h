@@ -23,6 +23,18 @@ static const uint8_t tet_edges[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, 
 /* Corners of face f, counter-clockwise seen from outside a positive tetrahedron. */
 static const uint8_t tet_faces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
+/* Ascending, as a face is looked for whichever tetrahedron shows it. */
+static inline void sort_three(uint32_t v[3])
+{
+    for (int last = 2; last > 0; last--)
+        for (int i = 0; i < last; i++)
+            if (v[i] > v[i + 1]) {
+                uint32_t larger_one = v[i];
+                v[i] = v[i + 1];
+                v[i + 1] = larger_one;
+            }
+}
+
 /* Comparisons, not fmin and fmax: those are calls, because they treat NaN specially. */
 static inline double smaller(double a, double b)
 {

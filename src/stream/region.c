@@ -652,17 +652,6 @@ static bool repair_tets(struct cut *cut)
     return any;
 }
 
-static void sort_three(uint32_t a[3])
-{
-    for (int i = 0; i < 2; i++)
-        for (int j = 0; j < 2 - i; j++)
-            if (a[j] > a[j + 1]) {
-                uint32_t other = a[j];
-                a[j] = a[j + 1];
-                a[j + 1] = other;
-            }
-}
-
 static struct face *find_face(struct face *table, size_t places, const uint32_t corners[3])
 {
     uint64_t hash =
