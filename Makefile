@@ -488,13 +488,17 @@ bench-answers: needs-check
 	    /usr/bin/python3 $(CURDIR)/tests/bench/answer_times.py $(CURDIR)/$(BINARY) $$PWD
 
 ## bench-selections: 2,000 random selections of pages of eleven meshes against the originals, by the overlay
-##   (BLUNT=folder of the blunt fin); a million changed pages
-.PHONY: bench-selections
-BENCHES += bench-selections
+##   (BLUNT=folder of the blunt fin); bench-mutations: MUTATIONS (1000000) changed pages of these meshes, FIRST=seed,
+##   config=asan: under the sanitizers
+MUTATIONS ?= 1000000
+.PHONY: bench-selections bench-mutations
+BENCHES += bench-selections bench-mutations
 bench-selections: needs-check
-	$(Q)$(MAKE) --no-print-directory all $(SELECTION_JUDGE) $(B)/tests/unit/test_page_mutation
+	$(Q)$(MAKE) --no-print-directory all $(SELECTION_JUDGE)
 	@TETLOD=$(CURDIR)/$(BINARY) BLUNT=$(BLUNT) /usr/bin/python3 tests/attack/selections.py 1 2000
-	@ROOT=$(CURDIR) MUTATIONS=1000000 $(B)/tests/unit/test_page_mutation
+bench-mutations: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/unit/test_page_mutation
+	@TETLOD=$(CURDIR)/$(BINARY) BLUNT=$(BLUNT) /usr/bin/python3 tests/attack/mutations.py $(FIRST) $(MUTATIONS)
 
 ## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files
 ##   under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred

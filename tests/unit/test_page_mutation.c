@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Pages of changed bytes whose digests are right, so that they are decoded: on one thread and on several they fail
  * alike, to the word, or give the same mesh, also when they go on to other pages, and nothing that a sanitizer sees.
- * $MUTATIONS says how many, $SEED which. */
+ * $MUTATIONS says how many, $SEED which, $STREAM of which stream. */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -33,7 +33,7 @@ static bool open_all(void)
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/tests/golden/paged_float32.tetlod", getenv("ROOT") ? getenv("ROOT") : ".");
-    FILE *in = fopen(path, "rb");
+    FILE *in = fopen(getenv("STREAM") ? getenv("STREAM") : path, "rb");
     bytes = malloc(1 << 20);
     if (!in || !bytes)
         return false;
