@@ -48,14 +48,10 @@ static const struct tetlod_level *level_of(const struct level_file *l)
 
 /* ---- some pages at a time */
 
-/* What a cursor with so much takes (codes and values, stars, and what undoes records), with numbers of tetrahedra, and
- * what it leaves in the file meanwhile. */
-static uint64_t decoding_bytes(const struct tetlod_info *info, const struct tetlod_page_set_info *pages)
+/* What a cursor with these pages takes, and the numbers that are made of it (struct some). */
+static uint64_t decoding_bytes(const struct tetlod_page_set_info *pages)
 {
-    uint64_t components = 3;
-    for (uint32_t f = 0; f < info->field_count; f++)
-        components += info->fields[f].components;
-    return pages->vertices * (24 * components + 64) + pages->tets * (uint64_t)48 + (1 << 16);
+    return pages->memory + pages->vertices * 5 + pages->tets * 8;
 }
 
 /* Pages of the group from `first` on, and all that they need. */
@@ -69,7 +65,7 @@ static enum tetlod_status make_set(const struct level_file *l, uint32_t first, u
     for (uint32_t p = first; p < first + count && status == TETLOD_OK; p++)
         status = tetlod_page_set_add(*out, l->group, p, error);
     tetlod_page_set_info(*out, &about);
-    *bytes = decoding_bytes(info, &about);
+    *bytes = decoding_bytes(&about);
     if (status != TETLOD_OK)
         tetlod_page_set_free(*out);
     return status;

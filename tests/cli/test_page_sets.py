@@ -214,6 +214,39 @@ def packages():
         return None if '--paged' in str(problem) else problem
 
 
+def budgets():
+    """The package's regions within a budget of memory: the finest level that fits, of which less is read."""
+    stream = info('big.tetlod')
+    box, root = list(random_box(stream, random.Random(7), 1 / 512)), stream['first_paged_level'] - 1
+    with Host() as host:
+        ask = lambda memory: client.read(host.url + 'big.tetlod', box=box, memory=memory, decoder='library')  # noqa
+        all_of_it, sent = ask(None), host.sent
+        least = 4 << 20
+        while True:
+            try:
+                mesh = ask(least)
+                break
+            except client.StreamError as problem:
+                if 'levels before those in pages take' not in str(problem):
+                    return problem
+                least += 1 << 20
+        before = host.sent
+        some = ask(2 * least)
+        less = host.sent - before
+    if not root <= mesh.level <= some.level <= all_of_it.level or mesh.level == all_of_it.level or less > sent:
+        return mesh.level, some.level, all_of_it.level, sent, less
+    if mesh.tet_levels.max() != mesh.level or len(mesh.tets) > len(some.tets):
+        return mesh.tet_levels.max(), len(mesh.tets), len(some.tets)
+    for words in dict(box=box, memory=least, decoder='python'), dict(memory=least):
+        try:
+            client.read(path('big.tetlod'), **words)
+            return 'a budget that nothing heeds', words
+        except ValueError as problem:
+            if 'memory=' not in str(problem):
+                return problem
+    return None
+
+
 def two_trips():
     """Of a host that answers none before all have asked: the begin, with the index; then all pages at once."""
     box = [1, 1, 1, 1.5, 1.5, 1.5]
@@ -251,6 +284,7 @@ case('values of cells', cells_follow)
 case('of a URL', over_http)
 must('build', path('big.vtu'), '-o', 'level.tetlod', '--max-error', '0', '--quiet')
 case('of the package', packages)
+case('of the package, within a budget of memory', budgets)
 case('in two trips', two_trips)
 case('of a file that is cut off', cut_off)
 fails('a host that is not there', 1, ['cannot be read'], 'extract', 'http://127.0.0.1:1/x.tetlod', '--error', '1%',

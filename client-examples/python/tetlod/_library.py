@@ -21,7 +21,7 @@ from .reference import StreamError
 
 VERSION = '0.1'  # of the library: structs may differ in another one
 ERR_NOMEM, ERR_IO = 10, 12
-NONE = 0xffffffff
+NONE, UNLIMITED = 0xffffffff, (1 << 64) - 1
 CELL_TYPES = ('f4', 'f8', 'i1', 'i2', 'i4', 'i8')  # by enum tetlod_cell_type
 READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
 
@@ -120,7 +120,8 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_cursor_free': (None, [c_void_p]),
     'tetlod_cursor_seek': (c_int, [c_void_p, c_uint32, POINTER(CError)]),
     'tetlod_cursor_mesh': (None, [c_void_p, POINTER(CMesh)]),
-    'tetlod_page_set_new': (c_int, [POINTER(c_void_p), c_void_p, c_uint32, POINTER(CPlace), c_size_t, POINTER(CError)]),
+    'tetlod_page_set_fit': (c_int, [POINTER(c_void_p), c_void_p, c_uint32, POINTER(CPlace), c_size_t, c_uint64,
+                                    POINTER(c_uint32), POINTER(CError)]),
     'tetlod_page_set_free': (None, [c_void_p]),
     'tetlod_page_set_info': (None, [c_void_p, POINTER(CPageSetInfo)]),
     'tetlod_page_set_spans': (c_size_t, [c_void_p, POINTER(c_uint32), c_uint32, c_uint64, POINTER(CSpan), c_size_t]),
@@ -272,15 +273,17 @@ class LibraryDecoder:
         points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
 
-    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> Region:
-        """The pages of all levels up to `coarse`, and in the boxes or balls of those up to `fine`."""
-        return self.region_of(self.page_set(boxes, coarse, fine))
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> Region:
+        """The pages of all levels up to `coarse`, and in the boxes or balls of those up to `fine`; of levels that are
+        as fine as `memory` allows."""
+        return self.region_of(self.page_set(boxes, coarse, fine, memory))
 
-    def page_set(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> c_void_p:
-        pages, error = c_void_p(), CError()
+    def page_set(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> c_void_p:
+        pages, error, most = c_void_p(), CError(), c_uint32()
         places = (CPlace * len(boxes))(*(CPlace(tuple(box[:3]), tuple(box[3:]), 0, fine) if len(box) == 6 else
                                          CPlace(tuple(box[:3]), (0, 0, 0), box[3], fine) for box in boxes))
-        status = self._library.tetlod_page_set_new(byref(pages), self._file, coarse, places, len(boxes), byref(error))
+        status = self._library.tetlod_page_set_fit(byref(pages), self._file, coarse, places, len(boxes),
+                                                   UNLIMITED if memory is None else memory, byref(most), byref(error))
         self._check(status, error)
         return pages
 

@@ -30,8 +30,11 @@ class PythonDecoder:
         with collector_paused():
             self._cursor.seek(level)
 
-    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int) -> Region:
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> Region:
         """As the library's, but levels in pages are read whole."""
+        if memory is not None:
+            raise ValueError('memory= counts what libtetlod takes, and the decoder in Python takes several times as '
+                             'much: install the library, or leave memory= out')
         chosen = {level: set(range(group.count)) for level, group in self._stream.groups.items() if level <= coarse}
         for box in boxes:
             for level, pages in reference_pages.meeting(self._stream, box, fine).items():

@@ -67,13 +67,18 @@ class Stream:
         self._choice = Choice(level=level, **choice)
         return self._seek(level_for(self.fields, self.levels, self._choice))
 
-    def region(self, box: Sequence[Any], *, box_error: Optional[Fraction] = None, **choice: Any) -> Mesh:
+    def region(self, box: Sequence[Any], *, box_error: Optional[Fraction] = None, memory: Optional[int] = None,
+               **choice: Any) -> Mesh:
         """A mesh that is finer in a box (x0, y0, z0, x1, y1, z1), in a ball (x, y, z, radius), or in several, of a
         stream in pages (build --paged). Of the pages only what it needs is read: open a URL with `level=0` for that.
 
         Outside it is the level of `choice`, as in `seek`, but not coarser than the last level before the pages, which
         is also the default; in the box that of `box_error`, or the finest. Its `errors` are those of its coarsest
         tetrahedra, its `tet_levels` say of which level each one is. The stream stays at its level.
+
+        memory: bytes that decoding may take, all fields counted. Where that is not enough no level is finer than the
+        finest for which it is, and only pages of these are read: `level` says which. StreamError where the levels
+        before the pages take more.
         """
         boxes = [box] if isinstance(box[0], (int, float)) else list(box)
         if not self.info.paged:
@@ -85,7 +90,7 @@ class Stream:
         if box_error is not None:
             fine = min(finest, level_for(self.fields, self.levels, Choice(error=box_error)))
         self._source.expect(self.levels[root].bytes)
-        region = self._decoder.region(boxes, coarse, max(coarse, fine))
+        region = self._decoder.region(boxes, coarse, max(coarse, fine), memory)
         here = sorted(set(region.levels.tolist())) or [coarse]
         level = self.levels[here[0]]
         read = lambda name: self._decoder.cells(name)[region.numbers]  # noqa: E731
@@ -393,19 +398,22 @@ def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optio
          level: Optional[int] = None, tets: Optional[int] = None, bytes: Optional[int] = None,
          field: Optional[str] = None, measure: str = 'max', fields: Union[str, Sequence[str], None] = None,
          decoder: Optional[str] = None, progress: Optional[Progress] = None, headers: Optional[Headers] = None,
-         box: Optional[Sequence[Any]] = None, box_error: Optional[Fraction] = None) -> Mesh:
+         box: Optional[Sequence[Any]] = None, box_error: Optional[Fraction] = None,
+         memory: Optional[int] = None) -> Mesh:
     """One level as a mesh. Its arrays are the decoder's own memory, without a copy.
 
     error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of
     `field`, or of every field that the stream controls. abs_error: the same in the field's units. level: this level.
     tets, bytes: the finest level of at most so many tetrahedra or bytes. Without a choice: the finest level. box,
-    box_error: `Stream.region`.
+    box_error, memory: `Stream.region`.
     """
     if box is not None:
         choice = {'error': error, 'abs_error': abs_error, 'level': level, 'tets': tets, 'bytes': bytes}
         given = {name: value for name, value in choice.items() if value is not None}
         with open(source, level=0, fields=fields, decoder=decoder, progress=progress, headers=headers) as found:
-            return found.region(box, box_error=box_error, **given)
+            return found.region(box, box_error=box_error, memory=memory, **given)
+    if box_error is not None or memory is not None:
+        raise ValueError('box_error= and memory= are those of a region: they need box=')
     stream = open(source, error=error, abs_error=abs_error, level=level, tets=tets, bytes=bytes, field=field,
                   measure=measure, fields=fields, decoder=decoder, progress=progress, headers=headers)
     with stream:
