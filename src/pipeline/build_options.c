@@ -52,6 +52,8 @@ const char *build_against_pages(const struct build_options *options)
         .metric = options->metric, .certify = options->certify, .contract = options->contract};
     if (options->keep_features > 0)
         return "its levels are where its phases end, those of --keep-features elsewhere; leave one of them out";
-    return options->series ? "it is of one step in time, not of a series; --time N builds one"
-                           : cells_wrong(&contraction);
+    if (options->series) // SPEC 3.7: a band is a level, and its frames have all vertices of that level
+        return "the values of a series' steps are stored for whole levels, not page by page, so that no page would "
+               "have its own; a series builds without pages, and one step with --time N";
+    return cells_wrong(&contraction);
 }

@@ -284,7 +284,8 @@ fails('exact errors are refused', 2, ['--paged', '--certify exact'], *RING, '--p
 fails('so is another metric', 2, ['--paged', '--metric'], *RING, '--paged', '--metric', 'quadric')
 fails('and levels that keep features', 2, ['--paged', '--keep-features'], *RING, '--paged', '--keep-features', '0.1')
 must('sample', 'wake', '--steps', '2', '--size', '6', '-o', 'wake.pvd')
-fails('and a series', 2, ['--paged', 'series'], 'build', 'wake.pvd', '-o', 'no.tetlod', '--paged')
+fails('and a series', 2, ['--paged', 'series', 'whole levels', '--time N'], 'build', 'wake.pvd', '-o', 'no.tetlod',
+      '--paged')
 fails('bands of another name', 2, ['--bands', 'medium', 'wide'], *RING, '--paged', '--bands', 'wide')
 fails('cells of too few tetrahedra', 2, ['paged'], *RING, '--paged=5')
 finish()
