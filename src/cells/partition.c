@@ -33,8 +33,8 @@ enum { SEAM_WEIGHT = 3, CROSSING = 4 };
 /* Tetrahedra that the window is found by, candidates on each axis, and tetrahedra that their cost is counted on. */
 enum { RANKED = 4096, CANDIDATES = 24, COUNTED = 1 << 15 };
 
-/* Tetrahedra that a thread parts at a time. */
-enum { CHUNK = 1 << 14 };
+/* Tetrahedra that a thread parts at a time, and of those that are counted on. */
+enum { CHUNK = 1 << 14, COUNTED_A_CHUNK = 1 << 11 };
 
 struct cutter {
     const struct tetmesh *mesh;
@@ -42,7 +42,7 @@ struct cutter {
     uint32_t cell_tets;
     struct partition *out;
     size_t tree_room, box_room, begin_room;
-    double (*ranked)[2]; /* [RANKED] middle and end of a box on the axis */
+    double (*ranked)[2]; /* [3 * RANKED] middle and end of a box on each axis */
     struct pool *pool;
     uint32_t *spare;     /* [tet] */
     uint32_t *below;     /* [chunk of tetrahedra] */
@@ -106,35 +106,63 @@ static int by_middle(const void *a, const void *b)
     return x[0] != y[0] ? (x[0] > y[0]) - (x[0] < y[0]) : (x[1] > y[1]) - (x[1] < y[1]);
 }
 
-/* Candidates on an axis, ascending; returns how many. */
-static uint32_t list_candidates(const struct cutter *cutter, const struct range *range, int axis, double share,
-                                float *out)
+/* The candidates of an axis. What one costs is looked up by where it is among all, so a tetrahedron adds to a range of
+ * them. */
+struct costs {
+    float listed[CANDIDATES];
+    double at[CANDIDATES]; /* the same, ascending */
+    uint32_t count;
+    _Atomic uint64_t changes[CANDIDATES + 1]; /* what a candidate costs more than the one before, modulo 2^64 */
+};
+
+/* Where a range may be cut. */
+struct choice {
+    const struct cutter *cutter;
+    const struct range *range;
+    double share; /* of the range that the first part is to have */
+    struct costs costs[3];
+};
+
+static int by_value(const void *a, const void *b)
 {
-    uint32_t n = range->end - range->begin, ranked = n < RANKED ? n : RANKED, count = 0;
-    for (uint32_t i = 0; i < ranked; i++) {
-        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / ranked)];
-        double extent[2];
-        extent_on(cutter->mesh, tet, axis, extent);
-        cutter->ranked[i][0] = (extent[0] + extent[1]) / 2;
-        cutter->ranked[i][1] = extent[1];
-    }
-    qsort(cutter->ranked, ranked, sizeof *cutter->ranked, by_middle);
-    double first = share - WINDOW, width = 2 * WINDOW;
-    for (uint32_t k = 0; k < CANDIDATES; k++) {
-        uint32_t i = (uint32_t)((first + width * (k / 2) / (CANDIDATES / 2 - 1)) * (ranked - 1));
-        float at = (float)cutter->ranked[i][k % 2];
-        if (isfinite(at) && (double)at > cutter->ranked[0][0] && (double)at <= cutter->ranked[ranked - 1][0])
-            out[count++] = at;
-    }
-    return count;
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
 }
 
-/* What a candidate costs is looked up by where it is among all, so a tetrahedron adds to a range of them. */
-struct costs {
-    double at[CANDIDATES];           /* ascending */
-    uint64_t changes[CANDIDATES + 1]; /* what a candidate costs more than the one before, modulo 2^64 */
-    uint32_t count;
-};
+/* Lists the candidates on an axis. */
+static void list_candidates(struct choice *choice, int axis)
+{
+    const struct cutter *cutter = choice->cutter;
+    const struct range *range = choice->range;
+    struct costs *costs = &choice->costs[axis];
+    double(*ranked)[2] = cutter->ranked + axis * (size_t)RANKED;
+    uint32_t n = range->end - range->begin, count = n < RANKED ? n : RANKED;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / count)];
+        double extent[2];
+        extent_on(cutter->mesh, tet, axis, extent);
+        ranked[i][0] = (extent[0] + extent[1]) / 2;
+        ranked[i][1] = extent[1];
+    }
+    qsort(ranked, count, sizeof *ranked, by_middle);
+    double first = choice->share - WINDOW, width = 2 * WINDOW;
+    for (uint32_t k = 0; k < CANDIDATES; k++) {
+        uint32_t i = (uint32_t)((first + width * (k / 2) / (CANDIDATES / 2 - 1)) * (count - 1));
+        float at = (float)ranked[i][k % 2];
+        if (!isfinite(at) || !((double)at > ranked[0][0]) || (double)at > ranked[count - 1][0])
+            continue;
+        costs->listed[costs->count] = at;
+        costs->at[costs->count++] = (double)at;
+    }
+    qsort(costs->at, costs->count, sizeof *costs->at, by_value);
+}
+
+static void list_axes(void *context, unsigned worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t axis = begin; axis < end; axis++)
+        list_candidates(context, (int)axis);
+}
 
 /* How many candidates are below x, or no more than x. */
 static uint32_t count_below(const struct costs *costs, double x, bool or_equal)
@@ -149,65 +177,70 @@ static uint32_t count_below(const struct costs *costs, double x, bool or_equal)
     return begin;
 }
 
-static void add_costs(struct costs *costs, const double extent[2], uint64_t weight)
+static void add_costs(const struct costs *costs, uint64_t *changes, const double extent[2], uint64_t weight)
 {
+    if (!costs->count || extent[1] < costs->at[0] || extent[0] > costs->at[costs->count - 1])
+        return;
     uint32_t begin = count_below(costs, extent[0], false), end = count_below(costs, extent[1], true);
     if (begin >= end)
         return;
     uint32_t inner = count_below(costs, extent[0], true), inner_end = count_below(costs, extent[1], false);
-    costs->changes[begin] += weight;
-    costs->changes[end] -= weight;
+    changes[begin] += weight;
+    changes[end] -= weight;
     if (inner < inner_end) {
-        costs->changes[inner] += (CROSSING - 1) * weight;
-        costs->changes[inner_end] -= (CROSSING - 1) * weight;
+        changes[inner] += (CROSSING - 1) * weight;
+        changes[inner_end] -= (CROSSING - 1) * weight;
     }
 }
 
-static int by_value(const void *a, const void *b)
+static uint32_t count_of_sample(const struct range *range)
 {
-    const double *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
+    uint32_t n = range->end - range->begin;
+    return n < COUNTED ? n : COUNTED;
 }
 
-/* Counts on a sample of the range what the candidates of the three axes cost. */
-static void count_costs(const struct cutter *cutter, const struct range *range, struct costs costs[3])
+/* What some tetrahedra of the sample add to the candidates of the three axes. */
+static void count_costs(void *context, unsigned worker, size_t begin, size_t end)
 {
-    uint32_t n = range->end - range->begin, counted = n < COUNTED ? n : COUNTED;
-    for (uint32_t i = 0; i < counted; i++) {
-        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)((uint64_t)i * n / counted)];
+    struct choice *choice = context;
+    const struct cutter *cutter = choice->cutter;
+    const struct range *range = choice->range;
+    uint32_t n = range->end - range->begin, counted = count_of_sample(range);
+    uint64_t changes[3][CANDIDATES + 1] = {0};
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)(i * n / counted)];
         uint64_t weight = was_at_seam(cutter, tet) ? 1 + SEAM_WEIGHT : 1;
         for (int axis = 0; axis < 3; axis++) {
             double extent[2];
             extent_on(cutter->mesh, tet, axis, extent);
-            add_costs(&costs[axis], extent, weight);
+            add_costs(&choice->costs[axis], changes[axis], extent, weight);
         }
     }
     for (int axis = 0; axis < 3; axis++)
-        for (uint32_t k = 1; k < costs[axis].count; k++)
-            costs[axis].changes[k] += costs[axis].changes[k - 1]; // now costs
+        for (uint32_t k = 0; k <= choice->costs[axis].count; k++)
+            atomic_fetch_add_explicit(&choice->costs[axis].changes[k], changes[axis][k], memory_order_relaxed);
 }
 
 /* Where to cut a range: where it is crossed least; of several such places the first one listed. False: nowhere. */
 static bool choose_cut(const struct cutter *cutter, const struct range *range, double share, struct tetlodi_cut *out)
 {
     uint64_t least = UINT64_MAX;
-    float candidates[3][CANDIDATES];
-    struct costs costs[3] = {0};
+    struct choice choice = {.cutter = cutter, .range = range, .share = share};
+    pool_run(cutter->pool, 3, 1, list_axes, &choice);
+    pool_run(cutter->pool, count_of_sample(range), COUNTED_A_CHUNK, count_costs, &choice);
     for (uint8_t axis = 0; axis < 3; axis++) {
-        costs[axis].count = list_candidates(cutter, range, axis, share, candidates[axis]);
-        for (uint32_t k = 0; k < costs[axis].count; k++)
-            costs[axis].at[k] = (double)candidates[axis][k];
-        qsort(costs[axis].at, costs[axis].count, sizeof *costs[axis].at, by_value);
-    }
-    count_costs(cutter, range, costs);
-    for (uint8_t axis = 0; axis < 3; axis++)
-        for (uint32_t k = 0; k < costs[axis].count; k++) {
-            uint64_t cost = costs[axis].changes[count_below(&costs[axis], (double)candidates[axis][k], false)];
+        struct costs *costs = &choice.costs[axis];
+        for (uint32_t k = 1; k < costs->count; k++)
+            costs->changes[k] += costs->changes[k - 1]; // now costs
+        for (uint32_t k = 0; k < costs->count; k++) {
+            uint64_t cost = costs->changes[count_below(costs, (double)costs->listed[k], false)];
             if (cost < least) {
                 least = cost;
-                *out = (struct tetlodi_cut){.axis = axis, .at = candidates[axis][k]};
+                *out = (struct tetlodi_cut){.axis = axis, .at = costs->listed[k]};
             }
         }
+    }
     return least != UINT64_MAX;
 }
 
@@ -371,7 +404,7 @@ enum tetlod_status partition_make(struct partition *out, const struct tetmesh *m
                             .was_seam = was_seam,
                             .cell_tets = cell_tets,
                             .out = out,
-                            .ranked = array_new(RANKED, sizeof *cutter.ranked),
+                            .ranked = array_new(3 * RANKED, sizeof *cutter.ranked),
                             .pool = pool,
                             .spare = array_new(mesh->tet_count, sizeof *cutter.spare),
                             .below = array_new(mesh->tet_count / CHUNK + (size_t)1, sizeof *cutter.below),
