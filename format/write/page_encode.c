@@ -44,6 +44,12 @@ static void gather_nodes(const struct level *level, struct job *job)
                            job->part.replay.corners + 4 * (size_t)t);
 }
 
+static void extend_box(const struct level *level, const struct job *job)
+{
+    for (uint32_t t = 0; t < job->part.replay.tets; t++)
+        tetlodi_page_writer_box(level->in->pages, job->part.page, &job->part.replay, t);
+}
+
 static enum tetlod_status encode_records(const struct level *level, struct job *job)
 {
     const struct tetlodi_page_encode *in = level->in;
@@ -61,11 +67,21 @@ static enum tetlod_status encode_records(const struct level *level, struct job *
                           part->columns[c].components))
             return no_memory(job, &job->error);
     tetlodi_start_coders(&job->records, in->slowest);
+    extend_box(level, job);
     tetlodi_page_part_begin(part, &job->records.recorder, &in->whole->recorder, job->vertices, level->most_tets);
     while (part->replay.vertices < vertices)
         TETLOD_TRY(tetlodi_write_vertex(&job->records, in->contractions, &job->error));
+    extend_box(level, job);
     TETLOD_TRY(tetlodi_write_batch(&job->records, job->frames, &job->error));
     return tetlodi_write_rest(&job->records, &job->error);
+}
+
+/* Of a page that adds nothing the box is that of what it has. */
+static void box_as_it_is(const struct level *level, uint32_t number)
+{
+    const struct tetlodi_page_shares *shares = &level->in->pages->shares;
+    for (uint32_t i = shares->tet_begins[number]; i < shares->tet_begins[number + 1]; i++)
+        tetlodi_page_writer_box(level->in->pages, number, shares->whole, shares->tet_list[i]);
 }
 
 static int encode_page(void *opaque, uint32_t number)
@@ -73,8 +89,10 @@ static int encode_page(void *opaque, uint32_t number)
     const struct level *level = opaque;
     const struct tetlodi_page_shares *shares = &level->in->pages->shares;
     struct job *job = &level->jobs[number];
-    if (!job->vertices)
+    if (!job->vertices) {
+        box_as_it_is(level, number);
         return 1;
+    }
     tetlodi_page_part_set(&job->part, shares, number);
     job->part.runs->first_vertex = job->first_vertex;
     job->frames = calloc(level->in->whole->replay->column_count, sizeof *job->frames);
@@ -94,13 +112,19 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
     if (added > whole->in->tets - whole->replay->tets)
         return tetlodi_fail(&job->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: a page has too much");
     part->runs->first_tet = whole->replay->tets;
-    tetlodi_page_part_scatter(part, &in->pages->shares);
+    if (!in->ends)
+        tetlodi_page_part_scatter(part, &in->pages->shares);
+    for (uint32_t c = 1; c < part->replay.column_count && in->ends; c++)
+        if (whole->in->fields[c - 1].exact)
+            tetlodi_page_part_scatter_column(part, &in->pages->shares, c);
     for (uint32_t v = 0; v < part->replay.vertices; v++)
         if (v >= part->listed_count || !part->seams[v])
             whole->node_at[page_part_outside(part, v)] = job->records.node_at[v];
-    memcpy(whole->original_of + part->runs->first_tet, job->records.original_of + part->tet_count,
-           added * sizeof *whole->original_of);
-    memcpy(whole->places + part->runs->first_tet, job->records.places + part->tet_count, added);
+    if (!in->ends || in->keeps_tets) {
+        memcpy(whole->original_of + part->runs->first_tet, job->records.original_of + part->tet_count,
+               added * sizeof *whole->original_of);
+        memcpy(whole->places + part->runs->first_tet, job->records.places + part->tet_count, added);
+    }
     whole->recorder.labels += job->records.recorder.labels;
     whole->replay->vertices += job->vertices;
     whole->replay->tets += added;

@@ -116,14 +116,13 @@ static enum tetlod_status encode_level(struct coding *coding, uint32_t level)
         .pages = &coding->pages,
         .group = &coding->groups[level],
         .contractions = level + 1 < stack->level_count ? stack->ends[level + 1] : 0,
+        .ends = level + 1 == stack->level_count && !stack->keeps_mesh,
         .slowest = stack->slowest,
         .frames = coding->out->frames + (size_t)level * coding->out->parts,
         .ask = go_on};
     if (!tetlodi_page_writer_begin(&coding->pages, NULL, &coding->replay, encode.group, level))
         return no_memory(coding);
-    tetlodi_page_writer_extend(&coding->pages, NULL);
     TETLOD_TRY(tetlodi_encode_pages(&encode, coding->error));
-    tetlodi_page_writer_extend(&coding->pages, NULL);
     out->vertices = coding->pages.table.pages[level].vertices;
     out->tets = coding->pages.table.pages[level].tets;
     out->labels = coding->records.recorder.labels - labels;

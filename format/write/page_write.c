@@ -54,8 +54,10 @@ bool tetlodi_same_tree(const struct tetlodi_write_group *group, const struct tet
 
 /* ---- boxes */
 
-static void extend_box(const struct tetlodi_replay *replay, uint32_t tet, double box[6])
+void tetlodi_page_writer_box(struct tetlodi_page_writer *pages, uint32_t page, const struct tetlodi_replay *replay,
+                             uint32_t tet)
 {
+    double *box = pages->boxes[pages->table.groups[pages->table.group_count - 1].first_page + page];
     for (size_t i = 4 * (size_t)tet; i < 4 * (size_t)tet + 4; i++) {
         const double *p = replay->columns[0].values + 3 * (size_t)replay->corners[i];
         for (int axis = 0; axis < 3; axis++) {
@@ -68,13 +70,12 @@ static void extend_box(const struct tetlodi_replay *replay, uint32_t tet, double
 /* Extends the box of a page of the group by all its tetrahedra as they are. */
 static int extend_page(void *opaque, uint32_t page)
 {
-    const struct tetlodi_page_writer *pages = opaque;
+    struct tetlodi_page_writer *pages = opaque;
     const struct tetlodi_page_shares *shares = &pages->shares;
-    double *box = pages->boxes[pages->table.groups[pages->table.group_count - 1].first_page + page];
     for (uint32_t i = shares->tet_begins[page]; i < shares->tet_begins[page + 1]; i++)
-        extend_box(shares->whole, shares->tet_list[i], box);
+        tetlodi_page_writer_box(pages, page, shares->whole, shares->tet_list[i]);
     for (uint32_t t = pages->added[page]; t < pages->added[page + 1]; t++)
-        extend_box(shares->whole, t, box);
+        tetlodi_page_writer_box(pages, page, shares->whole, t);
     return 1;
 }
 
@@ -239,10 +240,11 @@ int tetlodi_page_writer_page(struct tetlodi_page_writer *pages, uint32_t vertice
         tetlodi_digest(frames[part].bytes + pages->sizes[part], frame->size, frame->digest);
         pages->sizes[part] = frames[part].size;
     }
-    if (!TETLODI_ROOM(pages->memory, pages->former, pages->former_capacity, tets))
-        return 0;
+    const bool more = table->group_count < pages->group_count;
     const uint32_t of_group = number - table->groups[table->group_count - 1].first_page;
-    for (uint32_t t = pages->tets; t < tets; t++)
+    if (more && !TETLODI_ROOM(pages->memory, pages->former, pages->former_capacity, tets))
+        return 0;
+    for (uint32_t t = pages->tets; t < tets && more; t++)
         pages->former[t] = of_group;
     pages->added[of_group + 1] = tets;
     pages->vertices = vertices;

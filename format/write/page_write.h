@@ -38,7 +38,11 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
 /* In place of it, of a group with the tree of the one before: its pages have [page] so many tetrahedra. */
 int tetlodi_page_writer_follow(struct tetlodi_page_writer *pages, const uint32_t *tets);
 
-/* Extends the boxes of the group's pages by the tetrahedra as they are: at the begin, and at the end. */
+/* Extends the box of a page of the group by a tetrahedron as it is in a mesh: at the begin, and at the end. */
+void tetlodi_page_writer_box(struct tetlodi_page_writer *pages, uint32_t page, const struct tetlodi_replay *replay,
+                             uint32_t tet);
+
+/* The same for all tetrahedra of all its pages, in the whole mesh. */
 void tetlodi_page_writer_extend(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers);
 
 /* Behind a page, with which there are so many vertices and tetrahedra, and whose bytes are the last of `frames` [1 +

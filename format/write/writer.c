@@ -282,6 +282,8 @@ static enum tetlod_status write_group(struct writer *w, uint32_t level, const st
                                                .pages = &w->pages,
                                                .group = group,
                                                .contractions = w->in->levels[level].contractions,
+                                               .ends = !w->in->levels[level].contractions,
+                                               .keeps_tets = w->in->cell_field_count || w->in->keep_order,
                                                .slowest = w->index.slowest,
                                                .frames = frames,
                                                .helpers = w->helpers,
@@ -290,13 +292,11 @@ static enum tetlod_status write_group(struct writer *w, uint32_t level, const st
     TETLOD_TRY(store_levels(w, level - 1));
     if (!tetlodi_page_writer_begin(&w->pages, w->helpers, &w->replay, group, level))
         return out_of_memory(w);
-    tetlodi_page_writer_extend(&w->pages, w->helpers);
     TETLODI_FREE(&w->memory, w->replay.pool, w->replay.pool_capacity); // the stars of pages are their own
     TETLOD_TRY(tetlodi_encode_pages(&encode, w->error));
     count_level(w, level);
     TETLOD_TRY(store_levels(w, level));
     tetlodi_page_writer_end(&w->pages, frames);
-    tetlodi_page_writer_extend(&w->pages, w->helpers);
     return TETLOD_OK;
 }
 
