@@ -41,6 +41,7 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
         request->seconds[request->phase] += now - request->phase_started;
         request->phase_started = now;
         request->phase = phase;
+        scratch_memory_settle(phase == BUILD_MEASURE ? SCRATCH_SHARE_MEASURE : SCRATCH_SHARE);
     }
     progress_update(&request->progress, phase_names[phase], done);
     return true;
@@ -436,9 +437,11 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     if (request->by_share && !options->series)
         TETLOD_TRY(allow_share(options, &in->mesh, error));
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
-    if (!options->spools)
+    if (options->spools)
+        scratch_memory_settle(SCRATCH_SHARE);
+    else
         scratch_memory_stay();
-    else if (spool_in_memory() && !request->quiet)
+    if (options->spools && spool_in_memory() && !request->quiet)
         fprintf(stderr, "tetlod build: %s is in memory itself, and what is written there takes some; --scratch names a "
                         "folder on a disk\n", spool_folder());
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);

@@ -34,10 +34,9 @@
 #include "format/fail.h"
 #include "src/util/spool.h"
 
-/* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. Regions are memory as long as they
- * take no more than MEMORY_SHARE of the limit. The table is short: it lists large arrays only. */
+/* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. The table is short: it lists large
+ * arrays only. */
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
-static const double MEMORY_SHARE = 0.25;
 
 /* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
  * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
@@ -63,6 +62,7 @@ static struct {
     atomic_size_t smallest;
     atomic_ullong limit;
     uint64_t libraries, in_memory, in_files, peak, given_back;
+    double share; /* of the limit: regions are memory as long as they take no more */
     int statm; /* file of the system that says what is resident */
     int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
@@ -72,7 +72,7 @@ static struct {
     unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
-} memory = {.lock = ATOMIC_FLAG_INIT};
+} memory = {.share = SCRATCH_SHARE, .lock = ATOMIC_FLAG_INIT};
 
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);
@@ -381,7 +381,7 @@ static void count_bytes(const struct region *region, int64_t more)
 /* The lock is held. */
 static bool stays_in_memory(size_t size)
 {
-    return atomic_load(&memory.stays) || (double)memory.in_memory + (double)size <= MEMORY_SHARE * (double)memory.limit;
+    return atomic_load(&memory.stays) || (double)memory.in_memory + (double)size <= memory.share * (double)memory.limit;
 }
 
 /* Takes the region at an address out of the table: its thread changes it or frees it. False: there is none. */
@@ -500,6 +500,55 @@ static void free_region(const struct region *region)
     if (region->file >= 0)
         close(region->file);
     forget_region(region);
+}
+
+/* A file with the bytes of a region of memory, mapped in its place. */
+static bool to_file(struct region *region)
+{
+    int file = new_file(region->size);
+    bool done = file >= 0;
+    for (size_t at = 0; at < region->size && done;) {
+        ssize_t written = pwrite(file, region->at + at, region->size - at, (off_t)at);
+        at += written > 0 ? (size_t)written : 0;
+        done = written > 0 || errno == EINTR;
+    }
+    done = done && mmap(region->at, region->size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_FIXED, file, 0) == region->at;
+    if (done)
+        region->file = file;
+    else if (file >= 0)
+        close(file);
+    return done;
+}
+
+/* Takes a region of memory out of the table. False: there is none. */
+static bool take_memory(struct region *out)
+{
+    bool found = false;
+    lock();
+    for (unsigned i = 0; i < memory.count && !found; i++)
+        if (memory.regions[i].file < 0) {
+            found = true;
+            *out = memory.regions[i];
+            memory.regions[i] = memory.regions[--memory.count];
+        }
+    unlock();
+    return found;
+}
+
+void scratch_memory_settle(double share)
+{
+    struct region region;
+    bool done = atomic_load(&memory.on) && !atomic_load(&memory.stays);
+    lock();
+    memory.share = share;
+    unlock();
+    while (done && take_memory(&region)) {
+        settle(&region, -(int64_t)region.size);
+        done = to_file(&region);
+        settle(&region, (int64_t)region.size);
+        bring_single(&region);
+        put_in(&region);
+    }
 }
 
 /* Is a region of memory to become too large to stay there? */

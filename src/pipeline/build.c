@@ -787,6 +787,15 @@ static uint64_t count_loose(const struct tetmesh *mesh)
     return mesh->tet_count >= FEW && mesh->vertex_count >= 2 * (uint64_t)mesh->tet_count ? mesh->tet_count : 0;
 }
 
+/* Says so while no other thread is at work. */
+static enum tetlod_status begin_phase(const struct build *build, enum build_phase phase)
+{
+    const struct build_options *options = build->options;
+    return !options->progress || options->progress(options->progress_opaque, phase, 0)
+               ? TETLOD_OK
+               : tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report,
                                 struct tetlod_error *error)
@@ -819,7 +828,9 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     if (options->local_bound)
         TETLOD_TRY_DONE(add_local_bounds(&build));
     TETLOD_TRY_DONE(find_ranges(&build));
+    TETLOD_TRY_DONE(begin_phase(&build, BUILD_MEASURE));
     TETLOD_TRY_DONE(measure_marks(&build));
+    TETLOD_TRY_DONE(begin_phase(&build, BUILD_ENCODE));
     if (build_writes(options) || build.groups.count)
         TETLOD_TRY_DONE(encode(&build, build_writes(options) ? sink : NULL));
     *report = (struct build_report){.contractions = build.log.count,
