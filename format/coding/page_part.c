@@ -288,18 +288,13 @@ void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlod
     tetlodi_page_begin(recorder, &lists, 0, vertices, tets);
 }
 
-/* Vertices that have split or are new. */
-void tetlodi_page_part_scatter_column(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
-                                      uint32_t column)
+/* A vertex that has split or is new. */
+static void put_vertex(const struct tetlodi_page_part *part, struct tetlodi_replay *whole, uint32_t vertex)
 {
-    struct tetlodi_column *to = &shares->whole->columns[column];
-    const uint32_t known = part->listed_count, *listed = part->listed;
-    for (uint32_t v = known; v < part->replay.vertices; v++) {
-        uint32_t parent = part->replay.parents[v];
-        copy_row(to, listed[v], &part->columns[column], v, column == 0);
-        if (parent < known)
-            copy_row(to, listed[parent], &part->columns[column], parent, column == 0);
-    }
+    uint32_t to = page_part_outside(part, vertex);
+    for (uint32_t c = 0; c < whole->column_count; c++)
+        copy_row(&whole->columns[c], to, &part->columns[c], vertex, c == 0);
+    whole->stars[to].leaf = part->replay.stars[vertex].leaf;
 }
 
 /* Nothing else has changed: a corner of a tetrahedron that was there is what it was, or a new vertex. */
@@ -317,13 +312,11 @@ void tetlodi_page_part_scatter(const struct tetlodi_page_part *part, const struc
         for (uint32_t *to = whole->corners + 4 * (size_t)run->first_tet; from < end; from++)
             *to++ = listed[*from];
     }
-    for (uint32_t c = 0; c < whole->column_count; c++)
-        tetlodi_page_part_scatter_column(part, shares, c);
     for (uint32_t v = known; v < replay->vertices; v++) {
         uint32_t parent = replay->parents[v];
-        whole->stars[listed[v]].leaf = replay->stars[v].leaf;
+        put_vertex(part, whole, v);
         if (parent < known)
-            whole->stars[listed[parent]].leaf = replay->stars[parent].leaf;
+            put_vertex(part, whole, parent);
         whole->parents[listed[v]] = listed[parent];
     }
 }

@@ -91,11 +91,7 @@ void tetlodi_page_part_next(struct tetlodi_page_part *part);
 void tetlodi_page_part_begin(const struct tetlodi_page_part *part, struct tetlodi_recorder *recorder,
                              const struct tetlodi_recorder *whole, uint32_t vertices, uint32_t tets);
 
-/* Puts a column of the part back. What it writes is in no other part. */
-void tetlodi_page_part_scatter_column(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
-                                      uint32_t column);
-
-/* Puts all of the part back. */
+/* Puts the part back. What it writes is in no other part. */
 void tetlodi_page_part_scatter(const struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares);
 
 /* Frees all but the part's log, whose vertices are numbered as outside from now on. */

@@ -102,6 +102,19 @@ static int encode_page(void *opaque, uint32_t number)
     return job->status == TETLOD_OK;
 }
 
+/* The codes of vertices that have split or are new. */
+static void put_codes(const struct tetlodi_page_part *part, struct tetlodi_column *to, uint32_t column)
+{
+    const size_t n = to->components, size = n * sizeof *to->codes;
+    const int64_t *codes = part->columns[column].codes;
+    for (uint32_t v = part->listed_count; v < part->replay.vertices; v++) {
+        const uint32_t parent = part->replay.parents[v];
+        memcpy(to->codes + n * page_part_outside(part, v), codes + n * v, size);
+        if (parent < part->listed_count)
+            memcpy(to->codes + n * page_part_outside(part, parent), codes + n * parent, size);
+    }
+}
+
 /* Puts a page that is encoded behind those before it. */
 static enum tetlod_status put_back(const struct level *level, struct job *job)
 {
@@ -116,7 +129,7 @@ static enum tetlod_status put_back(const struct level *level, struct job *job)
         tetlodi_page_part_scatter(part, &in->pages->shares);
     for (uint32_t c = 1; c < part->replay.column_count && in->ends; c++)
         if (whole->in->fields[c - 1].exact)
-            tetlodi_page_part_scatter_column(part, &in->pages->shares, c);
+            put_codes(part, &whole->replay->columns[c], c);
     for (uint32_t v = 0; v < part->replay.vertices; v++)
         if (v >= part->listed_count || !part->seams[v])
             whole->node_at[page_part_outside(part, v)] = job->records.node_at[v];
