@@ -439,8 +439,7 @@ static enum tetlod_status measure_alone(struct build *build, struct measured *me
     for (uint32_t mark = 0; mark < marks; mark++) {
         if (build->asked[mark])
             TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured));
-        if (!measure_progress(build, (mark + 1.0) / marks))
-            TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
+        TETLOD_TRY_DONE(build_say_done(build->options, BUILD_MEASURE, (mark + 1.0) / marks, build->error));
     }
 done:
     measure_levels_free(measure);
@@ -787,15 +786,6 @@ static uint64_t count_loose(const struct tetmesh *mesh)
     return mesh->tet_count >= FEW && mesh->vertex_count >= 2 * (uint64_t)mesh->tet_count ? mesh->tet_count : 0;
 }
 
-/* Says so while no other thread is at work. */
-static enum tetlod_status begin_phase(const struct build *build, enum build_phase phase)
-{
-    const struct build_options *options = build->options;
-    return !options->progress || options->progress(options->progress_opaque, phase, 0)
-               ? TETLOD_OK
-               : tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled");
-}
-
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report,
                                 struct tetlod_error *error)
@@ -828,9 +818,9 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     if (options->local_bound)
         TETLOD_TRY_DONE(add_local_bounds(&build));
     TETLOD_TRY_DONE(find_ranges(&build));
-    TETLOD_TRY_DONE(begin_phase(&build, BUILD_MEASURE));
+    TETLOD_TRY_DONE(build_say_done(options, BUILD_MEASURE, 0, error));
     TETLOD_TRY_DONE(measure_marks(&build));
-    TETLOD_TRY_DONE(begin_phase(&build, BUILD_ENCODE));
+    TETLOD_TRY_DONE(build_say_done(options, BUILD_ENCODE, 0, error));
     if (build_writes(options) || build.groups.count)
         TETLOD_TRY_DONE(encode(&build, build_writes(options) ? sink : NULL));
     *report = (struct build_report){.contractions = build.log.count,

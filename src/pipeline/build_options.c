@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/pipeline/build_options.h"
 
+#include "format/fail.h"
 #include "src/cells/cell_phases.h"
 #include "src/util/parallel.h"
 
@@ -37,6 +38,14 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
             return true;
         }
     return false;
+}
+
+enum tetlod_status build_say_done(const struct build_options *options, enum build_phase phase, double done,
+                                  struct tetlod_error *error)
+{
+    return !options->progress || options->progress(options->progress_opaque, phase, done)
+               ? TETLOD_OK
+               : tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
 }
 
 bool build_asks_overlay(const struct build_options *options)

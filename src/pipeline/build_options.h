@@ -109,6 +109,10 @@ static inline bool build_writes(const struct build_options *options)
     return !options->share || options->share->writes;
 }
 
+/* Says how much of a phase is done: at its beginning, while no other thread is at work, 0. ERR_CANCELLED. */
+TETLOD_CHECKED enum tetlod_status build_say_done(const struct build_options *options, enum build_phase phase,
+                                                 double done, struct tetlod_error *error);
+
 /* Is the exact maximum of every level taken, over the overlay? */
 bool build_asks_overlay(const struct build_options *options);
 
