@@ -512,12 +512,12 @@ static bool to_file(struct region *region)
         at += written > 0 ? (size_t)written : 0;
         done = written > 0 || errno == EINTR;
     }
-    done = done && mmap(region->at, region->size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_FIXED, file, 0) == region->at;
-    if (done)
+    const int flags = MAP_SHARED | MAP_FIXED;
+    if (done && mmap(region->at, region->size, PROT_READ | PROT_WRITE, flags, file, 0) == region->at)
         region->file = file;
     else if (file >= 0)
         close(file);
-    return done;
+    return region->file >= 0;
 }
 
 /* Takes a region of memory out of the table. False: there is none. */
