@@ -24,8 +24,8 @@ struct vtkhdf {
     struct tetlod_error *error;
     bool has_steps;
     uint64_t step;
-    uint64_t part; /* the one to be read, from 1; 0: all */
-    bool counts;   /* none: they are counted */
+    uint32_t part, ranges; /* the one to be read, from 1; 0: all. ranges > 1: which one of the only part's ranges */
+    bool counts;           /* none: they, or the ranges, are counted */
 };
 
 /* Where a part begins in the data sets. */
@@ -108,6 +108,21 @@ static enum tetlod_status read_offsets(struct vtkhdf *v, const struct part *part
     return status;
 }
 
+/* The corners of a range are those between its first offset and its last; its offsets count from there. */
+static enum tetlod_status narrow_corners(struct vtkhdf *v, struct part *io_part, uint64_t *offsets)
+{
+    const uint64_t first = offsets[0], end = offsets[io_part->cells];
+    if (first > end || end > io_part->connectivity)
+        return tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set Offsets: %llu..%llu do not fit the %llu corners",
+                            (unsigned long long)first, (unsigned long long)end,
+                            (unsigned long long)io_part->connectivity);
+    io_part->first_connectivity += first;
+    io_part->connectivity = end - first;
+    for (uint64_t c = 0; c <= io_part->cells; c++)
+        offsets[c] -= first; // what falls becomes more than there is, which blocks_merge.c refuses
+    return TETLOD_OK;
+}
+
 static enum tetlod_status read_connectivity(struct vtkhdf *v, const struct part *part, struct cells *cells)
 {
     struct h5_set set;
@@ -123,11 +138,14 @@ static enum tetlod_status read_connectivity(struct vtkhdf *v, const struct part 
 
 static enum tetlod_status read_cells(struct vtkhdf *v, const struct part *part, struct cells *cells)
 {
+    struct part own = *part;
     TETLOD_TRY(read_types(v, part, cells));
     TETLOD_TRY(read_offsets(v, part, cells));
-    TETLOD_TRY(read_connectivity(v, part, cells));
+    if (v->ranges > 1)
+        TETLOD_TRY(narrow_corners(v, &own, cells->offsets));
+    TETLOD_TRY(read_connectivity(v, &own, cells));
     cells->count = part->cells;
-    cells->connectivity_count = part->connectivity;
+    cells->connectivity_count = own.connectivity;
     cells_drop_types(cells);
     return TETLOD_OK;
 }
@@ -229,10 +247,27 @@ static enum tetlod_status read_fields(struct vtkhdf *v, struct block *block, boo
 
 /* ---- unstructured grids */
 
+/* The range of the only part that is asked for. */
+static struct part range_of(const struct vtkhdf *v, const struct part *whole)
+{
+    struct part part = *whole;
+    uint64_t point = range_begin(whole->points, v->part - 1, v->ranges),
+             cell = range_begin(whole->cells, v->part - 1, v->ranges);
+    part.points = range_begin(whole->points, v->part, v->ranges) - point;
+    part.cells = range_begin(whole->cells, v->part, v->ranges) - cell;
+    part.first_point += point;
+    part.points_before += point;
+    part.first_cell += cell;
+    part.cells_before += cell;
+    part.first_offset += cell;
+    return part;
+}
+
 static enum tetlod_status read_part(struct vtkhdf *v, const struct part *part)
 {
     struct block *block;
     TETLOD_TRY(blocks_add(v->out, &block, v->error));
+    block->goes_on = v->ranges > 1 && v->part > 1;
     TETLOD_TRY(read_points(v, part, &block->mesh));
     if (part->cells)
         TETLOD_TRY(read_cells(v, part, &block->cells));
@@ -273,13 +308,15 @@ static enum tetlod_status read_parts(struct vtkhdf *v, const struct counts *c)
     if (first > c->parts || count > c->parts - first)
         return tetlodi_fail(v->error, TETLOD_ERR_MESH, "the step has parts that are not there");
     if (v->counts)
-        v->report->blocks = count;
+        v->report->blocks = count == 1 ? pieces_ranges(v->options, (uint64_t)c->cells[first]) : count;
+    v->ranges = count == 1 ? v->ranges : 0;
     for (uint64_t p = first; p < first + count && !v->counts; p++) {
         part.points = (uint64_t)c->points[p];
         part.cells = (uint64_t)c->cells[p];
         part.connectivity = (uint64_t)c->connectivity[p];
-        if (!v->part || v->part == p - first + 1)
-            TETLOD_TRY(read_part(v, &part));
+        const struct part range = v->ranges > 1 ? range_of(v, &part) : part;
+        if (!v->part || v->ranges > 1 || v->part == p - first + 1)
+            TETLOD_TRY(read_part(v, &range));
         part.first_point += part.points;
         part.points_before += part.points;
         part.first_cell += part.cells;
@@ -428,7 +465,7 @@ static enum tetlod_status read_some(struct blocks *out, const struct io_input *i
     char type[64];
     TETLOD_TRY(h5_open_file(input->path, &file, error));
     struct vtkhdf v = {.size = input->size, .out = out, .options = input->options, .report = report, .error = error,
-                       .part = input->part, .counts = counts};
+                       .part = input->part, .ranges = input->ranges, .counts = counts};
     v.root = h5_has(file, "VTKHDF") ? H5Gopen2(file, "VTKHDF", H5P_DEFAULT) : -1;
     if (v.root < 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
@@ -466,8 +503,8 @@ static enum tetlod_status read_numbered(void *opaque, uint32_t number, struct bl
                                         struct tetlod_error *error)
 {
     struct io_input part = *input;
-    (void)opaque;
     part.part = number + 1;
+    part.ranges = *(const uint32_t *)opaque;
     return contain_read(read_file, out, &part, report, error);
 }
 
@@ -492,7 +529,8 @@ enum tetlod_status vtkhdf_read(struct blocks *out, const struct io_input *input,
     struct blocks none = {0};
     if (input->options && input->options->sharing)
         TETLOD_TRY(contain_read(count_parts, &none, input, &counted, error));
-    const struct piece_list list = {(uint32_t)counted.blocks, read_numbered, NULL};
+    uint32_t ranges = (uint32_t)counted.blocks; // where there is one part
+    const struct piece_list list = {ranges, read_numbered, &ranges};
     return counted.blocks > 1 && counted.blocks < UINT32_MAX ? pieces_read(&list, out, input, report, error)
                                                               : contain_read(read_file, out, input, report, error);
 }

@@ -38,7 +38,7 @@ static enum tetlod_status read_piece(const struct vtkxml_document *document, con
     if (piece->source)
         return io_read_named(out, input, piece->source, report, error);
     TETLOD_TRY(blocks_add(out, &block, error));
-    return vtkxml_read_piece(document, piece, block, report, error);
+    return vtkxml_read_piece(document, piece, 0, 1, block, report, error);
 }
 
 /* A structured piece that a parallel form names is one block, whatever the file is made of. */
@@ -76,6 +76,22 @@ static enum tetlod_status read_numbered(void *opaque, uint32_t piece, struct blo
     return read_piece(document, &document->pieces[piece], out, input, report, error);
 }
 
+/* The only piece of a file, of which several programs read some. */
+struct ranges {
+    const struct vtkxml_document *document;
+    uint32_t count;
+};
+
+static enum tetlod_status read_range(void *opaque, uint32_t range, struct blocks *out, const struct io_input *input,
+                                     struct io_report *report, struct tetlod_error *error)
+{
+    const struct ranges *ranges = opaque;
+    struct block *block;
+    (void)input;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    return vtkxml_read_piece(ranges->document, ranges->document->pieces, range, ranges->count, block, report, error);
+}
+
 static enum tetlod_status read_pieces(const struct vtkxml_document *document, struct blocks *out,
                                       const struct io_input *input, struct io_report *report,
                                       struct tetlod_error *error)
@@ -84,7 +100,12 @@ static enum tetlod_status read_pieces(const struct vtkxml_document *document, st
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no Piece in it");
     if (is_structured(document))
         return read_grid(document, out, input, report, error);
-    const struct piece_list list = {(uint32_t)document->piece_count, read_numbered, (void *)(uintptr_t)document};
+    struct ranges ranges = {document, 1};
+    struct piece_list list = {(uint32_t)document->piece_count, read_numbered, (void *)(uintptr_t)document};
+    if (document->piece_count == 1 && vtkxml_has_ranges(document, document->pieces))
+        ranges.count = pieces_ranges(input->options, document->pieces->cells);
+    if (ranges.count > 1)
+        list = (struct piece_list){ranges.count, read_range, &ranges};
     return pieces_read(&list, out, input, report, error);
 }
 

@@ -212,6 +212,7 @@ struct target {
     bool *differs;
     enum value_type type;
     bool big_endian;
+    struct vtkxml_slice slice;
 };
 
 static void convert(const struct target *target, const unsigned char *bytes, size_t first, size_t count)
@@ -343,6 +344,14 @@ struct block_job {
     atomic_int problem;
 };
 
+/* Is anything of the block wanted? */
+static bool has_wanted(const struct block_job *job, size_t b)
+{
+    const struct vtkxml_slice *slice = &job->target->slice;
+    uint64_t each = job->blocks->size / value_size(job->target->type), first = b * each;
+    return job->blocks->count == 1 || (first < slice->first + slice->count && slice->first < first + each);
+}
+
 static int convert_block(struct block_job *job, unsigned worker, size_t b)
 {
     const struct vtkxml_document *document = job->document;
@@ -358,10 +367,14 @@ static int convert_block(struct block_job *job, unsigned worker, size_t b)
             return problem;
         bytes = job->plain[worker];
     }
-    size_t first = b * (size_t)(job->blocks->size / width);
+    const struct vtkxml_slice *slice = &job->target->slice;
+    uint64_t first = b * (job->blocks->size / width), end = first + size / width;
+    uint64_t slice_end = slice->first + slice->count;
+    uint64_t from = first > slice->first ? first : slice->first, to = end < slice_end ? end : slice_end;
+    bytes += (size_t)(from - first) * width;
     if (!job->target->out)
-        return compare(job->target, bytes, first, size / width) ? 0 : BLOCK_DIFFERS;
-    convert(job->target, bytes, first, size / width);
+        return compare(job->target, bytes, (size_t)(from - slice->first), (size_t)(to - from)) ? 0 : BLOCK_DIFFERS;
+    convert(job->target, bytes, (size_t)(from - slice->first), (size_t)(to - from));
     return 0;
 }
 
@@ -369,7 +382,7 @@ static void convert_range(void *context, unsigned worker, size_t begin, size_t e
 {
     struct block_job *job = context;
     for (size_t b = begin; b < end && !atomic_load(&job->problem); b++) {
-        int problem = convert_block(job, worker, b);
+        int problem = has_wanted(job, b) ? convert_block(job, worker, b) : 0;
         if (problem)
             atomic_store(&job->problem, problem);
     }
@@ -421,7 +434,7 @@ static enum tetlod_status convert_base64(struct source *s, const struct vtkxml_a
     for (size_t b = 0; b < blocks->count && status == TETLOD_OK && !(target->differs && *target->differs); b++) {
         if (!take(s, part, (size_t)blocks->stored[b]))
             status = fail_short(error, array, blocks->total / value_size(array->type));
-        else if (convert_block(&job, 0, b) == BLOCK_DIFFERS)
+        else if (has_wanted(&job, b) && convert_block(&job, 0, b) == BLOCK_DIFFERS)
             *target->differs = true;
     }
     free(begins);
@@ -456,11 +469,11 @@ static enum tetlod_status convert_blocks(struct source *s, const struct vtkxml_a
 }
 
 static enum tetlod_status read_binary(const struct vtkxml_document *document, const struct vtkxml_array *array,
-                                      const struct target *target, size_t count, struct tetlod_error *error)
+                                      const struct target *target, struct tetlod_error *error)
 {
     struct source s = source_of(document, array);
     struct data_blocks blocks = {0};
-    uint64_t needed = (uint64_t)count * value_size(array->type);
+    uint64_t needed = target->slice.all * value_size(array->type);
     enum tetlod_status status = document->compressor == VTKXML_UNCOMPRESSED
                                     ? read_plain_header(&s, array, needed, &blocks, error)
                                     : read_block_header(&s, array, needed, &blocks, error);
@@ -519,27 +532,29 @@ static enum tetlod_status read_text(const struct vtkxml_document *document, cons
                                : fail_array(error, array, "it holds more values than the counts of its piece say");
 }
 
-enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const struct vtkxml_array *array, size_t count,
-                                 enum vtkxml_result result, void *out, struct tetlod_error *error)
+enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const struct vtkxml_array *array,
+                                 struct vtkxml_slice slice, enum vtkxml_result result, void *out,
+                                 struct tetlod_error *error)
 {
-    struct target target = {.result = result, .out = out, .type = array->type, .big_endian = document->big_endian};
-    if (count == 0)
+    struct target target = {.result = result, .out = out, .type = array->type, .big_endian = document->big_endian,
+                            .slice = slice};
+    if (slice.count == 0)
         return TETLOD_OK; // pieces without points may leave out even the header
     if (result != VTKXML_DOUBLES && value_is_float(array->type))
         return fail_array(error, array, "it should hold integers");
     if (array->format == VTKXML_ASCII)
-        return read_text(document, array, count, &target, error);
-    return read_binary(document, array, &target, count, error);
+        return read_text(document, array, (size_t)slice.all, &target, error);
+    return read_binary(document, array, &target, error);
 }
 
 enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array,
-                                      size_t count,
-                                      int64_t first, int64_t step, bool *out, struct tetlod_error *error)
+                                      struct vtkxml_slice slice, int64_t first, int64_t step, bool *out,
+                                      struct tetlod_error *error)
 {
     bool differs = value_is_float(array->type) || array->format == VTKXML_ASCII;
     struct target target = {.first = first, .step = step, .differs = &differs, .type = array->type,
-                            .big_endian = document->big_endian};
-    enum tetlod_status status = differs ? TETLOD_OK : read_binary(document, array, &target, count, error);
+                            .big_endian = document->big_endian, .slice = slice};
+    enum tetlod_status status = differs ? TETLOD_OK : read_binary(document, array, &target, error);
     *out = !differs;
     return status;
 }

@@ -94,22 +94,36 @@ TETLOD_CHECKED enum tetlod_status vtkxml_check_count(const struct vtkxml_documen
 /* What values become: double, int64_t, uint32_t and uint8_t by values_to_points and values_to_bytes. */
 enum vtkxml_result { VTKXML_DOUBLES, VTKXML_INTS, VTKXML_NUMBERS, VTKXML_BYTES };
 
-/* Exactly `count` values, decompressed and converted on all threads. */
+/* Of an array of exactly `all` values those that are wanted: `count` from `first` on. */
+struct vtkxml_slice {
+    uint64_t all, first, count;
+};
+
+static inline struct vtkxml_slice vtkxml_whole(uint64_t count)
+{
+    return (struct vtkxml_slice){count, 0, count};
+}
+
+/* Values of a slice, decompressed and converted on all threads. Of text there is only the whole. */
 TETLOD_CHECKED enum tetlod_status vtkxml_values(const struct vtkxml_document *document,
                                                 const struct vtkxml_array *array,
-                                                size_t count, enum vtkxml_result result, void *out,
+                                                struct vtkxml_slice slice, enum vtkxml_result result, void *out,
                                                 struct tetlod_error *error);
 
-/* Whether `count` integers are first, first + step, ...: no room for them is needed. Of text it says no. */
+/* Whether the integers of a slice are first, first + step, ...: no room for them is needed. Of text it says no. */
 TETLOD_CHECKED enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document,
                                                      const struct vtkxml_array *array,
-                                                     size_t count, int64_t first, int64_t step, bool *out,
+                                                     struct vtkxml_slice slice, int64_t first, int64_t step, bool *out,
                                                      struct tetlod_error *error);
 
-/* One block of the points, cells and values of a piece. */
+/* Can ranges of the piece be read each by itself? */
+bool vtkxml_has_ranges(const struct vtkxml_document *document, const struct vtkxml_piece *piece);
+
+/* One block of the points, cells and values of a piece, or of one of `ranges` ranges of each of these. */
 TETLOD_CHECKED enum tetlod_status vtkxml_read_piece(const struct vtkxml_document *document,
-                                                    const struct vtkxml_piece *piece, struct block *block,
-                                                    struct io_report *report, struct tetlod_error *error);
+                                                    const struct vtkxml_piece *piece, uint32_t range, uint32_t ranges,
+                                                    struct block *block, struct io_report *report,
+                                                    struct tetlod_error *error);
 
 /* Makes one structured block of those from `first` on, which lie in the whole extent as `extents` (six numbers each)
  * says. */

@@ -47,6 +47,8 @@ struct block {
     unsigned char *hidden; /* owned, by cell: not 0 for ghosts and blanked cells, which are left out; NULL: none */
     /* Owned, of a piece: the numbers of its points and of its cells in the whole mesh (numbered.c); NULL: unknown */
     uint64_t *point_numbers, *cell_numbers;
+    /* A range of the points and of the cells of the block before, whose cells count points from the first range's */
+    bool goes_on;
 };
 
 struct blocks {
@@ -140,6 +142,10 @@ void block_note_others(struct block *first, struct block *block, bool cell, stru
 TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out,
                                                struct io_report *report,
                                                struct tetlod_error *error);
+
+/* Makes one block of each that comes in ranges. ERR_NOMEM, ERR_MESH. */
+TETLOD_CHECKED enum tetlod_status blocks_join_ranges(struct blocks *blocks, struct io_report *report,
+                                                     struct tetlod_error *error);
 
 /* Makes one of points that are no further apart than the tolerance and have the same values in all fields. Of pieces
  * origins[point] tells them apart (weld_pieces.h); NULL: it is one. */

@@ -16,7 +16,7 @@ struct field_head {
 struct block_head {
     uint64_t cell_count, connectivity_count;
     uint32_t vertex_count, field_count, cell_field_count, dims[3];
-    uint8_t position_type, has_types, has_connectivity, has_point_numbers, has_cell_numbers, has_hidden;
+    uint8_t position_type, has_types, has_connectivity, has_point_numbers, has_cell_numbers, has_hidden, goes_on;
 };
 
 static bool carry_bytes(struct block_carrier *carrier, void *bytes, size_t size)
@@ -108,7 +108,7 @@ static struct block_head head_of(const struct block *block)
     struct block_head head = {cells->count, cells->connectivity_count, mesh->vertex_count, mesh->field_count,
                               mesh->cell_field_count, {0}, (uint8_t)mesh->position_type, cells->types != NULL,
                               cells->connectivity != NULL, block->point_numbers != NULL, block->cell_numbers != NULL,
-                              block->hidden != NULL};
+                              block->hidden != NULL, block->goes_on};
     memcpy(head.dims, block->dims, sizeof head.dims);
     return head;
 }
@@ -119,6 +119,7 @@ static bool begin_block(struct block *block, const struct block_head *head)
     memcpy(block->dims, head->dims, sizeof block->dims);
     block->mesh.vertex_count = head->vertex_count;
     block->mesh.position_type = head->position_type == TETLOD_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    block->goes_on = head->goes_on;
     block->cells.count = head->cell_count;
     block->cells.connectivity_count = head->connectivity_count;
     return head->cell_count <= UINT64_MAX / 16 &&
@@ -133,7 +134,7 @@ bool block_carry(struct block_carrier *carrier, struct block *block)
     if (!carry_bytes(carrier, &head, sizeof head) || (carrier->takes && !begin_block(block, &head)))
         return false;
     const uint64_t rows = block_cell_count(block);
-    return CARRY(carrier, block->mesh.positions, 3 * (size_t)head.vertex_count, 3) &&
+    return (!head.vertex_count || CARRY(carrier, block->mesh.positions, 3 * (size_t)head.vertex_count, 3)) &&
            carry_fields(carrier, &block->mesh, &head, rows) && carry_cells(carrier, &block->cells, &head) &&
            (!head.has_point_numbers || CARRY(carrier, block->point_numbers, head.vertex_count, 1)) &&
            (!head.has_cell_numbers || CARRY(carrier, block->cell_numbers, rows, 1)) &&

@@ -179,7 +179,8 @@ static void shift_cell(unsigned char type, uint32_t *corners, uint64_t count, ui
     }
 }
 
-static void copy_cells(const struct block *block, struct cells *out, uint32_t first_point)
+/* Copies the cells of a block; `shifts`: their points are counted from its own first. */
+static void copy_cells(const struct block *block, struct cells *out, bool shifts, uint32_t first_point)
 {
     const struct cells *cells = &block->cells;
     uint64_t count = block_cell_count(block), at = out->connectivity_count, size = connectivity_of(block);
@@ -193,11 +194,11 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
         put_hexahedra(block->dims, first_point, out->connectivity + at);
     else if (size) {
         memcpy(out->connectivity + at, cells->connectivity, (size_t)size * sizeof *cells->connectivity);
-        for (uint64_t c = out->count; c < out->count + count && out->types; c++)
+        for (uint64_t c = out->count; c < out->count + count && out->types && shifts; c++)
             shift_cell(out->types[c], out->connectivity + out->offsets[c], out->offsets[c + 1] - out->offsets[c],
                        first_point,
                        block->mesh.vertex_count);
-        if (!out->types)
+        if (!out->types && shifts)
             shift_cell(VTK_TYPE_TET, out->connectivity + at, size, first_point, block->mesh.vertex_count);
     }
     out->count += count;
@@ -227,7 +228,8 @@ static enum tetlod_status check_offsets(const struct block *block, struct tetlod
                                                     : TETLOD_OK;
 }
 
-static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, struct tetlod_error *error)
+static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, bool shifts,
+                                      struct tetlod_error *error)
 {
     uint64_t count = 0, connectivity = 0, done = 0;
     uint32_t first_point = 0;
@@ -249,7 +251,7 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
     for (size_t b = 0; b < blocks->count; b++) {
         struct block *block = &blocks->at[b];
         uint64_t here = block_cell_count(block);
-        copy_cells(block, cells, first_point);
+        copy_cells(block, cells, shifts, first_point);
         if (block->hidden && here)
             memcpy(out->hidden + done, block->hidden, (size_t)here);
         done += here;
@@ -259,14 +261,35 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
     return TETLOD_OK;
 }
 
-static enum tetlod_status merge_all(struct blocks *blocks, struct block *out, struct io_report *report,
+static enum tetlod_status merge_all(struct blocks *blocks, struct block *out, bool shifts, struct io_report *report,
                                     struct tetlod_error *error)
 {
     TETLOD_TRY(merge_points(blocks, out, error));
-    TETLOD_TRY(merge_cells(blocks, out, error));
+    TETLOD_TRY(merge_cells(blocks, out, shifts, error));
     TETLOD_TRY(merge_fields(blocks, out, false, report, error));
-    TETLOD_TRY(merge_fields(blocks, out, true, report, error));
-    blocks_fini(blocks);
+    return merge_fields(blocks, out, true, report, error);
+}
+
+enum tetlod_status blocks_join_ranges(struct blocks *blocks, struct io_report *report, struct tetlod_error *error)
+{
+    size_t kept = 0;
+    for (size_t b = 0, end; b < blocks->count; b = end) {
+        struct block whole = {0};
+        for (end = b + 1; end < blocks->count && blocks->at[end].goes_on;)
+            end++;
+        if (end > b + 1) {
+            enum tetlod_status status = merge_all(&(struct blocks){blocks->at + b, end - b, 0}, &whole, false, report,
+                                                  error);
+            for (size_t i = b; i < end; i++)
+                block_fini(&blocks->at[i]);
+            blocks->at[b] = whole;
+            TETLOD_TRY(status);
+        }
+        whole = blocks->at[b];
+        blocks->at[b] = (struct block){0};
+        blocks->at[kept++] = whole;
+    }
+    blocks->count = kept;
     return TETLOD_OK;
 }
 
@@ -301,7 +324,9 @@ enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block
     if (status == TETLOD_OK && points)
         status = blocks_numbers(blocks, true, &cells, error);
     if (status == TETLOD_OK)
-        status = merge_all(blocks, out, report, error);
+        status = merge_all(blocks, out, true, report, error);
+    if (status == TETLOD_OK)
+        blocks_fini(blocks);
     if (status == TETLOD_OK && points)
         status = block_join_numbered(out, points, cells, &joined, report, error);
     free(points);

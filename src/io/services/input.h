@@ -26,6 +26,7 @@ struct io_input {
     const char *path; /* of the file, for formats that name further files; NULL: there are none */
     const struct io_read_options *options; /* NULL: the defaults */
     uint32_t part; /* which one, from 1, of the pieces that a file holds, each of an OpenFOAM case; 0: all, or one */
+    uint32_t ranges; /* > 1: the part is one of so many ranges of the only piece */
     unsigned depth; /* how many files have named one another on the way to this one */
     io_reader *read_any; /* of a file of any format that this one names; io_read sets it */
 };

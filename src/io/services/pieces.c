@@ -12,6 +12,9 @@
 #include "src/util/channel.h"
 #include "src/util/packed_words.h"
 
+/* Cells that a program reads at a time, at least. */
+enum { MIN_RANGE_CELLS = 1 << 15 };
+
 /* ---- a piece as bytes */
 
 static bool put_numbers(void *opaque, void *numbers, size_t count, unsigned width, unsigned lag)
@@ -42,14 +45,16 @@ static enum tetlod_status unpack(const unsigned char *bytes, size_t size, struct
     struct block_carrier carrier = {get_numbers, &source, true, false};
     struct io_report own;
     struct block *block;
-    size_t count = 0;
+    size_t count = 0, first = out->count;
     bool good = words_get(&source, &own, sizeof own, 1, 1) && words_get(&source, &count, sizeof count, 1, 1);
-    if (good)
-        io_report_add(report, &own);
     for (size_t b = 0; b < count && good; b++) {
         TETLOD_TRY(blocks_add(out, &block, error));
         good = block_carry(&carrier, block);
     }
+    if (good && count && out->at[first].goes_on)
+        report->hidden_cells += own.hidden_cells; // of arrays the first range has told
+    else if (good)
+        io_report_add(report, &own);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_NOMEM, "a piece that another program has read does not "
                                                                     "arrive: out of memory");
 }
@@ -98,7 +103,7 @@ static enum tetlod_status get_pieces(const struct reading_pieces *r, struct bloc
             status = unpack(bytes, size, out, report, r->error);
         free(bytes);
     }
-    return status;
+    return status == TETLOD_OK ? blocks_join_ranges(out, report, r->error) : status;
 }
 
 static enum tetlod_status call_helpers(const struct io_sharing *sharing, const struct io_read_options *options,
@@ -128,6 +133,18 @@ static enum tetlod_status share_pieces(struct reading_pieces *r, struct blocks *
         status = leads ? get_pieces(r, out, report) : TETLOD_MORE;
     r->share->end(r->share->opaque);
     return status;
+}
+
+uint32_t pieces_ranges(const struct io_read_options *options, uint64_t cells)
+{
+    const struct io_sharing *sharing = options ? options->sharing : NULL;
+    uint64_t most = sharing ? 2 * (uint64_t)sharing->share->members : 1, worth = cells / MIN_RANGE_CELLS;
+    return (uint32_t)(worth < 2 ? 1 : worth < most ? worth : most);
+}
+
+uint64_t range_begin(uint64_t count, uint32_t range, uint32_t ranges)
+{
+    return count / ranges * range + count % ranges * range / ranges;
 }
 
 enum tetlod_status pieces_read(const struct piece_list *list, struct blocks *out, const struct io_input *input,
