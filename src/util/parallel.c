@@ -19,6 +19,11 @@ static const double MAX_SPIN = 400e-6, MIN_SPIN = 10e-6;
  * their caller does nearly all of it, the others sleep. */
 static const double SPIN_SHARE = 0.25;
 
+/* Where others take the processor away from one thread, all wait for it, and one alone may be faster. So what threads
+ * gain is counted, up to MAX_GAINED seconds; once they have lost MAX_LOST in all, the caller works alone for ALONE times
+ * that, and then they are tried again. Jobs of which the caller does more than LONG are no rounds: a wait is little. */
+static const double MAX_GAINED = 5e-3, MAX_LOST = 1e-3, ALONE = 20, LONG = 20e-3;
+
 /* What a thread has worked and what it has looked, in seconds. */
 struct account {
     double worked, looked;
@@ -37,10 +42,12 @@ struct pool {
     pthread_cond_t called, finished;
     atomic_uint numbered; /* threads that have their number */
     atomic_uint call;     /* counts the jobs */
-    atomic_uint working;  /* threads that have not finished the job */
+    atomic_bool open;     /* a thread may begin with the job */
+    atomic_uint working;  /* threads that may have begun with it: nobody waits for one that comes late */
     double spin; /* of the one that calls */
     struct account account;
-    bool dismissed;
+    double gained, alone; /* seconds that the threads have, and for which the caller works alone */
+    atomic_bool dismissed;
     struct job job;
     atomic_size_t next;
 };
@@ -52,15 +59,17 @@ unsigned parallel_cores(void)
     return cores < 1 ? 1 : cores < PARALLEL_MAX_THREADS ? (unsigned)cores : PARALLEL_MAX_THREADS;
 }
 
-static void work(struct pool *pool, unsigned worker)
+/* Returns how much of the job it did. */
+static size_t work(struct pool *pool, unsigned worker)
 {
     const struct job *job = &pool->job;
-    for (;;) {
+    for (size_t done = 0;;) {
         size_t begin = atomic_fetch_add_explicit(&pool->next, job->chunk, memory_order_relaxed);
         if (begin >= job->count)
-            return;
-        size_t left = job->count - begin;
-        job->body(job->context, worker, begin, begin + (left < job->chunk ? left : job->chunk));
+            return done;
+        size_t left = job->count - begin, count = left < job->chunk ? left : job->chunk;
+        job->body(job->context, worker, begin, begin + count);
+        done += count;
     }
 }
 
@@ -88,13 +97,26 @@ static double spin_after(double spin, double waited)
     return spin / 2 > MIN_SPIN ? spin / 2 : MIN_SPIN;
 }
 
+/* Works on what is open, if anything is: then the caller waits. */
+static void help(struct pool *pool, unsigned worker)
+{
+    atomic_fetch_add(&pool->working, 1);
+    if (atomic_load(&pool->open))
+        work(pool, worker);
+    if (atomic_fetch_sub(&pool->working, 1) == 1 && !atomic_load(&pool->open)) {
+        pthread_mutex_lock(&pool->mutex);
+        pthread_cond_signal(&pool->finished);
+        pthread_mutex_unlock(&pool->mutex);
+    }
+}
+
 static void *serve(void *argument)
 {
     struct pool *pool = argument;
     const unsigned worker = 1 + atomic_fetch_add(&pool->numbered, 1);
     struct account account = {0};
     double spin = MAX_SPIN;
-    for (unsigned seen = 0;; seen++) {
+    for (unsigned seen = 0;;) {
         double begun = monotonic_seconds();
         bool came = comes_to(&pool->call, seen, true, begun + spin_within(&account, spin));
         account.looked += monotonic_seconds() - begun;
@@ -104,17 +126,13 @@ static void *serve(void *argument)
                 pthread_cond_wait(&pool->called, &pool->mutex);
             pthread_mutex_unlock(&pool->mutex);
         }
-        if (pool->dismissed)
+        seen = atomic_load(&pool->call);
+        if (atomic_load(&pool->dismissed))
             return NULL;
         double called = monotonic_seconds();
         spin = spin_after(spin, called - begun);
-        work(pool, worker);
+        help(pool, worker);
         account.worked += monotonic_seconds() - called;
-        if (atomic_fetch_sub(&pool->working, 1) == 1) {
-            pthread_mutex_lock(&pool->mutex);
-            pthread_cond_signal(&pool->finished);
-            pthread_mutex_unlock(&pool->mutex);
-        }
     }
 }
 
@@ -137,7 +155,6 @@ struct pool *pool_new(unsigned threads)
 static void call(struct pool *pool)
 {
     pthread_mutex_lock(&pool->mutex);
-    atomic_store(&pool->working, pool->size - 1);
     atomic_fetch_add(&pool->call, 1);
     pthread_cond_broadcast(&pool->called);
     pthread_mutex_unlock(&pool->mutex);
@@ -147,7 +164,7 @@ void pool_free(struct pool *pool)
 {
     if (!pool)
         return;
-    pool->dismissed = true;
+    atomic_store(&pool->dismissed, true);
     call(pool);
     for (unsigned i = 1; i < pool->size; i++)
         pthread_join(pool->threads[i], NULL);
@@ -162,10 +179,11 @@ unsigned pool_size(const struct pool *pool)
     return pool->size;
 }
 
-/* Until the others have finished, too. */
+/* Until those who have begun have finished, too. */
 static void await_others(struct pool *pool)
 {
     double begun = monotonic_seconds();
+    atomic_store(&pool->open, false);
     bool came = comes_to(&pool->working, 0, false, begun + spin_within(&pool->account, pool->spin));
     pool->account.looked += monotonic_seconds() - begun;
     if (!came) {
@@ -177,17 +195,43 @@ static void await_others(struct pool *pool)
     pool->spin = spin_after(pool->spin, monotonic_seconds() - begun);
 }
 
+/* The caller alone would have taken `alone` seconds for a job, and took `taken`. */
+static void count_gain(struct pool *pool, double alone, double taken)
+{
+    double gained = pool->gained + alone - taken;
+    bool lost = gained < -MAX_LOST;
+    pool->alone = lost ? -ALONE * gained : 0;
+    pool->gained = lost ? 0 : gained < MAX_GAINED ? gained : MAX_GAINED;
+}
+
+static void run_together(struct pool *pool)
+{
+    double begun = monotonic_seconds(), begun_own = thread_seconds();
+    atomic_store(&pool->open, true);
+    call(pool);
+    size_t done = work(pool, 0);
+    double worked = thread_seconds() - begun_own;
+    pool->account.worked += worked;
+    await_others(pool);
+    if (done && worked < LONG)
+        count_gain(pool, worked * ((double)pool->job.count / (double)done), monotonic_seconds() - begun);
+}
+
+static void run_alone(struct pool *pool)
+{
+    double begun = monotonic_seconds();
+    work(pool, 0);
+    pool->alone -= monotonic_seconds() - begun;
+}
+
 static void run_all(struct pool *pool, const struct job *job)
 {
     pool->job = *job;
     atomic_store(&pool->next, 0);
-    if (pool->size > 1)
-        call(pool);
-    double begun = monotonic_seconds();
-    work(pool, 0);
-    pool->account.worked += monotonic_seconds() - begun;
-    if (pool->size > 1)
-        await_others(pool);
+    if (pool->size > 1 && pool->alone <= 0)
+        run_together(pool);
+    else
+        run_alone(pool);
 }
 
 void pool_run(struct pool *pool, size_t count, size_t chunk,

@@ -85,9 +85,42 @@ static void test_idle(void)
         TEST_FAIL("the other thread took %.2f of the caller's time", others / own);
 }
 
+/* What the threads of a pool did. */
+struct turns {
+    double own; /* seconds that the caller works on its part */
+    atomic_int others;
+};
+
+static void take_turn(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct turns *turns = context;
+    double until = seconds_of(CLOCK_THREAD_CPUTIME_ID) + turns->own * (double)(end - begin);
+    while (!worker && seconds_of(CLOCK_THREAD_CPUTIME_ID) < until)
+        continue;
+    if (worker) {
+        atomic_fetch_add(&turns->others, 1);
+        nanosleep(&(struct timespec){.tv_nsec = 4000000}, NULL); // as if others had taken the processor away
+    }
+}
+
+/* A thread that is slower than the caller is not waited for at each job. */
+static void test_held_up(void)
+{
+    enum { JOBS = 400 };
+    struct turns turns = {.own = 1e-4};
+    struct pool *pool = pool_new(2);
+    REQUIRE(pool);
+    for (int job = 0; job < JOBS; job++)
+        pool_run(pool, 2, 1, take_turn, &turns);
+    pool_free(pool);
+    if (turns.others > JOBS / 10)
+        TEST_FAIL("it was waited for at %d of %d jobs", turns.others, JOBS);
+}
+
 int main(void)
 {
     RUN(test_in_order);
     RUN(test_idle);
+    RUN(test_held_up);
     return test_end();
 }
