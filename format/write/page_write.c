@@ -113,14 +113,19 @@ static int compare_pairs(const void *a, const void *b)
 /* Which pages of the group before have tetrahedra of each page. */
 static int find_needed(struct tetlodi_page_writer *pages, uint32_t tets)
 {
+    enum { SEEN = 1 << 10 }; // pairs that came before are mostly left out by a table of the last ones
     struct tetlodi_page_table *table = &pages->table;
+    uint64_t seen[SEEN];
     size_t count = 0;
     if (table->group_count == 1)
         return 1;
+    memset(seen, 0xff, sizeof seen); // no pair
     for (uint32_t t = 0; t < tets; t++) {
         uint64_t pair = (uint64_t)pages->shares.page_of[t] << 32 | pages->former[t];
-        if (count && pages->pairs[count - 1] == pair)
+        uint64_t *place = &seen[(pages->former[t] * 31 + pages->shares.page_of[t]) % SEEN];
+        if (*place == pair)
             continue;
+        *place = pair;
         if (!TETLODI_ROOM(pages->memory, pages->pairs, pages->pairs_capacity, count + 1))
             return 0;
         pages->pairs[count++] = pair;

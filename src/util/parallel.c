@@ -20,8 +20,9 @@ static const double MAX_SPIN = 400e-6, MIN_SPIN = 10e-6;
 static const double SPIN_SHARE = 0.25;
 
 /* Where others take the processor away from one thread, all wait for it, and one alone may be faster. So what threads
- * gain is counted, up to MAX_GAINED seconds; once they have lost MAX_LOST in all, the caller works alone for ALONE times
- * that, and then they are tried again. Jobs of which the caller does more than LONG are no rounds: a wait is little. */
+ * gain is counted, up to MAX_GAINED seconds; once they have lost MAX_LOST in all, the caller works alone for ALONE
+ * times that, and then they are tried again. Jobs of which the caller does more than LONG are no rounds: a wait is
+ * little. */
 static const double MAX_GAINED = 5e-3, MAX_LOST = 1e-3, ALONE = 20, LONG = 20e-3;
 
 /* What a thread has worked and what it has looked, in seconds. */
