@@ -6,8 +6,9 @@
 
 #include "src/util/array.h"
 
-/* Of a neighbour of a: it is in Lk(ab); its edge to b is on the boundary; its face with ab is. */
-enum { RING = 1, ALONG_B = 2, OPEN = 4 };
+/* Of a neighbour of a: it is in Lk(ab); its edge to b is on the boundary; its face with ab is; a vertex of b's star may
+ * be it, as all may that are no neighbours of a, whose mark stands behind those of the neighbours. */
+enum { RING = 1, ALONG_B = 2, OPEN = 4, MET = 8 };
 
 void links_fini(struct links *links)
 {
@@ -26,7 +27,7 @@ static inline uint64_t pair_key(uint32_t x, uint32_t y)
 
 static bool reserve(struct links *links, const struct star_data *data)
 {
-    return ARRAY_RESERVE(links->marks, links->mark_room, data->count) &&
+    return ARRAY_RESERVE(links->marks, links->mark_room, data->count + 1) &&
            ARRAY_RESERVE(links->beside, links->beside_room, data->count);
 }
 
@@ -36,7 +37,7 @@ static bool join_ring(struct links *links, uint32_t x, uint32_t y)
     uint32_t *beside = links->beside[x];
     if (!(links->marks[x] & RING))
         beside[0] = beside[1] = TETLOD_NONE;
-    links->marks[x] |= RING;
+    links->marks[x] |= RING | MET;
     if (beside[0] != TETLOD_NONE && beside[1] != TETLOD_NONE)
         return false;
     beside[beside[0] != TETLOD_NONE] = y;
@@ -54,10 +55,12 @@ static bool mark_ring(struct links *links, const struct star_data *data, const s
 {
     uint32_t slot_a = data->vertex, slot_b = data->slots[b];
     memset(links->marks, 0, data->count);
-    for (uint32_t i = 0; i < data->tet_count; i++) {
+    links->marks[b] = links->marks[data->count] = MET;
+    for (uint32_t i = 0, left = data->shared[b]; left; i++) {
         uint32_t ring[2] = {0, 0}, count = 0;
-        if (data->corners[0][i] != b && data->corners[1][i] != b && data->corners[2][i] != b)
+        if ((data->corners[0][i] != b) & (data->corners[1][i] != b) & (data->corners[2][i] != b))
             continue;
+        left--;
         for (int k = 0; k < 3; k++)
             if (data->corners[k][i] != b)
                 ring[count++ & 1] = data->corners[k][i];
@@ -77,9 +80,12 @@ static bool mark_ring(struct links *links, const struct star_data *data, const s
 }
 
 /* Lists what Lk(a) has between vertices of the ring that is not of Lk(ab): edges, and the triangle inside a ring of
- * three. False: no memory. */
-static bool list_own(struct links *links, const struct star_data *data, uint32_t b)
+ * three; when it is first asked for, which is seldom. False: no memory. */
+static bool list_own(struct links *links, const struct star_data *data, uint32_t b, bool *out_room)
 {
+    if (links->listed)
+        return true;
+    links->listed = true;
     links->pair_count = 0;
     links->closed = false;
     for (uint32_t i = 0; i < data->tet_count; i++) {
@@ -94,7 +100,7 @@ static bool list_own(struct links *links, const struct star_data *data, uint32_t
             if (in_ring(links, x, y))
                 of_ring++;
             else if (!links->pair_count++ && !table_clear(&links->pairs, 3 * (size_t)data->tet_count))
-                return false;
+                return *out_room = false;
             else
                 table_at(&links->pairs, pair_key(x, y), 0);
         }
@@ -103,25 +109,36 @@ static bool list_own(struct links *links, const struct star_data *data, uint32_t
     return true;
 }
 
-/* A tetrahedron of b's star without a: does its link triangle meet Lk(a) in Lk(ab) only? */
-static bool meets_well(const struct links *links, const uint32_t v[3])
+/* A tetrahedron of b's star without a, in numbers of the neighbours: does its link triangle, all of whose vertices may
+ * be there, meet Lk(a) in Lk(ab) only? *out_room as in links_hold. */
+static bool meets_well(struct links *links, const struct star_data *data, uint32_t b, const uint32_t v[4],
+                       bool *out_room)
 {
     uint32_t of_ring = 0;
-    for (int k = 0; k < 3; k++)
-        if (v[k] != TETLOD_NONE && !(links->marks[v[k]] & RING))
-            return false;
-    if ((v[0] != TETLOD_NONE) + (v[1] != TETLOD_NONE) + (v[2] != TETLOD_NONE) < 2)
-        return true;
-    for (int k = 0; k < 3; k++) {
-        uint32_t x = v[k], y = v[(k + 1) % 3];
-        if (x == TETLOD_NONE || y == TETLOD_NONE)
-            continue;
-        if (in_ring(links, x, y))
-            of_ring++;
-        else if (links->pair_count && table_find(&links->pairs, pair_key(x, y)))
-            return false;
-    }
-    return !(of_ring == 3 && links->closed); // then the ring is that triangle, and both have it
+    for (int k = 0; k < 4; k++)
+        for (int l = k + 1; l < 4; l++) {
+            if (!(links->marks[v[k]] & links->marks[v[l]] & RING))
+                continue;
+            if (in_ring(links, v[k], v[l])) {
+                of_ring++;
+                continue;
+            }
+            if (!list_own(links, data, b, out_room) ||
+                (links->pair_count && table_find(&links->pairs, pair_key(v[k], v[l]))))
+                return false;
+        }
+    // then the ring is that triangle, and both have it
+    return of_ring < 3 || (list_own(links, data, b, out_room) && !links->closed);
+}
+
+/* Marks the edges at b of its boundary faces. */
+static void mark_along(struct links *links, const uint32_t corners[4], const uint32_t v[4], unsigned faces,
+                       uint32_t slot_b)
+{
+    for (unsigned f = 0; f < 4; f++)
+        for (unsigned c = 0; c < 4 && faces >> f & 1 && corners[f] != slot_b; c++)
+            if (c != f)
+                links->marks[v[c]] |= ALONG_B;
 }
 
 bool links_hold(struct links *links, const struct star_data *data, const struct working *working, uint32_t neighbour,
@@ -139,28 +156,24 @@ bool links_hold(struct links *links, const struct star_data *data, const struct 
     }
     if (!mark_ring(links, data, working, neighbour))
         return false;
-    if (!list_own(links, data, neighbour)) {
-        *out_room = false;
-        return false;
-    }
+    links->listed = false;
     for (uint32_t i = 0; i < star->count; i++) {
-        uint32_t tet = working->pool[star->begin + i], v[3], count = 0;
+        uint32_t tet = working->pool[star->begin + i], v[4], met = MET, of_ring = 0;
         const uint32_t *corners = working->corners[tet];
-        unsigned faces = working->boundary_faces[tet];
         if (corners[0] == TETLOD_NONE)
             continue;
-        bool has_a = corners[0] == slot_a || corners[1] == slot_a || corners[2] == slot_a || corners[3] == slot_a;
-        for (unsigned c = 0; c < 4 && !has_a; c++)
-            if (corners[c] != slot_b && count < 3)
-                v[count++] = star_data_number(data, corners[c]);
-        if (!has_a && !meets_well(links, v))
+        for (unsigned c = 0; c < 4; c++) {
+            v[c] = star_data_number_or(data, corners[c], data->count);
+            met &= links->marks[v[c]];
+            of_ring += links->marks[v[c]] & RING;
+        }
+        if (!met)
             return false;
-        for (unsigned f = 0; f < 4 && open && faces; f++)
-            for (unsigned c = 0; c < 4 && faces >> f & 1 && corners[f] != slot_b; c++) {
-                uint32_t number = c == f || corners[c] == slot_b ? TETLOD_NONE : star_data_number(data, corners[c]);
-                if (number != TETLOD_NONE)
-                    links->marks[number] |= ALONG_B;
-            }
+        bool has_a = (corners[0] == slot_a) | (corners[1] == slot_a) | (corners[2] == slot_a) | (corners[3] == slot_a);
+        if (of_ring > 1 && !has_a && !meets_well(links, data, neighbour, v, out_room))
+            return false;
+        if (open && working->boundary_faces[tet])
+            mark_along(links, corners, v, working->boundary_faces[tet], slot_b);
     }
     for (uint32_t n = 0; n < data->count && open; n++)
         if ((links->marks[n] & (RING | ALONG_B | OPEN)) == (RING | ALONG_B) && data->along[n])

@@ -14,6 +14,7 @@ struct links {
     uint8_t *marks;        /* [neighbour] */
     uint32_t (*beside)[2]; /* [neighbour] of the ring: the vertices before and behind it */
     size_t mark_room, beside_room;
+    bool listed;           /* the next three are of this edge */
     uint32_t pair_count;   /* edges of Lk(a) between vertices of the ring, but not of it: in `pairs` */
     struct table pairs;
     bool closed;           /* Lk(a) has a triangle all of whose edges are the ring's */

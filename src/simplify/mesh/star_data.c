@@ -51,10 +51,9 @@ static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 
 
 static inline uint32_t number_of(struct star_data *data, uint32_t slot)
 {
-    uint32_t number = star_data_number(data, slot);
-    if (number == TETLOD_NONE) {
-        number = data->count++;
-        data->numbers[slot] = number;
+    uint32_t number = data->numbers[slot];
+    if (number >= data->count || data->slots[number] != slot) {
+        number = data->numbers[slot] = data->count++;
         data->slots[number] = slot;
         data->shared[number] = 0;
         data->along[number] = 0;

@@ -47,11 +47,12 @@ struct star_data {
 bool star_data_gather(struct star_data *data, const struct working *working, uint32_t slot);
 void star_data_fini(struct star_data *data);
 
-/* The number of a neighbour, or TETLOD_NONE. */
-static inline uint32_t star_data_number(const struct star_data *data, uint32_t slot)
+/* The number of a neighbour, or `none`. Which slots are neighbours is hard to foresee: there are no branches. */
+static inline uint32_t star_data_number_or(const struct star_data *data, uint32_t slot, uint32_t none)
 {
     uint32_t number = data->numbers[slot];
-    return number < data->count && data->slots[number] == slot ? number : TETLOD_NONE;
+    number = number < data->count ? number : 0;
+    return data->slots[number] == slot ? number : none;
 }
 
 #endif

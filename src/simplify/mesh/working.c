@@ -471,14 +471,6 @@ static bool open_face(struct working *working, uint32_t a, uint32_t b, uint32_t 
     return false;
 }
 
-static bool is_of(const uint32_t *simplex, uint32_t count, uint32_t slot)
-{
-    for (uint32_t s = 0; s < count; s++)
-        if (simplex[s] == slot)
-            return true;
-    return false;
-}
-
 /* The two faces of a removed tetrahedron that have one of its two vertices of the simplex fall together: if one was on
  * the boundary, what is behind the other is open. Of those with three or four such vertices no face is left. */
 static bool pass_boundary_on(struct working *working, uint32_t tet, const uint32_t *simplex, uint32_t count)

@@ -108,6 +108,15 @@ struct working_whole {
     double (*component_ranges)[2]; /* [value] of each component of each field */
 };
 
+/* Is the slot one of a simplex's? */
+static inline bool is_of(const uint32_t *simplex, uint32_t count, uint32_t slot)
+{
+    for (uint32_t s = 0; s < count; s++)
+        if (simplex[s] == slot)
+            return true;
+    return false;
+}
+
 /* Has a tetrahedron another vertex of the simplex than that one? */
 static inline bool tet_has_other(const uint32_t corners[4], const uint32_t *simplex, uint32_t count, uint32_t than)
 {

@@ -197,36 +197,50 @@ static bool stays_in_box(const struct run *run, const struct weighing *weighing,
  * less. */
 static const double RESULT_WAITS = 2;
 
-/* All vertices of the star have changed. Lists what has to be looked at when the round is over: kinds of boundary
- * vertices, and whether vertices are still frozen. */
+/* A vertex around the result: its star has changed, unless that is known from another of its tetrahedra. */
+static void touch_around(const struct run *run, uint32_t slot, uint32_t kept)
+{
+    if (__atomic_load_n(&run->proposals[slot].changed, __ATOMIC_RELAXED) != run->round)
+        touch(run, slot);
+    if (run->plans && slot < kept) { // simplices with the result are its own, and new
+        float none = 0;
+        __atomic_store(&run->proposals[slot].waits, &none, __ATOMIC_RELAXED);
+        __atomic_store(&run->proposals[slot].waits_changed, &none, __ATOMIC_RELAXED);
+    }
+}
+
+/* Lists a vertex that has to be looked at when the round is over: the kind of one at the boundary, if faces of it may
+ * have changed, and whether it is still frozen, where nothing has moved. */
+static void list_for_later(const struct run *run, struct worker *worker, uint32_t slot, bool opens, bool thaws)
+{
+    bool room = true;
+    if (opens && run->working->flags[slot] & VERTEX_BOUNDARY)
+        room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
+    if (room && thaws && run->working->flags[slot] & VERTEX_FROZEN)
+        room = list_slot(&worker->unfreezing, &worker->unfreezing_count, &worker->unfreezing_room, slot);
+    worker->failed |= !room;
+}
+
+/* All vertices of the star have changed. */
 static void touch_star(const struct run *run, struct worker *worker, const struct join *join)
 {
-    const struct working *working = run->working;
+    const struct weighing *weighing = &worker->weighing;
+    uint32_t kept = join_kept(join), dead = join->count - 1;
     bool opens = false;
-    for (uint32_t s = 0; s + 1 < join->count; s++)
-        opens |= working->flags[join->simplex[s]] & VERTEX_BOUNDARY;
-    for (uint32_t i = 0; i < worker->weighing.count; i++)
-        for (int c = 0; c < 4; c++) {
-            uint32_t slot = working->corners[worker->list[i]][c];
-            bool room = true, dead = false;
-            for (uint32_t s = 0; s + 1 < join->count; s++)
-                dead |= slot == join->simplex[s];
-            if (dead)
+    for (uint32_t s = 0; s < dead; s++)
+        opens |= run->working->flags[join->simplex[s]] & VERTEX_BOUNDARY;
+    list_for_later(run, worker, kept, opens, join->at_one_point);
+    for (uint32_t i = 0; i < weighing->count; i++) {
+        bool faces = opens && run->working->boundary_faces[worker->list[i]];
+        for (int c = 1; c < 4; c++) { // the first is of the simplex
+            uint32_t slot = weighing->slots[i][c];
+            if (!weighing->moves[i] && (slot == kept || is_of(join->simplex, dead, slot)))
                 continue;
-            if (slot != join_kept(join) &&
-                __atomic_load_n(&run->proposals[slot].changed, __ATOMIC_RELAXED) != run->round)
-                touch(run, slot);
-            if (run->plans && slot < join_kept(join)) { // simplices with the result are its own, and new
-                float none = 0;
-                __atomic_store(&run->proposals[slot].waits, &none, __ATOMIC_RELAXED);
-                __atomic_store(&run->proposals[slot].waits_changed, &none, __ATOMIC_RELAXED);
-            }
-            if (opens && working->flags[slot] & VERTEX_BOUNDARY)
-                room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
-            if (room && join->at_one_point && working->flags[slot] & VERTEX_FROZEN)
-                room = list_slot(&worker->unfreezing, &worker->unfreezing_count, &worker->unfreezing_room, slot);
-            worker->failed |= !room;
+            touch_around(run, slot, kept);
+            if (faces || join->at_one_point)
+                list_for_later(run, worker, slot, faces, join->at_one_point);
         }
+    }
 }
 
 /* The slot's proposal, to where it leads. */

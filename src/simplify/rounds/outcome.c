@@ -56,8 +56,10 @@ static void list_star(const struct run *run, struct weighing *weighing, uint32_t
         for (int k = 0; k < 4; k++) {
             uint32_t slot = weighing->slots[at][k] = k ? corners[others[k - 1]] : end;
             weighing->rows[k][at] = working_row(working, slot);
+            if (!k) // every tetrahedron has that one
+                continue;
             __builtin_prefetch(working->values + (size_t)working->value_count * slot); // for say_all
-            __builtin_prefetch(&run->proposals[slot]);                                 // for touch_stars
+            __builtin_prefetch(&run->proposals[slot]);                                 // for touch_star
         }
     }
 }

@@ -258,31 +258,25 @@ static void classify_range(void *context, unsigned worker, size_t begin, size_t 
             border_classify(&rounds->run.border, &rounds->working, rounds->winners.slots[i]);
 }
 
-static int compare_slots(const void *a, const void *b)
-{
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* The workers' lists of one kind, each slot once, in the place of the winners, who are done. */
 static enum tetlod_status collect(struct rounds *rounds, bool unfreezing)
 {
-    size_t kept = 0;
-    rounds->winners.count = 0;
+    struct slot_list *list = &rounds->winners;
+    struct proposal *proposals = rounds->run.proposals;
+    list->count = 0;
     for (unsigned w = 0; w < pool_size(rounds->run.pool); w++) {
         struct worker *worker = &rounds->run.workers[w];
         size_t *count = unfreezing ? &worker->unfreezing_count : &worker->open_count;
-        for (size_t i = 0; i < *count; i++)
-            if (!list_add(&rounds->winners, unfreezing ? worker->unfreezing[i] : worker->open[i]))
+        const uint32_t *slots = unfreezing ? worker->unfreezing : worker->open;
+        for (size_t i = 0; i < *count; i++) {
+            if (!proposals[slots[i]].collected && !list_add(list, slots[i]))
                 return no_memory(rounds);
+            proposals[slots[i]].collected = true;
+        }
         *count = 0;
     }
-    if (rounds->winners.count)
-        qsort(rounds->winners.slots, rounds->winners.count, sizeof(uint32_t), compare_slots);
-    for (size_t i = 0; i < rounds->winners.count; i++)
-        if (!i || rounds->winners.slots[i] != rounds->winners.slots[i - 1])
-            rounds->winners.slots[kept++] = rounds->winners.slots[i];
-    rounds->winners.count = kept;
+    for (size_t i = 0; i < list->count; i++)
+        proposals[list->slots[i]].collected = false;
     return TETLOD_OK;
 }
 

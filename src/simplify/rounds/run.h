@@ -21,6 +21,7 @@ struct proposal {
     uint32_t evaluated; /* the round in which it was */
     uint32_t changed;   /* the round in which its star was last */
     uint8_t dirty;      /* enum dirty */
+    bool collected;     /* it is in the list that is made now */
 };
 
 enum dirty { CLEAN, TOUCHED, LEFT }; /* its star has changed since it was evaluated; and it was left so in this rung */
@@ -73,7 +74,7 @@ struct worker {
     uint32_t *list; /* tetrahedra of two stars */
     size_t list_room;
     double *numbers; /* scratch per component: see numbers_of */
-    uint32_t *open; /* boundary slots around whose boundary contractions of this round have moved */
+    uint32_t *open; /* boundary slots whose boundary faces contractions of this round have moved */
     size_t open_count, open_room;
     uint32_t *unfreezing; /* frozen slots around contractions of this round that moved nothing */
     size_t unfreezing_count, unfreezing_room;

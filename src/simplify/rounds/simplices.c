@@ -365,7 +365,7 @@ static bool link_holds(const struct run *run, struct worker *worker, const struc
     bool room = true, holds;
     if (join->count == 2)
         holds = links_hold(&worker->links, &worker->data, run->working,
-                           star_data_number(&worker->data, join->simplex[1]),
+                           star_data_number_or(&worker->data, join->simplex[1], TETLOD_NONE),
                            &room);
     else {
         room = star_gather(&worker->star, run->working, join->simplex, join->count);
