@@ -49,32 +49,48 @@ static bool grow(struct star_data *data, const struct working *working, size_t t
 /* The corners beside each, so that with it first the tetrahedron is positive. */
 static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
-static inline uint32_t number_of(struct star_data *data, uint32_t slot)
+/* Numbers the neighbours in the order in which the tetrahedra list them. Which of them are new is hard to foresee: there
+ * are no branches. Returns whether there are boundary faces. */
+static bool number_neighbours(struct star_data *data, const struct working *working, const uint32_t *tets,
+                              uint32_t tet_count)
 {
-    uint32_t number = data->numbers[slot];
-    if (number >= data->count || data->slots[number] != slot) {
-        number = data->numbers[slot] = data->count++;
-        data->slots[number] = slot;
-        data->shared[number] = 0;
-        data->along[number] = 0;
+    uint32_t *const numbers = data->numbers, *const slots = data->slots, *const shared = data->shared;
+    uint32_t *const out[3] = {data->corners[0], data->corners[1], data->corners[2]}, *const out_tets = data->tets;
+    uint32_t count = 0, kept = 0, own = data->vertex;
+    unsigned faces = 0;
+    for (uint32_t i = 0; i < tet_count; i++) {
+        const uint32_t *corners = working->corners[tets[i]];
+        if (corners[0] == TETLOD_NONE)
+            continue;
+        const uint8_t *others = others_of[corner_of(corners, own)];
+        for (int k = 0; k < 3; k++) {
+            uint32_t slot = corners[others[k]], number = numbers[slot];
+            if (number >= count || slots[number] != slot) {
+                number = numbers[slot] = count++;
+                slots[number] = slot;
+                shared[number] = 0;
+            }
+            shared[number]++;
+            out[k][kept] = number;
+        }
+        out_tets[kept++] = tets[i];
+        faces |= __atomic_load_n(&working->boundary_faces[tets[i]], __ATOMIC_RELAXED); // border_find may be at it
     }
-    data->shared[number]++;
-    return number;
+    data->tet_count = kept;
+    data->count = count;
+    return faces;
 }
 
-static inline void add_tet(struct star_data *data, const struct working *working, uint32_t tet)
+/* Which edges are on the boundary: two of each boundary face of the vertex. */
+static void find_along(struct star_data *data, const struct working *working)
 {
-    const uint32_t *corners = working->corners[tet];
-    unsigned own = corner_of(corners, data->vertex);
-    unsigned faces = __atomic_load_n(&working->boundary_faces[tet], __ATOMIC_RELAXED); // border_find may be at it
-    const uint8_t *others = others_of[own];
-    uint32_t i = data->tet_count++, number[3];
-    data->tets[i] = tet;
-    for (int k = 0; k < 3; k++)
-        data->corners[k][i] = number[k] = number_of(data, corners[others[k]]);
-    for (int k = 0; k < 3 && faces; k++)
-        if (faces >> others[k] & 1) // the face of the vertex and the other two
-            data->along[number[(k + 1) % 3]] = data->along[number[(k + 2) % 3]] = 1;
+    for (uint32_t i = 0; i < data->tet_count; i++) {
+        unsigned faces = __atomic_load_n(&working->boundary_faces[data->tets[i]], __ATOMIC_RELAXED);
+        const uint8_t *others = others_of[corner_of(working->corners[data->tets[i]], data->vertex)];
+        for (int k = 0; k < 3 && faces; k++)
+            if (faces >> others[k] & 1) // the face of the vertex and the other two
+                data->along[data->corners[(k + 1) % 3][i]] = data->along[data->corners[(k + 2) % 3][i]] = 1;
+    }
 }
 
 bool star_data_gather(struct star_data *data, const struct working *working, uint32_t slot)
@@ -86,10 +102,10 @@ bool star_data_gather(struct star_data *data, const struct working *working, uin
     for (uint32_t i = 0; i < star->count; i++)
         __builtin_prefetch(working->corners[tets[i]]);
     data->vertex = slot;
-    data->tet_count = data->count = 0;
-    for (uint32_t i = 0; i < star->count; i++)
-        if (!tet_gone(working, tets[i]))
-            add_tet(data, working, tets[i]);
+    bool open = number_neighbours(data, working, tets, star->count);
+    memset(data->along, 0, data->count);
+    if (open)
+        find_along(data, working);
     for (uint32_t n = 0; n < data->count; n++)
         __builtin_prefetch(working_row(working, data->slots[n]));
     return true;
