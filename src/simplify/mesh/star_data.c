@@ -49,8 +49,8 @@ static bool grow(struct star_data *data, const struct working *working, size_t t
 /* The corners beside each, so that with it first the tetrahedron is positive. */
 static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
-/* Numbers the neighbours in the order in which the tetrahedra list them. Which of them are new is hard to foresee: there
- * are no branches. Returns whether there are boundary faces. */
+/* Numbers the neighbours in the order in which the tetrahedra list them. Returns whether one of these has boundary
+ * faces. */
 static bool number_neighbours(struct star_data *data, const struct working *working, const uint32_t *tets,
                               uint32_t tet_count)
 {

@@ -240,9 +240,9 @@ bool contest_decide(struct contest *contest, size_t most, struct slot_list *winn
     size_t count = contest->proposing.count;
     if (!ARRAY_RESERVE(contest->won, contest->won_room, count))
         return false;
-    pool_run(contest->run->pool, count, 256, claim_range, contest);
-    pool_run(contest->run->pool, count, 64, win_range, contest);
-    pool_run(contest->run->pool, count, 256, release_range, contest);
+    pool_run(contest->run->pool, count, 1024, claim_range, contest);
+    pool_run(contest->run->pool, count, 16, win_range, contest);
+    pool_run(contest->run->pool, count, 4096, release_range, contest);
     winners->count = out_stale->count = 0;
     for (size_t i = 0; i < count; i++) {
         uint32_t slot = contest->proposing.slots[i];

@@ -252,14 +252,15 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
         memcpy(p, working_row(working, ends[1]), sizeof p);
     if (!fits(run, &worker->data, candidate->neighbour, p))
         return refuse(worker, LOG_REFUSED_FLIP);
-    if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {
+    bool open = working->flags[data->vertex] & VERTEX_BOUNDARY;
+    if (open && isinf(border_moves(&run->border, working, ends, 2, p, &worker->map)))
+        return refuse(worker, LOG_REFUSED_BOUNDARY);
+    if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) { // which is seldom
         worker->failed |= !room;
         return refuse(worker, LOG_REFUSED_LINK);
     }
-    if (!(working->flags[data->vertex] & VERTEX_BOUNDARY))
+    if (!open)
         return LOG_REFUSALS;
-    if (isinf(border_moves(&run->border, working, ends, 2, p, &worker->map)))
-        return refuse(worker, LOG_REFUSED_BOUNDARY);
     outcome_demands(run, worker);
     candidate->error = larger(candidate->error, outcome_middles(run, worker, NULL));
     return LOG_REFUSALS;

@@ -148,7 +148,7 @@ static enum tetlod_status evaluate_again(struct rounds *rounds)
     pool_run(rounds->run.pool, count, 128, prune_range, rounds);
     for (size_t begin = 0; begin < count; begin += SLICE) {
         struct slice slice = {rounds, begin};
-        pool_run(rounds->run.pool, count - begin < SLICE ? count - begin : SLICE, 16, evaluate_range, &slice);
+        pool_run(rounds->run.pool, count - begin < SLICE ? count - begin : SLICE, 4, evaluate_range, &slice);
         TETLOD_TRY(failure(rounds));
         if (count > SLICE)
             TETLOD_TRY(report(rounds));
@@ -364,7 +364,7 @@ static enum tetlod_status contract(struct rounds *rounds)
     if (rounds->run.asked)
         TETLOD_TRY(ask_and_merge(rounds));
     else
-        pool_run(rounds->run.pool, rounds->winners.count, 8, merge_range, rounds);
+        pool_run(rounds->run.pool, rounds->winners.count, 2, merge_range, rounds);
     TETLOD_TRY(failure(rounds));
     for (size_t i = 0; i < rounds->winners.count; i++) {
         if (!rounds->merged[i].done)
@@ -372,7 +372,7 @@ static enum tetlod_status contract(struct rounds *rounds)
         TETLOD_TRY(account(rounds, i, first + (uint32_t)i));
     }
     TETLOD_TRY(collect(rounds, false));
-    pool_run(rounds->run.pool, rounds->winners.count, 64, classify_range, rounds);
+    pool_run(rounds->run.pool, rounds->winners.count, 16, classify_range, rounds);
     TETLOD_TRY(collect(rounds, true));
     for (size_t i = 0; i < rounds->winners.count; i++)
         unfreeze(rounds, rounds->winners.slots[i]);
