@@ -52,8 +52,10 @@ mutant('link condition', 'src/simplify/rounds/evaluate.c',
        'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room)) {',
        'if (!links_hold(&worker->links, data, working, candidate->neighbour, &room) && !room) {', 'C4 is asked',
        'unit/test_links')
-mutant('link triangles', 'src/simplify/mesh/links.c', 'if (!has_a && !meets_well(links, v))',
-       'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
+mutant('link triangles', 'src/simplify/mesh/links.c', 'if (of_ring > 1 && !has_a', 'if (of_ring > 4 && !has_a',
+       'C4: a common edge or triangle', 'unit/test_links')
+mutant('link vertices', 'src/simplify/mesh/links.c', 'if (!met)\n            return false;', '',
+       'C4: a common vertex', 'unit/test_links')
 mutant('link condition across the inside', 'src/simplify/mesh/links.c',
        'if (open && !data->along[neighbour])\n        return false;', '',
        'an edge through the inside with both ends on the boundary', 'unit/test_links')
