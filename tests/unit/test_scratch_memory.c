@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -84,6 +85,44 @@ static void test_grows(void)
     free(numbers);
 }
 
+/* Bytes that are there again after their pages were taken: of memory none are. */
+static size_t survivors(unsigned char *bytes, size_t size)
+{
+    size_t count = 0;
+    memset(bytes, 1, size);
+    CHECK(madvise(bytes, size, MADV_DONTNEED) == 0);
+    for (size_t i = 0; i < size; i++)
+        count += bytes[i];
+    return count;
+}
+
+/* What is memory becomes a file where it is, with what is in it, and others have its share. */
+static void test_settles(void)
+{
+    enum { SIZE = LIMIT / 6, LARGE = LIMIT / 3 };
+    if (SANITIZED)
+        SKIP("what sanitizers take is resident, too");
+    unsigned char *first = malloc(SIZE);
+    REQUIRE(first);
+    CHECK_INT(survivors(first, SIZE), 0);
+    memset(first, 2, SIZE);
+    scratch_memory_settle(0.5);
+    CHECK(first[0] == 2 && first[SIZE - 1] == 2);
+    CHECK_INT(survivors(first, SIZE), SIZE);
+    unsigned char *second = malloc(LARGE), *third = malloc(SIZE);
+    REQUIRE(second && third);
+    CHECK_INT(survivors(second, LARGE), 0);
+    CHECK_INT(survivors(third, SIZE), 0); // half of the limit
+    scratch_memory_settle(SCRATCH_SHARE);
+    free(first);
+    free(second);
+    free(third);
+    second = malloc(LARGE);
+    REQUIRE(second);
+    CHECK_INT(survivors(second, LARGE), LARGE); // more than the share
+    free(second);
+}
+
 /* Linux 6.7 and later, outside of containers that forbid it. */
 static bool brings_single_pages(void)
 {
@@ -149,6 +188,7 @@ int main(void)
     RUN(test_stays_below);
     RUN(test_single_pages);
     RUN(test_grows);
+    RUN(test_settles);
     RUN(test_allowed_later);
     return test_end();
 }
