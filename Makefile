@@ -306,8 +306,8 @@ HAS_MPI = $(shell command -v $(MPICC) 2>/dev/null)
 MPI_BINARY := $(B)/tetlod-mpi
 LIBMPI := $(B)/libtetlod-mpi.a
 MPI_OBJECTS := $(call objects,$(sort $(wildcard src/mpi/*.c)))
-MPI_TEST := $(B)/tests/mpi/test_stages
-OBJECTS += $(MPI_OBJECTS) $(MPI_TEST).o
+MPI_TESTS := $(patsubst %.c,$(B)/%,$(sort $(wildcard tests/mpi/*.c)))
+OBJECTS += $(MPI_OBJECTS) $(MPI_TESTS:=.o)
 .PHONY: mpi
 mpi: $(MPI_BINARY) $(LIBMPI)
 # As libtetlod-build, which it brings along
@@ -315,12 +315,12 @@ $(LIBMPI): $(call objects,$(BUILD_SRC)) $(filter-out %/mpi_main.o,$(MPI_OBJECTS)
 	@rm -f $@
 	$(Q)$(LD) -r -o $(B)/tetlod-mpi.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-mpi.o
 	$(Q)$(AR) rcs $@ $(B)/tetlod-mpi.o
-$(MPI_OBJECTS) $(MPI_TEST).o: $(B)/%.o: %.c $(B)/flags
+$(MPI_OBJECTS) $(MPI_TESTS:=.o): $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	@command -v $(MPICC) >/dev/null || { echo "make: $(MPICC) is missing (run: make deps-mpi)" >&2; exit 1; }
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP \
 	    -c -o $@ $<
-$(MPI_TEST): $(MPI_TEST).o $(filter-out %/mpi_main.o,$(MPI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
+$(MPI_TESTS): %: %.o $(filter-out %/mpi_main.o,$(MPI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 $(MPI_BINARY): $(MPI_OBJECTS) $(filter-out %/main.o %/main-alone.o,$(CLI_OBJECTS)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)OMPI_CC='$(CC)' MPICH_CC='$(CC)' $(MPICC) $(TETLOD_LDFLAGS) $(LDFLAGS) $(WRAPPED) -o $@ $^ $(PACKAGE_LIBS)
@@ -441,7 +441,7 @@ check: needs-check
 ## tests: the test programs of this config
 .PHONY: tests
 tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(if $(HAS_MPI),$(MPI_BINARY) $(LIBMPI) \
-    $(MPI_TEST)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack \
+    $(MPI_TESTS)) $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack \
     $(B)/tests/attack/proof $(B)/tests/attack/page_selections)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* libtetlod-mpi: pieces of all ranks are gathered on rank 0, and the ranks share out the work of the build. */
+/* libtetlod-mpi: pieces of all ranks are joined by them, and they share out the work of the build. */
 #include <stdlib.h>
 
 #include "format/fail.h"

@@ -11,8 +11,9 @@
  * many ranks there are. A point may be on several ranks, a tetrahedron on one: copies that a rank has of others'
  * (ghosts) are marked. The pieces' arrays are borrowed for the call.
  *
- * Caveats. Pieces are gathered: rank 0 has the whole mesh in memory while a stream is built (about 115 bytes a
- * tetrahedron), three others have it while they measure, and rank 0 between the steps of a series. MPI_Init_thread with
+ * Caveats. Pieces are joined by all ranks, each of which takes about three times its share for that. Rank 0 gets what
+ * they have come to: it has the whole mesh in memory while a stream is built (about 115 bytes a tetrahedron), three
+ * others have it while they measure, and rank 0 between the steps of a series. MPI_Init_thread with
  * MPI_THREAD_SERIALIZED, or one thread a rank (options.threads 1). `write`, `progress` and `warn` are called on rank 0
  * alone. All ranks return the same status; the message says which rank has failed first.
  */

@@ -105,6 +105,12 @@ def stages():
     return None if done.returncode == 0 and done.stdout == b'good\n' and not done.stderr else done
 
 
+def gathers(ranks):
+    """Pieces of ranks are joined by owners of their points: rank 0 gets one mesh, and what does not fit all refuse."""
+    done = job(ranks, os.path.join(os.path.dirname(PROGRAM), 'tests/mpi/test_gather'))
+    return None if done.returncode == 0 and done.stdout == b'good\n' and not done.stderr else done
+
+
 def in_situ():
     """A solver on several ranks: a step is seen while it runs; one rank and three write the same streams."""
     built = os.path.dirname(PROGRAM)
@@ -179,6 +185,8 @@ case('one rank fails', one_fails)
 case('a rank is killed', dies)
 case('stages', stages)
 case('a model', models)
+for count in (2, 3):
+    case('pieces of %d ranks become one mesh' % count, gathers, count)
 case('a solver', in_situ)
 has_dolfinx = ['/usr/bin/python3', '-c',
                'import importlib.util as u; raise SystemExit(u.find_spec("dolfinx") is None)']
