@@ -41,7 +41,7 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
         request->seconds[request->phase] += now - request->phase_started;
         request->phase_started = now;
         request->phase = phase;
-        scratch_memory_settle(phase == BUILD_MEASURE ? SCRATCH_SHARE_MEASURE : SCRATCH_SHARE);
+        scratch_memory_settle(phase == BUILD_MEASURE); // cells, and pages, take most of the limit themselves
     }
     progress_update(&request->progress, phase_names[phase], done);
     return true;
@@ -438,7 +438,7 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
         TETLOD_TRY(allow_share(options, &in->mesh, error));
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
     if (options->spools)
-        scratch_memory_settle(SCRATCH_SHARE);
+        scratch_memory_settle(false);
     else
         scratch_memory_stay();
     if (options->spools && spool_in_memory() && !request->quiet)

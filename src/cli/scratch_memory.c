@@ -34,9 +34,11 @@
 #include "format/fail.h"
 #include "src/util/spool.h"
 
-/* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. The table is short: it lists large
- * arrays only. */
-enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400 };
+/* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. Regions are memory as long as they
+ * take no more than MEMORY_SHARE of the limit or, where little else takes memory, ROOMY_SHARE of what it leaves beside
+ * the program. The table is short: it lists large arrays only. */
+enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400, PROGRAM = 28 << 20 };
+static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
 
 /* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
  * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
@@ -62,7 +64,7 @@ static struct {
     atomic_size_t smallest;
     atomic_ullong limit;
     uint64_t libraries, in_memory, in_files, peak, given_back;
-    double share; /* of the limit: regions are memory as long as they take no more */
+    bool roomy; /* little but regions takes memory */
     int statm; /* file of the system that says what is resident */
     int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
@@ -72,7 +74,7 @@ static struct {
     unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
-} memory = {.share = SCRATCH_SHARE, .lock = ATOMIC_FLAG_INIT};
+} memory = {.lock = ATOMIC_FLAG_INIT};
 
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);
@@ -381,7 +383,9 @@ static void count_bytes(const struct region *region, int64_t more)
 /* The lock is held. */
 static bool stays_in_memory(size_t size)
 {
-    return atomic_load(&memory.stays) || (double)memory.in_memory + (double)size <= memory.share * (double)memory.limit;
+    const double limit = (double)memory.limit, roomy = memory.roomy ? ROOMY_SHARE * (limit - PROGRAM) : 0;
+    return atomic_load(&memory.stays) ||
+           (double)memory.in_memory + (double)size <= fmax(roomy, MEMORY_SHARE * limit);
 }
 
 /* Takes the region at an address out of the table: its thread changes it or frees it. False: there is none. */
@@ -535,12 +539,12 @@ static bool take_memory(struct region *out)
     return found;
 }
 
-void scratch_memory_settle(double share)
+void scratch_memory_settle(bool roomy)
 {
     struct region region;
     bool done = atomic_load(&memory.on) && !atomic_load(&memory.stays);
     lock();
-    memory.share = share;
+    memory.roomy = roomy;
     unlock();
     while (done && take_memory(&region)) {
         settle(&region, -(int64_t)region.size);

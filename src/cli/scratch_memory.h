@@ -12,6 +12,7 @@
 #ifndef TETLOD_SCRATCH_MEMORY_H
 #define TETLOD_SCRATCH_MEMORY_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -26,13 +27,9 @@ TETLOD_CHECKED enum tetlod_status scratch_memory_begin(uint64_t limit, struct te
 TETLOD_CHECKED enum tetlod_status scratch_memory_take(const char *folder, uint64_t limit, struct tetlod_error *error);
 
 /* Large arrays that are memory become files: what is in them changes no more, and those to come, which do, are memory
- * up to that share of the limit. While no other thread uses them. What there is no room for stays. */
-void scratch_memory_settle(double share);
-
-/* The shares while cells are contracted or pages coded, which take most of the limit themselves, and while levels are
- * measured. */
-#define SCRATCH_SHARE 0.25
-#define SCRATCH_SHARE_MEASURE 0.5
+ * as far as the limit allows. `roomy`: little else takes memory from now on. While no other thread uses the arrays.
+ * What there is no room for stays. */
+void scratch_memory_settle(bool roomy);
 
 /* More may be resident than was said at first. */
 void scratch_memory_allow(uint64_t limit);
