@@ -579,6 +579,14 @@ bench-busy: needs
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/busy.py $(BINARY) $(MESHES)
 
+## bench-tasks: streams by tasks that come by chance, two of them killed, against build (BLUNT=folder of the blunt fin;
+##   SIZE=60 of the cube; TASKS=6)
+.PHONY: bench-tasks
+BENCHES += bench-tasks
+bench-tasks: needs
+	$(Q)$(MAKE) --no-print-directory all
+	@BLUNT=$(BLUNT) /usr/bin/python3 tests/bench/tasks.py $(BINARY)
+
 ## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million;
 ##   REPEAT=5)
 .PHONY: bench-io
