@@ -76,6 +76,15 @@ def ranks_case(name, field):
     return differs or (None if re.search(r'\n1 +%d ' % PIECES, done.stdout.decode()) else done)  # the first stage
 
 
+def empty_piece_case():
+    """A piece that has neither points nor cells comes from another rank like any other."""
+    with open(path('all.pvtu')) as file:
+        write('holes.pvtu', file.read().replace('<Piece', '<Piece Source="empty.vtu"/><Piece', 1))
+    write('empty.vtu', '<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="0" NumberOfCells="0">'
+                       '</Piece></UnstructuredGrid></VTKFile>')
+    return mpi_job.same((2,), [path('holes.pvtu')], '--field', 'heat', '--paged=300')
+
+
 def ranks_fail():
     """The rank that reads the piece says that it is not there."""
     done = mpi_job.mpi(2, 'build', path('in.e.3.0'), '-o', path('no.tetlod'))
@@ -212,6 +221,7 @@ if CONFIG == 'release':
 NO_RANKS = mpi_job.missing()
 if not NO_RANKS:
     case('VTK: pieces and their ghosts, by ranks', ranks_case, 'all.pvtu', 'heat')
+    case('VTK: a piece without points, by ranks', empty_piece_case)
 case('VTK: a crack is not glued', crack_case)
 case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)

@@ -1,14 +1,18 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Pieces are the parts of a stage (work_share.h): a program reads those that it takes, and their blocks go to the one
- * that leads, packed. Helpers are called by the path of the file, and find the pieces in it by the same reader.
+ * that leads, packed and deflated. Helpers are called by the path of the file, and find the pieces in it by the same
+ * reader.
  */
 #include "src/io/services/pieces.h"
 
 #include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
 
 #include "format/fail.h"
 #include "src/io/services/block_carrier.h"
+#include "src/util/array.h"
 #include "src/util/channel.h"
 #include "src/util/packed_words.h"
 
@@ -59,6 +63,33 @@ static enum tetlod_status unpack(const unsigned char *bytes, size_t size, struct
                                                                     "arrive: out of memory");
 }
 
+/* What is packed often repeats itself, as a regular grid's differences do: the fastest deflate finds that. The size
+ * before stands in front. */
+static enum tetlod_status deflate_piece(const struct buffer *from, struct buffer *out, struct tetlod_error *error)
+{
+    const uint64_t size = from->size;
+    uLongf deflated = compressBound((uLong)from->size);
+    unsigned char *to = buffer_append(out, &size, sizeof size) == TETLOD_OK ? buffer_extend(out, deflated) : NULL;
+    if (!to || compress2(to, &deflated, from->bytes, (uLong)from->size, 1) != Z_OK)
+        return tetlodi_fail_nomem(error, "a piece", deflated);
+    out->size = sizeof size + deflated;
+    return TETLOD_OK;
+}
+
+/* In a block that the caller frees; NULL: there is no room. */
+static unsigned char *inflate_piece(const unsigned char *bytes, size_t size, size_t *out_size)
+{
+    uint64_t whole = 0;
+    memcpy(&whole, bytes, sizeof whole);
+    uLongf inflated = (uLongf)whole;
+    unsigned char *out = array_new((size_t)whole, 1);
+    *out_size = (size_t)whole;
+    if (out && uncompress(out, &inflated, bytes + sizeof whole, (uLong)(size - sizeof whole)) == Z_OK)
+        return out;
+    free(out);
+    return NULL;
+}
+
 /* ---- the stage */
 
 struct reading_pieces {
@@ -72,13 +103,16 @@ static enum tetlod_status read_piece(const struct reading_pieces *r, uint32_t pi
 {
     struct blocks blocks = {0};
     struct io_report report = {0};
-    struct buffer bytes = {0};
+    struct buffer bytes = {0}, deflated = {0};
     enum tetlod_status status = r->list->read(r->list->opaque, piece, &blocks, r->input, &report, r->error);
     if (status == TETLOD_OK)
         status = pack(&blocks, &report, &bytes, r->error);
     if (status == TETLOD_OK)
-        status = r->share->put(r->share->opaque, piece, bytes.bytes, bytes.size, r->error);
+        status = deflate_piece(&bytes, &deflated, r->error);
     buffer_fini(&bytes);
+    if (status == TETLOD_OK)
+        status = r->share->put(r->share->opaque, piece, deflated.bytes, deflated.size, r->error);
+    buffer_fini(&deflated);
     blocks_fini(&blocks);
     return status;
 }
@@ -96,11 +130,14 @@ static enum tetlod_status get_pieces(const struct reading_pieces *r, struct bloc
 {
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t piece = 0; piece < r->list->count && status == TETLOD_OK; piece++) {
-        unsigned char *bytes = NULL;
+        unsigned char *deflated = NULL, *bytes = NULL;
         size_t size;
-        status = r->share->get(r->share->opaque, piece, &bytes, &size, r->error);
+        status = r->share->get(r->share->opaque, piece, &deflated, &size, r->error);
         if (status == TETLOD_OK)
-            status = unpack(bytes, size, out, report, r->error);
+            bytes = inflate_piece(deflated, size, &size);
+        free(deflated);
+        if (status == TETLOD_OK)
+            status = bytes ? unpack(bytes, size, out, report, r->error) : tetlodi_fail_nomem(r->error, "a piece", size);
         free(bytes);
     }
     return status == TETLOD_OK ? blocks_join_ranges(out, report, r->error) : status;
