@@ -94,6 +94,16 @@ static bool goes(const struct going *going, uint32_t page)
     return page < NOT_THERE && going->cursor->choice->has[page] && !going->next[page];
 }
 
+/* Any page of a level? */
+static bool any_goes(const struct going *going, uint32_t level)
+{
+    const struct tetlodi_group *group = tetlodi_group_of(table_of(going->cursor), level);
+    uint32_t i = 0;
+    while (i < group->page_count && !goes(going, group->first_page + i))
+        i++;
+    return i < group->page_count;
+}
+
 static void find_begins(struct going *going)
 {
     const struct tetlod_cursor *cursor = going->cursor;
@@ -163,7 +173,7 @@ static enum tetlod_status give_back(struct tetlod_cursor *cursor, const uint8_t 
     if (status == TETLOD_OK) {
         find_begins(&going);
         for (uint32_t l = cursor->decoded; l > root_of(cursor); l--)
-            if (has_any(cursor, cursor->choice->has, l))
+            if (any_goes(&going, l))
                 undo_pages(&going, l);
         tetlodi_move_mesh(cursor, &moves, going.up);
         tetlodi_move_log(cursor, &moves);

@@ -87,10 +87,14 @@ static void renumber(struct tetlodi_replay *replay, const struct tetlodi_runs *v
                      const uint32_t *page_of, size_t tets)
 {
     size_t base = vertices->before - replay->splits;
-    for (size_t i = 0; i < 4 * tets; i++)
-        if (page_of[i / 4] != NOT_THERE)
-            replay->corners[i] = numbers[replay->corners[i]];
-    for (uint32_t i = 0; i < vertices->count; i++)
+    for (size_t t = 0; t < tets; t++) {
+        uint32_t *corners = replay->corners + 4 * t;
+        if (page_of[t] == NOT_THERE)
+            continue;
+        for (int c = 0; c < 4; c++)
+            corners[c] = numbers[corners[c]];
+    }
+    for (uint32_t i = 1; i < vertices->count; i++)
         for (size_t v = vertices->list[i].from, end = v + vertices->list[i].count; v < end; v++) {
             replay->parents[v] = numbers[replay->parents[v]];
             if (v >= base)
