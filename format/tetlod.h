@@ -458,10 +458,11 @@ TETLOD_API size_t tetlod_page_spans(const struct tetlod_file *file, uint32_t lev
 /* From now on levels have the pages of this set only (NULL: all), up to the set's level. Pages that the cursor has and
  * that are not in the set go at once, without decoding; those that stay are kept; those that it has not are decoded,
  * and no others, when the set's level is asked for: whichever pages it had before, the mesh is then the same.
- * tetlod_cursor_step and tetlod_cursor_refine bring a page at least. From all pages to a set, or back, nothing is kept
- * of the levels in pages. The set is copied. ERR_ARGUMENT if it is another file's; ERR_LIMIT, and what they take, if
- * the pages take more memory than the file's options allow; else as the cursor. Then the cursor has the pages that it
- * had. */
+ * tetlod_cursor_step and tetlod_cursor_refine bring a page at least. Numbers are dense, in the order of pages: those
+ * behind a page that goes or comes change, which takes a pass over what the cursor has. From all pages to a set, or
+ * back, nothing is kept of the levels in pages. The set is copied. ERR_ARGUMENT if it is another file's; ERR_LIMIT, and
+ * what they take, if the pages take more memory than the file's options allow; else as the cursor. Then the cursor has
+ * the pages that it had. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_select(struct tetlod_cursor *cursor,
                                                                   const struct tetlod_page_set *set,
                                                                   struct tetlod_error *error);

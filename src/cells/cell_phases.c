@@ -25,6 +25,14 @@
 /* The root has at most so many cells' tetrahedra. */
 enum { ROOT_CELLS = 5 };
 
+/* From so many tetrahedra on bands are coarse where nothing else is asked for. */
+enum { LARGE_TETS = 1 << 22 };
+
+/* In coarse bands, of so many cells' tetrahedra any part of the mesh needs nearly all pages: then cells of LAST_CELL
+ * times as many, with fewer seams, and a phase for each named error, leave fewer tetrahedra for the same bytes. */
+enum { LAST_CELLS = 20 };
+static const double LAST_CELL = 2.2;
+
 /* The first limit is the first named one that leaves no more than LEFT of the tetrahedra of TRIED cells. */
 static const double LEFT = 0.93;
 enum { TRIED = 3 };
@@ -124,6 +132,12 @@ static enum tetlod_status try_limits(struct cell_run *run)
     return status;
 }
 
+/* Is so little left that any part of the mesh needs nearly all pages? */
+static bool is_last(const struct cell_run *run)
+{
+    return run->coarse && run->from > 0 && run->state.mesh.tet_count <= (uint64_t)run->cell_tets * LAST_CELLS;
+}
+
 /* Every error that a band may end at becomes a level. Where few tetrahedra go from one to the next, one is left out. */
 static enum tetlod_status choose_limit(struct cell_run *run)
 {
@@ -131,7 +145,7 @@ static enum tetlod_status choose_limit(struct cell_run *run)
         TETLOD_TRY(try_limits(run));
     else
         run->to = limit_after(run, run->from);
-    if (run->from > 0 && run->coarse)
+    if (run->from > 0 && run->coarse && !is_last(run))
         run->to = limit_after(run, run->to);
     if (run->from > 0 && run->left > NO_PROGRESS)
         run->to = limit_after(run, run->to);
@@ -351,11 +365,10 @@ static enum tetlod_status take_components(const struct cell_run *run, const stru
 
 static enum tetlod_status run_phase(struct cell_run *run)
 {
-    uint32_t *order = NULL;
+    uint32_t *order = NULL, cell_tets = is_last(run) ? (uint32_t)(LAST_CELL * run->cell_tets) : run->cell_tets;
     enum tetlod_status status;
     TETLOD_TRY_DONE(cells_make_scratch(run));
-    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, run->cell_tets, run->was_seam, run->pool,
-                                   run->error));
+    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, cell_tets, run->was_seam, run->pool, run->error));
     TETLOD_TRY_DONE(choose_limit(run));
     order = order_cells(run);
     if (!order)
@@ -513,7 +526,8 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
                       .options = options,
                       .cell_tets = cell_tets,
                       .fine = choice->bands == BANDS_FINE,
-                      .coarse = choice->bands == BANDS_COARSE,
+                      .coarse = choice->bands == BANDS_COARSE ||
+                                (choice->bands == BANDS_BY_SIZE && mesh->tet_count >= LARGE_TETS),
                       .spools = choice->spools,
                       .share = choice->share,
                       .log = out,

@@ -21,9 +21,10 @@ struct cell_groups {
 const char *cells_wrong(const struct simplify_options *options);
 
 /* How far the limits of phases are apart: from each named error (1, 2, 5 of every decade) to the next, which leaves
- * about half of the tetrahedra; with those between (1.5, 3, 7); or every second named one. With more phases fewer
- * tetrahedra are left in the end, and parts of the mesh need more pages. */
-enum cell_bands { BANDS_MEDIUM, BANDS_FINE, BANDS_COARSE, BANDS_COUNT };
+ * about half of the tetrahedra; with those between (1.5, 3, 7); or every second named one, until few cells are left.
+ * With more phases fewer tetrahedra are left in the end, and parts of the mesh need more pages. By size: medium, and
+ * coarse for meshes from LARGE_TETS on, of which nobody has all pages. */
+enum cell_bands { BANDS_BY_SIZE, BANDS_MEDIUM, BANDS_FINE, BANDS_COARSE, BANDS_COUNT };
 
 struct cell_choice {
     uint32_t tets; /* of a cell, about */

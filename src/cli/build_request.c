@@ -85,11 +85,12 @@ const char build_help[] =
     "                          mesh of less than five cells is built as ever. Not of a series: the\n"
     "                          values of its steps are stored for whole levels, not page by page;\n"
     "                          --time N builds one step in pages\n"
-    "      --bands BANDS       with --paged: fine, medium (default) or coarse: a level in pages for all\n"
-    "                          of 1, 1.5, 2, 3, 5, 7 of each decade of errors, for 1, 2 and 5, or for\n"
-    "                          every second of these. Fine leaves fewer tetrahedra and takes longer; with\n"
-    "                          coarse, boxes and what a viewer looks at need fewer bytes (as with\n"
-    "                          --paged=50000)\n"
+    "      --bands BANDS       with --paged: fine, medium or coarse: a level in pages for all of 1, 1.5,\n"
+    "                          2, 3, 5, 7 of each decade of errors, for 1, 2 and 5, or for every second\n"
+    "                          of these while many cells are left. Fine leaves fewer tetrahedra and\n"
+    "                          takes longer; with coarse, boxes and what a viewer looks at need fewer\n"
+    "                          bytes (as with --paged=50000). Default: medium, and coarse from 4,194,304\n"
+    "                          tetrahedra on\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order, and\n"
     "                          cells that are split as they were, for tetlod extract --cells original\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning\n"
@@ -355,8 +356,9 @@ static bool stream_option(struct build_request *request, int option, const char 
 /* Of pages, or of the steps of a series. */
 static bool take_bands(struct build_request *request, const char *value)
 {
-    static const char *const names[BANDS_COUNT] = {"medium", "fine", "coarse"};
-    for (int i = 0; i < BANDS_COUNT; i++)
+    static const char *const names[BANDS_COUNT] = {
+        [BANDS_MEDIUM] = "medium", [BANDS_FINE] = "fine", [BANDS_COARSE] = "coarse"};
+    for (int i = BANDS_MEDIUM; i < BANDS_COUNT; i++)
         if (strcmp(value, names[i]) == 0) {
             request->build.bands = (enum cell_bands)i;
             return true;
