@@ -42,8 +42,8 @@ static const double NO_DIFFERENCE = 1e-12;
 /* Of fewer tetrahedra every level is measured: it takes a second or two. */
 enum { MEASURED_WHOLE = 1 << 18 };
 
-/* Of more, no level is measured for the sake of a larger error than that, but the coarsest. */
-static const double LAST_NAME = 0.2;
+/* Of more, few: for errors up to the first, those below the second, whose levels take longest, each ten times another. */
+static const double LAST_NAME = 0.2, LAST_OF_TENS = 0.001;
 
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
@@ -355,9 +355,9 @@ static bool is_named(const struct build *build, uint32_t mark)
         bool named;
         mark_errors(build, mark, f, own);
         mark_errors(build, mark + 1, f, coarser);
-        double name = FIRST_LIMIT;
+        double name = FIRST_LIMIT, tens = build->mesh->tet_count < MEASURED_WHOLE ? 0 : LAST_OF_TENS / 2;
         while (name < LAST_NAME && name * (1 + LIMIT_TIE) < own[TETLOD_MAX])
-            name = next_limit(name, LAST_NAME, INFINITY, &named);
+            name = name < tens ? 10 * name : next_limit(name, LAST_NAME, INFINITY, &named);
         if (own[TETLOD_MAX] <= name * (1 + LIMIT_TIE) && name * (1 + LIMIT_TIE) < coarser[TETLOD_MAX])
             return true;
     }

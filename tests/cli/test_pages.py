@@ -175,10 +175,11 @@ def bands():
 
 
 def measured_where_users_look(stream):
-    """Of the finest level, the coarsest, and the coarsest within an error that has a name; of others only what is proved
-    is known."""
+    """Of the finest level, the coarsest, and the coarsest within an error that has a name (small ones of large meshes:
+    only each ten times the one before); of others only what is proved is known."""
     errors = [level['errors'][stream['fields'][0]['name']] for level in stream['levels']]
-    names = [digit / 10 ** power for power in range(1, 7) for digit in (1, 2, 5) if digit / 10 ** power <= 0.2]
+    names = [digit / 10 ** power for power in range(1, 7) for digit in (1, 2, 5)
+             if digit / 10 ** power <= 0.2 and (digit == 1 or power < 4 or stream['levels'][-1]['tets'] < 2 ** 18)]
     for k, error in enumerate(errors[:-2]):
         coarser = errors[k - 1]['max'] if k else 9
         named = not k or any(error['max'] <= name * (1 + 1e-9) < coarser for name in names)
