@@ -42,7 +42,7 @@ static const double NO_DIFFERENCE = 1e-12;
 /* Of fewer tetrahedra every level is measured: it takes a second or two. */
 enum { MEASURED_WHOLE = 1 << 18 };
 
-/* Of more, few: for errors up to the first, those below the second, whose levels take longest, each ten times another. */
+/* Of more, few: within errors up to the first; below the second, where levels take longest, within 0.01 % and so on. */
 static const double LAST_NAME = 0.2, LAST_OF_TENS = 0.001;
 
 struct build {
