@@ -273,12 +273,13 @@ class LibraryDecoder:
         points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
 
-    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> Region:
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int] = None) -> Region:
         """The pages of all levels up to `coarse`, and in the boxes or balls of those up to `fine`; of levels that are
         as fine as `memory` allows."""
         return self.region_of(self.page_set(boxes, coarse, fine, memory))
 
-    def page_set(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> c_void_p:
+    def page_set(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int,
+                 memory: Optional[int] = None) -> c_void_p:
         pages, error, most = c_void_p(), CError(), c_uint32()
         places = (CPlace * len(boxes))(*(CPlace(tuple(box[:3]), tuple(box[3:]), 0, fine) if len(box) == 6 else
                                          CPlace(tuple(box[:3]), (0, 0, 0), box[3], fine) for box in boxes))

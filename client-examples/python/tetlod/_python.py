@@ -30,7 +30,7 @@ class PythonDecoder:
         with collector_paused():
             self._cursor.seek(level)
 
-    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int]) -> Region:
+    def region(self, boxes: Sequence[Sequence[float]], coarse: int, fine: int, memory: Optional[int] = None) -> Region:
         """As the library's, but levels in pages are read whole."""
         if memory is not None:
             raise ValueError('memory= counts what libtetlod takes, and the decoder in Python takes several times as '
