@@ -34,9 +34,9 @@ static enum tetlod_status fail_room(struct run *run, enum tetlod_status status, 
 {
     if (status == TETLOD_ERR_ARGUMENT)
         return tetlodi_fail(failure, status,
-                            "needs %llu MB, more than the server may take (--memory, --cache); a stream in pages "
-                            "(tetlod build --paged) has all its levels for less; the stored bytes (format=tetlod, "
-                            "records, stream) are served at any size",
+                            "needs %llu MB, more than the server may take (--memory, --cache); meshes of a stream in "
+                            "pages (tetlod build --paged) need less; the stored bytes (format=tetlod, records, "
+                            "stream) are served at any size",
                             (unsigned long long)((run->job.bytes + run->job.beside) >> 20));
     return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
