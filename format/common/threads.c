@@ -65,7 +65,8 @@ static void *help(void *argument)
                 pthread_cond_signal(&helpers->ended);
         if (!helpers->running)
             pthread_cond_signal(&helpers->ended);
-        pthread_cond_wait(&helpers->begun, &helpers->mutex);
+        if (!helpers->dismissed) // while it had a task: nobody would call it again
+            pthread_cond_wait(&helpers->begun, &helpers->mutex);
     }
     pthread_mutex_unlock(&helpers->mutex);
     return NULL;
@@ -96,6 +97,7 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers)
         return;
     pthread_mutex_lock(&helpers->mutex);
     helpers->dismissed = 1;
+    helpers->next = helpers->count; // of what was begun nobody waits for the rest
     pthread_cond_broadcast(&helpers->begun);
     pthread_mutex_unlock(&helpers->mutex);
     for (uint32_t i = 0; i < helpers->thread_count; i++)

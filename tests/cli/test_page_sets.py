@@ -221,7 +221,7 @@ def budgets():
     with Host() as host:
         ask = lambda memory: client.read(host.url + 'big.tetlod', box=box, memory=memory, decoder='library')  # noqa
         all_of_it, sent = ask(None), host.sent
-        least = 4 << 20
+        least = 1 << 19
         while True:
             try:
                 mesh = ask(least)
@@ -229,7 +229,7 @@ def budgets():
             except client.StreamError as problem:
                 if 'levels before those in pages take' not in str(problem):
                     return problem
-                least += 1 << 20
+                least += least // 4
         before = host.sent
         some = ask(2 * least)
         less = host.sent - before

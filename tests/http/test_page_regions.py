@@ -82,7 +82,7 @@ def test_no_stream_in_memory():
             assert status == 200 and decoded() == count
 
 
-LITTLE = '--cache', '1M', '--memory', '2M'  # less than the stream takes
+LITTLE = '--cache', '1M', '--memory', '8M'  # less than the stream takes
 
 
 def files_of(server):
@@ -125,8 +125,8 @@ tetlod('sample', 'cube', '--size', '8', '-o', 'cube.vtu')
 tetlod('build', 'cube.vtu', '-o', 'cube.tetlod', '--paged=100', '--quiet')
 tetlod('sample', 'fin', '--size', '8', '-o', 'fin.vtu')
 tetlod('build', 'fin.vtu', '-o', 'fin.tetlod', '--paged=100', '--quiet')
-tetlod('sample', 'fin', '--size', '18', '-o', 'large.vtu')
-tetlod('build', 'large.vtu', '-o', 'large.tetlod', '--paged=1500', '--field', 'Pressure', '--quiet')
+tetlod('sample', 'fin', '--size', '28', '-o', 'large.vtu')
+tetlod('build', 'large.vtu', '-o', 'large.tetlod', '--paged=2000', '--field', 'Pressure', '--quiet')
 with Server(os.path.join(SCRATCH, 'cube.tetlod'), os.path.join(SCRATCH, 'fin.tetlod'), LARGE) as SERVER:
     run([test_as_extract, test_lower_level, test_exact, test_no_stream_in_memory, test_levels_in_files,
          test_no_temporary_folder])

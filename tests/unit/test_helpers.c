@@ -53,6 +53,25 @@ static void test_in_order(void)
         }
 }
 
+static int do_late(void *opaque, uint32_t number)
+{
+    atomic_store((atomic_uint *)opaque, number + 1);
+    return nanosleep(&(struct timespec){.tv_nsec = 20000000}, NULL) == 0; // most likely it is dismissed meanwhile
+}
+
+/* A helper that is dismissed while it has a task ends with this task. */
+static void test_dismissed_at_work(void)
+{
+    atomic_uint begun = 0;
+    struct tetlodi_helpers *helpers = tetlodi_helpers_new(1);
+    REQUIRE(helpers);
+    tetlodi_helpers_start(helpers, do_late, &begun, TASKS);
+    while (!atomic_load(&begun))
+        continue;
+    tetlodi_helpers_free(helpers);
+    CHECK(atomic_load(&begun) < TASKS);
+}
+
 static double seconds_of(clockid_t clock)
 {
     struct timespec time;
@@ -120,6 +139,7 @@ static void test_held_up(void)
 int main(void)
 {
     RUN(test_in_order);
+    RUN(test_dismissed_at_work);
     RUN(test_idle);
     RUN(test_held_up);
     return test_end();
