@@ -223,17 +223,15 @@ static enum tetlod_status send_rows(const struct gathering *g, const struct rout
     return status;
 }
 
-/* The same of an array; of its rows those that are kept stay. */
-static enum tetlod_status own_rows(const struct gathering *g, const struct route *route, struct rows *rows)
+/* Of rows that have arrived those that are kept stay. */
+static enum tetlod_status keep_rows(const struct gathering *g, const struct route *route, const void *arrived,
+                                    struct rows *rows)
 {
-    void *arrived = NULL;
     uint64_t count = route->begins[g->rank + 1] - route->begins[g->rank];
-    enum tetlod_status status = send_rows(g, route, rows->own, rows->size, &arrived);
-    rows->owned = status == TETLOD_OK ? array_new(count, rows->size) : NULL;
+    rows->owned = array_new(count, rows->size);
     for (uint64_t i = 0; i < count && rows->owned; i++)
-        memcpy(rows->owned + i * rows->size, (unsigned char *)arrived + route->kept[i] * rows->size, rows->size);
-    free(arrived);
-    return status == TETLOD_OK ? agree_room(g, rows->owned) : status;
+        memcpy(rows->owned + i * rows->size, (const unsigned char *)arrived + route->kept[i] * rows->size, rows->size);
+    return agree_room(g, rows->owned);
 }
 
 /* What each rank owns follows what the one before does. */
@@ -377,18 +375,20 @@ static enum tetlod_status return_vertices(struct gathering *g, uint32_t *vertice
 static enum tetlod_status own_points(struct gathering *g)
 {
     struct route *route = &g->points;
+    struct rows *rows = &g->rows[POSITIONS];
     void *ids = NULL, *positions = NULL;
     uint32_t count = 0, *vertices = NULL;
     enum tetlod_status status;
     TETLOD_TRY_DONE(route_points(g));
     TETLOD_TRY_DONE(send_rows(g, route, g->piece->point_ids, sizeof(uint64_t), &ids));
-    TETLOD_TRY_DONE(send_rows(g, route, g->mesh->positions, g->rows[POSITIONS].size, &positions));
+    TETLOD_TRY_DONE(send_rows(g, route, rows->own, rows->size, &positions));
     vertices = array_new(route->arrived[g->ranks], sizeof *vertices);
     route->kept = array_new(route->arrived[g->ranks], sizeof *route->kept);
     g->ids = array_new(route->arrived[g->ranks], sizeof *g->ids);
     TETLOD_TRY_DONE(agree_room(g, vertices && route->kept && g->ids));
     TETLOD_TRY_DONE(comm_agree(g->comm, join_points(g, ids, positions, vertices, &count), g->error));
     TETLOD_TRY_DONE(count_owned(g, route, count));
+    TETLOD_TRY_DONE(keep_rows(g, route, positions, rows));
     TETLOD_TRY_DONE(return_vertices(g, vertices));
 done:
     free(ids);
@@ -496,17 +496,20 @@ static enum tetlod_status check_twice(const struct gathering *g, bool is_twice, 
 static enum tetlod_status own_tets(struct gathering *g)
 {
     struct route *route = &g->tets;
+    struct rows *rows = &g->rows[CORNERS];
     void *corners = NULL;
     uint32_t twice[4] = {0};
     bool is_twice = false;
     enum tetlod_status status;
     TETLOD_TRY_DONE(route_tets(g));
-    TETLOD_TRY_DONE(send_rows(g, route, g->corners, 4 * sizeof *g->corners, &corners));
+    *rows = (struct rows){g->corners, 4 * sizeof *g->corners, true, NULL};
+    TETLOD_TRY_DONE(send_rows(g, route, rows->own, rows->size, &corners));
     route->kept = array_new(route->arrived[g->ranks], sizeof *route->kept);
     TETLOD_TRY_DONE(agree_room(g, route->kept));
     TETLOD_TRY_DONE(agree_room(g, join_tets(g, corners, twice, &is_twice)));
     TETLOD_TRY_DONE(check_twice(g, is_twice, twice));
     TETLOD_TRY_DONE(count_owned(g, route, route->arrived[g->ranks]));
+    TETLOD_TRY_DONE(keep_rows(g, route, corners, rows));
 done:
     free(corners);
     return status;
@@ -533,13 +536,16 @@ static enum tetlod_status bring(const struct gathering *g, const struct route *r
     return status;
 }
 
-/* The array at its owners, and then on rank 0. */
-static enum tetlod_status move(const struct gathering *g, uint32_t row, void **out)
+/* The array of a field at its owners, and then on rank 0. */
+static enum tetlod_status move(const struct gathering *g, struct rows *rows, void **out)
 {
-    struct rows *rows = &g->rows[row];
     const struct route *route = rows->of_tets ? &g->tets : &g->points;
-    TETLOD_TRY(own_rows(g, route, rows));
-    return bring(g, route, rows, out);
+    void *arrived = NULL;
+    enum tetlod_status status = send_rows(g, route, rows->own, rows->size, &arrived);
+    if (status == TETLOD_OK)
+        status = keep_rows(g, route, arrived, rows);
+    free(arrived);
+    return status == TETLOD_OK ? bring(g, route, rows, out) : status;
 }
 
 static enum tetlod_status move_fields(const struct gathering *g, struct tetlod_build_mesh *out)
@@ -557,7 +563,7 @@ static enum tetlod_status move_fields(const struct gathering *g, struct tetlod_b
         void *values = NULL;
         *array = of_tets ? g->mesh->cell_fields[i - out->field_count] : g->mesh->fields[i];
         array->values = NULL;
-        enum tetlod_status status = move(g, FIELDS + i, &values);
+        enum tetlod_status status = move(g, &g->rows[FIELDS + i], &values);
         array->values = values;
         TETLOD_TRY(status);
     }
@@ -611,11 +617,10 @@ static enum tetlod_status gather_all(struct gathering *g, struct tetlod_build_me
     TETLOD_TRY(own_tets(g));
     out->vertices = (uint32_t)g->points.begins[g->ranks];
     out->tets = (uint32_t)g->tets.begins[g->ranks];
-    enum tetlod_status status = move(g, POSITIONS, &positions);
+    enum tetlod_status status = bring(g, &g->points, &g->rows[POSITIONS], &positions);
     out->positions = positions;
     TETLOD_TRY(status);
-    g->rows[CORNERS] = (struct rows){g->corners, 4 * sizeof *g->corners, true, NULL};
-    status = move(g, CORNERS, &corners);
+    status = bring(g, &g->tets, &g->rows[CORNERS], &corners);
     out->corners = corners;
     TETLOD_TRY(status);
     return move_fields(g, out);
