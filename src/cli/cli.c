@@ -81,20 +81,49 @@ int cli_usage(const char *command, const char *format, ...)
     return EXIT_USAGE;
 }
 
+/* What other programs call an option of ours: the first that a command has is meant. */
+static const char *other_name(const char *name, const struct option *options)
+{
+    static const char *const names[][2] = {
+        {"port", "listen"},     {"p", "listen"},        {"bind", "listen"},     {"address", "listen"},
+        {"jobs", "threads"},    {"j", "threads"},       {"cores", "threads"},   {"workers", "threads"},
+        {"tolerance", "limit"}, {"tolerance", "max-error"}, {"tolerance", "error"}, {"timestep", "step"},
+        {"array", "field"},     {"scalars", "field"},   {"variable", "field"},  {"outfile", "output"},
+        {"ram", "memory"},      {"tmpdir", "scratch"},  {"verbose", "progress"}, {"silent", "quiet"}};
+    for (size_t n = 0; n < sizeof names / sizeof *names; n++)
+        for (size_t o = 0; options[o].name && strcmp(names[n][0], name) == 0; o++)
+            if (strcmp(options[o].name, names[n][1]) == 0)
+                return options[o].name;
+    return NULL;
+}
+
+/* The word that the help has behind an option, such as HOST:PORT, with the blank before it. */
+static int value_word(const struct command *command, const char *option, const char **out)
+{
+    char before[72];
+    snprintf(before, sizeof before, "--%s ", option);
+    const char *at = strstr(command->help, before);
+    *out = at ? at + strlen(before) - 1 : "";
+    return at && (*out)[1] >= 'A' && (*out)[1] <= 'Z' ? 1 + (int)strcspn(*out + 1, " ]\n") : 0;
+}
+
 static void say_unknown(const struct command *command, const char *given, const struct option *options)
 {
     char name[64];
-    const char *bare = given + strspn(given, "-"), *best = NULL;
+    const char *bare = given + strspn(given, "-"), *value;
     snprintf(name, sizeof name, "%.*s", (int)strcspn(bare, "="), bare);
-    bool known = false;
+    const char *best = other_name(name, options);
+    bool known = false, other = best != NULL;
     for (; options->name && !known; options++) {
         known = strcmp(options->name, name) == 0;
-        nearest_offer(name, options->name, &best);
+        if (!other)
+            nearest_offer(name, options->name, &best);
     }
+    int length = best ? value_word(command, best, &value) : 0;
     if (known)
         cli_usage(command->name, "option '--%s' takes no value", name);
     else if (best)
-        cli_usage(command->name, "there is no option '%s', did you mean '--%s'?", given, best);
+        cli_usage(command->name, "there is no option '%s', did you mean '--%s%.*s'?", given, best, length, value);
     else
         cli_usage(command->name, "there is no option '%s'", given);
 }

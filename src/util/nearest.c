@@ -32,7 +32,7 @@ unsigned nearest_distance(const char *a, const char *b)
 void nearest_offer(const char *text, const char *name, const char **io_best)
 {
     unsigned distance = nearest_distance(text, name);
-    if (distance <= (strlen(text) + LETTERS_A_MISTAKE - 1) / LETTERS_A_MISTAKE && distance < strlen(name) &&
+    if (distance <= (strlen(text) + 1) / LETTERS_A_MISTAKE && distance < strlen(name) &&
         (!*io_best || distance < nearest_distance(text, *io_best)))
         *io_best = name;
 }

@@ -198,7 +198,13 @@ case('no line of the help is above 100 columns', narrow_help)
 fails('a pattern that nothing matches', 3, ['q*'], 'build', 'flow.vtu', '--field', 'q*')
 fails('did you mean a field', 3, ["did you mean 'VonMises'"], 'build', 'solid.vtu', '--field', 'vonmise')
 fails('a list with --abs-error', 2, ['--abs-error'], 'build', 'flow.vtu', '--field', 'p,k', '--abs-error', '1')
-fails('did you mean an option', 2, ["'--levl', did you mean '--level'?"], 'extract', 'solid.tetlod', '--levl', '3')
+fails('did you mean an option', 2, ["'--levl', did you mean '--level K'?"], 'extract', 'solid.tetlod', '--levl', '3')
+for given, ours in ((('serve', '--port', '80', '.'), '--listen ADDR:PORT'),
+                    (('build', '-j', '4', 'flow.vtu'), '--threads N'),
+                    (('build', '--tolerance=1%', 'flow.vtu'), '--max-error E'),
+                    (('diff', '--tolerance=1%', 'a', 'b'), '--limit L')):
+    fails("another program's name: " + given[1], 2, ["did you mean '%s'?" % ours], *given)
+fails('half of a name is another one', 2, ["there is no option '--fort';"], 'serve', '--fort', '80', '.')
 fails('an option takes no value', 2, ["'--keep-order' takes no value"], 'build', 'solid.vtu', '--keep-order=1')
 fails('no option is like it', 2, ["there is no option '--zzzzzz';"], 'build', 'solid.vtu', '--zzzzzz')
 fails('did you mean a command', 2, ["did you mean 'extract'"], 'extrakt')
