@@ -477,7 +477,7 @@ static int take_files(struct build_request *request, int argc, char **argv)
     if (request->show_error >= 0 && !show_is_output(request->output))
         return cli_usage("build", "--show goes with -o OUT.vtkhdf: a .tetlod has all levels, and shows each");
     const char *extension = show_is_output(request->output) ? NULL : "tetlod";
-    return cli_check_output(&command_build, request->output, extension, inputs, 2) ? EXIT_DONE : EXIT_USAGE;
+    return cli_check_output_name(&command_build, request->output, extension, inputs, 2);
 }
 
 int build_request_parse(struct build_request *out, int argc, char **argv)

@@ -68,11 +68,14 @@ bool cli_parse_measure(const struct command *command, const char *text, enum tet
 /* Exactly `count` operands after the options, or a usage message that names `what` is wanted. */
 bool cli_operands(const struct command *command, int argc, int count, const char *what);
 
-/* Whether a command may write `output`: false, after a message, if it is one of the `count` files `inputs` (NULL ones
- * are skipped), or if its extension names a format other than `extension` (NULL: any will do). */
-bool cli_check_output(const struct command *command, const char *output, const char *extension,
-                      const char *const *inputs,
-                      size_t count);
+/* Whether a command may write `output`: EXIT_USAGE, after a message, if it is one of the `count` files `inputs` (NULL
+ * ones are skipped), or if its extension names a format other than `extension` (NULL: any will do). */
+int cli_check_output_name(const struct command *command, const char *output, const char *extension,
+                          const char *const *inputs, size_t count);
+
+/* The same, and EXIT_FAILED, after a message, if no file can be written there. */
+int cli_check_output(const struct command *command, const char *output, const char *extension,
+                     const char *const *inputs, size_t count);
 
 /* Is the file a stream, bare or in a VTKHDF file, where a command takes meshes too? */
 bool cli_is_stream(const char *path);

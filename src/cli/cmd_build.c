@@ -513,6 +513,8 @@ static int build(struct build_request *request)
     double started = clock_seconds(), read_seconds, write_seconds = 0;
     enum tetlod_status status = take_memory(request, &error);
     in = (struct input){0};
+    if (status == TETLOD_OK && build_writes(&request->build))
+        status = file_output_check(request->output, &error);
     if (status == TETLOD_OK)
         status = prepare(request, &in, &error);
     bool goes_on = status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series);

@@ -96,17 +96,17 @@ static int run(int argc, char **argv)
     if (!output)
         return cli_usage("convert", "-o OUT is missing: the file to write");
     const char *const inputs[] = {argv[optind], reading.options.solution};
-    if (!cli_check_output(&command_convert, output, NULL, inputs, 2))
-        return EXIT_USAGE;
     if (is_stream && !show_is_output(output))
         return cli_usage("convert", "--stream writes OUT.vtkhdf; for other formats leave it out, for OUT.tetlod take "
                                     "'tetlod extract'");
     if (show_error >= 0 && !is_stream)
         return cli_usage("convert", "--show goes with --stream");
-    if (is_stream)
-        return convert_stream(argv[optind], show_error, output);
     reading.options.output = output;
-    return convert(argv[optind], &reading.options, output);
+    int result = cli_check_output(&command_convert, output, NULL, inputs, 2);
+    if (result == EXIT_DONE)
+        result = is_stream ? convert_stream(argv[optind], show_error, output)
+                           : convert(argv[optind], &reading.options, output);
+    return result;
 }
 
 const struct command command_convert = {"convert", "from any readable mesh to any writable one", help, run};

@@ -372,23 +372,19 @@ static bool take_option(struct request *request, int option, const char *value)
     return true;
 }
 
-/* False after a usage message. */
-static bool check(struct request *request, int argc, char **argv)
+/* EXIT_DONE, or what a message has said. */
+static int check(struct request *request, int argc, char **argv)
 {
     struct tetlod_error error = {0};
     if (!cli_operands(&command_diff, argc, 2, "the two results"))
-        return false;
+        return EXIT_USAGE;
     for (int m = 0; m < 2; m++)
         request->places[m] = argv[optind + m];
-    if (!request->field == !request->limits || (request->limits && (request->limit || request->output))) {
-        cli_usage("diff", "give --field NAME, with or without --limit and -o, or --limits FILE");
-        return false;
-    }
-    if (request->output && io_check_output(request->output, &error) != TETLOD_OK) {
-        cli_usage("diff", "%s", error.message);
-        return false;
-    }
-    return !request->output || cli_check_output(&command_diff, request->output, NULL, request->places, 2);
+    if (!request->field == !request->limits || (request->limits && (request->limit || request->output)))
+        return cli_usage("diff", "give --field NAME, with or without --limit and -o, or --limits FILE");
+    if (request->output && io_check_output(request->output, &error) != TETLOD_OK)
+        return cli_usage("diff", "%s", error.message);
+    return request->output ? cli_check_output(&command_diff, request->output, NULL, request->places, 2) : EXIT_DONE;
 }
 
 static int run(int argc, char **argv)
@@ -405,14 +401,15 @@ static int run(int argc, char **argv)
     for (int option; (option = cli_option(&command_diff, argc, argv, "l:o:", options)) != -1;)
         if (!take_option(&request, option, optarg))
             return EXIT_USAGE;
-    if (!check(&request, argc, argv))
-        return EXIT_USAGE;
+    int result = check(&request, argc, argv);
+    if (result != EXIT_DONE)
+        return result;
     enum tetlod_status status;
     if (request.limits)
         status = diff_limits_read(&limits, request.limits, &error);
     else
         status = diff_limits_one(&limits, request.field, request.limit, request.norm, &error);
-    int result = status == TETLOD_OK ? diff(&request, &limits) : cli_fail(&error);
+    result = status == TETLOD_OK ? diff(&request, &limits) : cli_fail(&error);
     diff_limits_fini(&limits);
     return result;
 }

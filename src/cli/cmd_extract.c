@@ -440,14 +440,13 @@ static int run(int argc, char **argv)
     request.step.selection.error = selection->kind == TAKE_FINEST ? 0 : selection->error;
     request.step.selection.absolute = absolute;
     request.input = argv[optind];
-    if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
-        return EXIT_USAGE;
     if (selection->box_count && is_stream(request.output))
         return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
     if (request.form != FORM_STREAM && is_stream(request.output))
         return cli_usage("extract", "%s is for a mesh file; a stream keeps the order that it has",
                          request.form == FORM_CELLS ? "--cells original" : "--original-order");
-    return extract(&request);
+    int result = cli_check_output(&command_extract, request.output, NULL, &request.input, 1);
+    return result == EXIT_DONE ? extract(&request) : result;
 }
 
 const struct command command_extract = {"extract", "one level as a mesh file", help, run};

@@ -317,8 +317,10 @@ static int run(int argc, char **argv)
     if (!cli_operands(&command_features, argc, 1, "the stream or mesh file") || check(&request) != EXIT_DONE)
         return EXIT_USAGE;
     request.input = argv[optind];
-    if (request.output && !cli_check_output(&command_features, request.output, NULL, &request.input, 1))
-        return EXIT_USAGE;
+    int result = request.output ? cli_check_output(&command_features, request.output, NULL, &request.input, 1)
+                                : EXIT_DONE;
+    if (result != EXIT_DONE)
+        return result;
     return web_source_is(request.input) || cli_is_stream(request.input) ? of_stream(&request) : of_mesh(&request);
 }
 

@@ -227,9 +227,8 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!output)
         return cli_usage("plot", "where to? give -o OUT.svg");
-    if (!cli_check_output(&command_plot, output, "svg", (const char *const[]){argv[optind]}, 1))
-        return EXIT_USAGE;
-    return plot(argv[optind], output, field, steps);
+    int result = cli_check_output(&command_plot, output, "svg", (const char *const[]){argv[optind]}, 1);
+    return result == EXIT_DONE ? plot(argv[optind], output, field, steps) : result;
 }
 
 const struct command command_plot = {"plot", "draw error against tetrahedra and bytes", help, run};

@@ -94,8 +94,11 @@ static int run(int argc, char **argv)
         return cli_usage("sample", "-o OUT is missing: the file to write");
     if (remesh && !steps)
         return cli_usage("sample", "--remesh goes with --steps");
-    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, (uint32_t)remesh, output)
-                 : make(sample, (uint32_t)size, output);
+    int result = cli_check_output(&command_sample, output, NULL, NULL, 0);
+    if (result == EXIT_DONE)
+        result = steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, (uint32_t)remesh, output)
+                       : make(sample, (uint32_t)size, output);
+    return result;
 }
 
 const struct command command_sample = {"sample", "make a sample mesh", help, run};

@@ -194,8 +194,8 @@ static int run(int argc, char **argv)
     request.input = argv[optind];
     if (!request.output || !request.count)
         return cli_usage("sample-points", "%s is missing", request.output ? "--count N" : "-o OUT.npz");
-    return cli_check_output(&command_sample_points, request.output, "npz", &request.input, 1) ? sample_points(&request)
-                                                                                              : EXIT_USAGE;
+    int result = cli_check_output(&command_sample_points, request.output, "npz", &request.input, 1);
+    return result == EXIT_DONE ? sample_points(&request) : result;
 }
 
 const struct command command_sample_points = {"sample-points", "points of a level with values and weights, for numpy",

@@ -24,19 +24,24 @@ static const char *meaning(const char *extension)
     return NULL;
 }
 
-bool cli_check_output(const struct command *command, const char *output, const char *extension,
-                      const char *const *inputs,
-                      size_t count)
+int cli_check_output_name(const struct command *command, const char *output, const char *extension,
+                          const char *const *inputs, size_t count)
 {
     for (size_t i = 0; i < count; i++)
-        if (inputs[i] && file_same(output, inputs[i])) {
-            cli_usage(command->name, "-o %s is the input %s: give the output another name", output, inputs[i]);
-            return false;
-        }
+        if (inputs[i] && file_same(output, inputs[i]))
+            return cli_usage(command->name, "-o %s is the input %s: give the output another name", output, inputs[i]);
     const char *slash = strrchr(output, '/'), *dot = strrchr(slash ? slash : output, '.');
     const char *other = dot && extension && strcasecmp(dot + 1, extension) != 0 ? meaning(dot + 1) : NULL;
     if (other)
-        cli_usage(command->name, "-o %s says %s, and this command writes %s: name it %.*s.%s", output, other, extension,
-                  (int)(dot - output), output, extension);
-    return !other;
+        return cli_usage(command->name, "-o %s says %s, and this command writes %s: name it %.*s.%s", output, other,
+                         extension, (int)(dot - output), output, extension);
+    return EXIT_DONE;
+}
+
+int cli_check_output(const struct command *command, const char *output, const char *extension,
+                     const char *const *inputs, size_t count)
+{
+    struct tetlod_error error = {0};
+    int result = cli_check_output_name(command, output, extension, inputs, count);
+    return result == EXIT_DONE && file_output_check(output, &error) != TETLOD_OK ? cli_fail(&error) : result;
 }

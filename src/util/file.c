@@ -272,7 +272,9 @@ enum tetlod_status file_output_open(struct file_output **out, const char *path, 
     int fd = open_output(output);
     output->stream = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (!output->stream) {
-        enum tetlod_status status = fail_errno(error, path, "create");
+        enum tetlod_status status = errno == ENOENT ? tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot create: its folder "
+                                                                   "is not there; make the folder first", path)
+                                                    : fail_errno(error, path, "create");
         if (fd >= 0) {
             close(fd);
             if (output->kind == OUTPUT_TEMPORARY)
@@ -363,6 +365,17 @@ void file_output_abort(struct file_output *output)
     if (output->kind == OUTPUT_TEMPORARY)
         unlink(output->temporary);
     output_free(output);
+}
+
+enum tetlod_status file_output_check(const char *path, struct tetlod_error *error)
+{
+    struct stat about;
+    struct file_output *output;
+    if (stat(path, &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+        return TETLOD_OK; // who reads a pipe would take an end for that of the output
+    TETLOD_TRY(file_output_open(&output, path, error));
+    file_output_abort(output);
+    return TETLOD_OK;
 }
 
 enum tetlod_status file_write(const char *path, const void *bytes, size_t size, struct tetlod_error *error)

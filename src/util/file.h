@@ -75,6 +75,9 @@ void file_output_abort(struct file_output *output);
 TETLOD_CHECKED enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status,
                                                      struct tetlod_error *error);
 
+/* Can an output be opened there? For those who work long before they write: nothing is left, nothing is replaced. */
+TETLOD_CHECKED enum tetlod_status file_output_check(const char *path, struct tetlod_error *error);
+
 /* All of it at once. */
 TETLOD_CHECKED enum tetlod_status file_write(const char *path, const void *bytes, size_t size,
                                              struct tetlod_error *error);

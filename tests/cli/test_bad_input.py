@@ -140,6 +140,22 @@ def outputs():
         problem = (None if done.returncode == 2 and 'use one of .vtu' in message and 'out.' + extension in message else
                    message)
         report_problem('-o out.%s' % extension, 'left behind' if os.path.exists(path('out.' + extension)) else problem)
+    early()
+
+
+def early():
+    """An output that cannot be written is said before any work: before an input that is not there."""
+    for command, extension, *options in (
+            ('build', 'tetlod'), ('convert', 'vtu'), ('convert', 'vtkhdf', '--stream'), ('extract', 'vtu'),
+            ('extract', 'tetlod'), ('diff', 'vtu', 'other.vtu', '--field', 'p'), ('plot', 'svg'),
+            ('features', 'csv', '--field', 'p'), ('sample-points', 'npz', '--count', '9')):
+        for where, wanted in (('no', 'make the folder first'), ('in.vtu', 'Not a directory')):
+            name = path('%s/out.%s' % (where, extension))
+            done = subprocess.run([TETLOD, command, path('nowhere.vtu'), *options, '-o', name], stdout=subprocess.PIPE,
+                                  stderr=subprocess.PIPE)
+            message = done.stderr.decode()
+            good = done.returncode == 1 and message.startswith('tetlod: %s: cannot create: ' % name)
+            report_problem('early: %s to %s' % (command, name), None if good and wanted in message else message)
 
 
 def system():

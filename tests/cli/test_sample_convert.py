@@ -184,7 +184,7 @@ def output():
     report('a failed write keeps the older file', done.returncode == 1 and open(path('fin.vtu'), 'rb').read() == old
            and b'File too large' in done.stderr, done)
     done = tetlod('sample', 'cube', '-o', path('no/cube.vtu'))
-    report('no such folder', done.returncode == 1 and b'No such file' in done.stderr, done)
+    report('no such folder', done.returncode == 1 and b'make the folder first' in done.stderr, done)
     os.mkdir(path('folder.vtu'))
     done = tetlod('sample', 'cube', '-o', path('folder.vtu'))
     report('the output is a folder', done.returncode == 1 and b'directory' in done.stderr, done)
