@@ -53,7 +53,7 @@ const char *tetlodi_input_wrong(const struct tetlodi_write_input *in)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";
-    else if (in->section_count > MAX_SECTIONS - 5 - MAX_FIELDS)
+    else if (in->section_count > MAX_SECTIONS - MAX_OWN_SECTIONS - MAX_FIELDS)
         wrong = "it has too many sections";
     else if (tetlodi_metadata_wrong(in->metadata))
         wrong = "its metadata is too large";

@@ -5,6 +5,10 @@
 
 #include "format/write/write_input.h"
 
+/* Sections that a writer makes beside one for each field of cells, at most: metadata, the order, table and map of cells,
+ * pages. */
+enum { MAX_OWN_SECTIONS = 5 };
+
 /* Is the last level the exact tail? */
 int tetlodi_has_tail(const struct tetlodi_write_input *in);
 

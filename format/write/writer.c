@@ -482,7 +482,7 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     if (in->late)
         TETLOD_TRY(in->late(in->late_opaque, w->records.node_at, &rows, &late, &late_count, w->error));
     struct tetlodi_write_section *sections =
-        calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 4, sizeof *sections);
+        calloc(in->section_count + (size_t)late_count + in->cell_field_count + MAX_OWN_SECTIONS, sizeof *sections);
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
