@@ -463,13 +463,20 @@ static enum tetlod_status measure_together(struct build *build)
         domains[mark] = build->log.marks[mark].moved + build->rounded_by;
     if (status == TETLOD_OK)
         status = measure_shared(&levels, measured, domains, build->error);
-    const bool known = build_writes(build->options);
-    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK; mark++)
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_writes(build->options); mark++)
         if (build->asked[mark])
-            file_levels(build, mark, known ? measured + (size_t)mark * fields : NULL, domains[mark]);
+            file_levels(build, mark, measured + (size_t)mark * fields, domains[mark]);
     free(measured);
     free(domains);
     return status;
+}
+
+/* Pages are made of what their levels are, not of what these differ by. */
+static void file_unmeasured(struct build *build)
+{
+    for (uint32_t mark = 0; mark < build->log.mark_count; mark++)
+        if (build->asked[mark])
+            file_levels(build, mark, NULL, 0);
 }
 
 static enum tetlod_status measure_marks(struct build *build)
@@ -493,6 +500,8 @@ static enum tetlod_status measure_marks(struct build *build)
         TETLOD_TRY_DONE(measure_together(build));
     else if (build_writes(build->options))
         TETLOD_TRY_DONE(measure_alone(build, measured));
+    if (!build_writes(build->options))
+        file_unmeasured(build);
     if (build->precision.tail && build_writes(build->options))
         match_tail(build);
 done:
