@@ -10,9 +10,9 @@ static const char help[] =
     "Several tasks of a job array build one stream: tetlod plan writes down in FOLDER what is built, each\n"
     "task does its share with tetlod run FOLDER, and tetlod merge FOLDER -o OUT.tetlod writes the stream\n"
     "that tetlod build --paged INPUT would write, byte for byte. All of them see FOLDER and INPUT under\n"
-    "the same paths. Each has the whole mesh in memory; what is shared is the work: the cells that are\n"
-    "contracted, and the samples that errors are measured at. A task that dies is run again, or not at\n"
-    "all: the others do what it has left. FOLDER is no longer needed when the stream is there.\n"
+    "the same paths. The first task, and tetlod merge, have the mesh; the others get the cells that are\n"
+    "contracted, the samples that errors are measured at, and the pages. A task that dies is run again, or\n"
+    "not at all: the others do what it has left. FOLDER is no longer needed when the stream is there.\n"
     "\n"
     "Options are those of tetlod build but -o, and come behind FOLDER. server/deploy/many-machines.md\n"
     "has recipes for Slurm, GNU parallel, Kubernetes and others.\n"
@@ -39,6 +39,9 @@ static int run(int argc, char **argv)
     if (request.output != request.own_output)
         return cli_usage("plan", "the output is named when it is written: tetlod merge %s -o %s", folder,
                          request.output);
+    const char *wrong = build_against_pages(&request.build);
+    if (wrong)
+        return cli_usage("plan", "cannot be built by several programs: %s", wrong);
     return plan_write(folder, &request, argc - 1, argv + 1, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 

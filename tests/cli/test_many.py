@@ -163,8 +163,7 @@ def refused():
     with open(path('work/plan.json'), 'w') as file:
         file.write(text[:-9])
     fails('a plan that is cut off', 1, ['plan.json', 'is not a plan'], 'run', 'work')
-    plan('fin.vtu', '--certify', 'exact')
-    fails('what cannot be shared', 2, ['fin.vtu', '--certify exact'], 'run', 'work')
+    fails('what cannot be shared', 2, ['--certify exact'], 'plan', 'other', 'fin.vtu', '--certify', 'exact')
     must('sample', 'fin', '--size', '12', '-o', 'changes.vtu')
     plan('changes.vtu')
     must('sample', 'fin', '--size', '13', '-o', 'changes.vtu')

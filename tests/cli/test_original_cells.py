@@ -401,7 +401,7 @@ if __name__ == '__main__':
             case('%s: the original cells in .%s, bit for bit' % (mesh, ending), back, mesh, ending)
     case('the original cells, read in Python', python_cells, 'in')
     case('hexahedra, wedges and pyramids in .vtkhdf', no_polyhedra)
-    case('in pages, which have a table as well', back, 'plain', 'vtu', '--paged=100')
+    case('in pages, which have a table as well', back, 'in', 'vtu', '--paged=300')
     case('quadratic cells', quadratic)
     case('ghosts', ghosts)
     case('tetrahedra that are numbered both ways', turned)
