@@ -332,8 +332,7 @@ static void file_levels(struct build *build, uint32_t mark, const struct measure
 }
 
 static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening,
-                                       struct measure_levels *measure,
-                                       uint32_t mark, struct measured *measured)
+                                       struct measure_levels *measure, uint32_t mark, struct measured *measured)
 {
     const struct log_mark *at = &build->log.marks[mark];
     double domain = at->moved + build->rounded_by;
@@ -456,9 +455,9 @@ static enum tetlod_status measure_together(struct build *build)
     double *domains = array_new(marks, sizeof *domains);
     const struct shared_levels levels = {build->original, build->mesh, &build->log, build->asked, domains,
                                          build->options->threads, build->options->share, measure_progress, build};
-    enum tetlod_status status = measured && domains
-                                    ? TETLOD_OK
-                                    : tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
+    enum tetlod_status status = TETLOD_OK;
+    if (!measured || !domains)
+        status = tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
     for (uint32_t mark = 0; mark < marks && status == TETLOD_OK; mark++)
         domains[mark] = build->log.marks[mark].moved + build->rounded_by;
     if (status == TETLOD_OK)
@@ -471,14 +470,6 @@ static enum tetlod_status measure_together(struct build *build)
     return status;
 }
 
-/* Pages are made of what their levels are, not of what these differ by. */
-static void file_unmeasured(struct build *build)
-{
-    for (uint32_t mark = 0; mark < build->log.mark_count; mark++)
-        if (build->asked[mark])
-            file_levels(build, mark, NULL, 0);
-}
-
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
@@ -486,8 +477,7 @@ static enum tetlod_status measure_marks(struct build *build)
     struct measured *measured = array_new(fields, sizeof *measured);
     build->exact = array_new(fields, sizeof *build->exact);
     build->asked = array_new(marks, sizeof *build->asked);
-    // the stream knows the rounded one's
-    build->diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh));
+    build->diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh)); // streams have that
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_zero((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
@@ -500,8 +490,9 @@ static enum tetlod_status measure_marks(struct build *build)
         TETLOD_TRY_DONE(measure_together(build));
     else if (build_writes(build->options))
         TETLOD_TRY_DONE(measure_alone(build, measured));
-    if (!build_writes(build->options))
-        file_unmeasured(build);
+    for (uint32_t mark = 0; mark < marks && !build_writes(build->options); mark++)
+        if (build->asked[mark]) // pages do not say how far their level is off
+            file_levels(build, mark, NULL, 0);
     if (build->precision.tail && build_writes(build->options))
         match_tail(build);
 done:
@@ -530,9 +521,9 @@ static enum tetlod_status list_cells(const struct build *build, struct tetlodi_w
     bool *ids = array_zero(mesh->cell_field_count, sizeof *ids);
     *out = array_zero(mesh->cell_field_count, sizeof **out);
     *rounded = array_zero(mesh->cell_field_count, sizeof **rounded);
-    enum tetlod_status status = ids && *out && *rounded ? TETLOD_OK
-                                                        : tetlodi_fail_nomem(build->error, "the fields",
-                                                                             mesh->cell_field_count * sizeof **out);
+    enum tetlod_status status = TETLOD_OK;
+    if (!ids || !*out || !*rounded)
+        status = tetlodi_fail_nomem(build->error, "the fields", mesh->cell_field_count * sizeof **out);
     if (status == TETLOD_OK)
         ids_find(mesh->cell_fields, mesh->cell_field_count, mesh->tet_count, ids);
     for (uint32_t f = 0; f < mesh->cell_field_count && status == TETLOD_OK; f++) {
