@@ -5,8 +5,8 @@
 
 #include "format/write/write_input.h"
 
-/* Sections that a writer makes beside one for each field of cells, at most: metadata, the order, table and map of cells,
- * pages. */
+/* Sections that a writer makes beside one for each field of cells, at most: metadata, the order, table and map of
+ * cells, pages. */
 enum { MAX_OWN_SECTIONS = 5 };
 
 /* Is the last level the exact tail? */
