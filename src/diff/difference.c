@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/diff/boundary_shell.h"
 #include "src/diff/overlap.h"
+#include "src/measure/same.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/bvh.h"
 #include "src/mesh/sheets.h"
@@ -405,18 +406,11 @@ static void release(struct measuring *measuring, unsigned threads)
     body_pairs_fini(&measuring->pairs);
 }
 
-static bool are_same(const struct tetmesh *a, const struct tetmesh *b)
-{
-    return a->vertex_count == b->vertex_count && a->tet_count == b->tet_count &&
-        memcmp(a->positions, b->positions, a->vertex_count * 3 * sizeof *a->positions) == 0 &&
-        memcmp(a->corners, b->corners, a->tet_count * 4 * sizeof *a->corners) == 0;
-}
-
 static void begin(struct measuring *measuring, int component)
 {
     const struct difference_side *sides = measuring->sides;
     const struct point_field *field = &sides[0].mesh->fields[sides[0].field];
-    measuring->same = are_same(sides[0].mesh, sides[1].mesh);
+    measuring->same = mesh_same_order(sides[0].mesh, sides[1].mesh);
     measuring->stride = field->components;
     measuring->components = component < 0 ? field->components : 1;
     for (int m = 0; m < 2; m++) {

@@ -16,7 +16,7 @@ struct row {
 };
 
 struct key {
-    uint32_t ranks[4], values, odd;
+    uint32_t ranks[4], values, odd, tet;
 };
 
 static int compare_rows(const void *left, const void *right)
@@ -56,9 +56,8 @@ static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, b
 }
 
 /* The rank of every vertex, or of every tetrahedron's values, a's then b's, among the different rows. */
-static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmesh *b, bool cell, uint32_t width,
-                                    uint32_t *ranks,
-                                    struct tetlod_error *error)
+static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmesh *b, const struct tetmesh *names,
+                                    bool cell, uint32_t width, uint32_t *ranks, struct tetlod_error *error)
 {
     size_t first = cell ? a->tet_count : a->vertex_count, count = first + (cell ? b->tet_count : b->vertex_count);
     double *numbers = array_new(count * width, sizeof *numbers);
@@ -68,8 +67,8 @@ static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmes
         free(rows);
         return tetlodi_fail_nomem(error, "the comparison", count * (width * 8 + sizeof *rows));
     }
-    fill_rows(a, b, cell, numbers, width);
-    fill_rows(b, b, cell, numbers + first * width, width);
+    fill_rows(a, names, cell, numbers, width);
+    fill_rows(b, names, cell, numbers + first * width, width);
     for (size_t i = 0; i < count; i++)
         rows[i] = (struct row){numbers + i * width, width, (uint32_t)i};
     qsort(rows, count, sizeof *rows, compare_rows);
@@ -86,7 +85,7 @@ static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks, 
 {
     struct key *keys = array_new(mesh->tet_count, sizeof *keys);
     for (size_t t = 0; t < mesh->tet_count && keys; t++) {
-        struct key key = {{0}, values ? values[t] : 0, 0};
+        struct key key = {{0}, values ? values[t] : 0, 0, (uint32_t)t};
         bool twins = false;
         for (int c = 0; c < 4; c++)
             key.ranks[c] = ranks[mesh->corners[4 * t + (size_t)c]];
@@ -167,12 +166,87 @@ enum tetlod_status mesh_same(const struct tetmesh *a, const struct tetmesh *b, s
         status = tetlodi_fail_nomem(error, "the comparison", 8 * ((uint64_t)a->vertex_count + a->tet_count));
         goto done;
     }
-    TETLOD_TRY_DONE(rank_rows(a, b, false, width, ranks, error));
+    TETLOD_TRY_DONE(rank_rows(a, b, b, false, width, ranks, error));
     if (values)
-        TETLOD_TRY_DONE(rank_rows(a, b, true, cell_width, values, error));
+        TETLOD_TRY_DONE(rank_rows(a, b, b, true, cell_width, values, error));
     status = compare_tets(a, b, ranks, values, error);
 done:
     free(ranks);
     free(values);
+    return status;
+}
+
+/* Which vertex of b is which of a: that of the same rank in the same tetrahedron. False if no such order is found. */
+static bool pair_vertices(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks,
+                          const struct key *in_a, const struct key *in_b, uint32_t *out)
+{
+    const uint32_t *ranks_b = ranks + a->vertex_count;
+    memset(out, 0xff, a->vertex_count * sizeof *out); // TETLOD_NONE
+    for (size_t t = 0; t < a->tet_count; t++) {
+        const uint32_t *corners = a->corners + 4 * (size_t)in_a[t].tet, *others = b->corners + 4 * (size_t)in_b[t].tet;
+        if (compare_keys(&in_a[t], &in_b[t]) != 0)
+            return false;
+        for (int c = 0; c < 4; c++) {
+            int other = 0;
+            while (ranks_b[others[other]] != ranks[corners[c]])
+                other++;
+            if (out[corners[c]] != TETLOD_NONE && out[corners[c]] != others[other])
+                return false;
+            out[corners[c]] = others[other];
+        }
+    }
+    for (uint32_t v = 0; v < a->vertex_count; v++)
+        if (out[v] == TETLOD_NONE)
+            return false;
+    return true;
+}
+
+static enum tetlod_status put_in_order(const struct tetmesh *a, struct tetmesh *b, const uint32_t *order,
+                                       struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < b->field_count; f++) {
+        const size_t width = b->fields[f].components;
+        double *values = array_new(b->vertex_count * width, sizeof *values);
+        if (!values)
+            return tetlodi_fail_nomem(error, "the comparison", b->vertex_count * width * sizeof *values);
+        for (size_t v = 0; v < b->vertex_count; v++)
+            memcpy(values + v * width, b->fields[f].values + order[v] * width, width * sizeof *values);
+        free(b->fields[f].values);
+        b->fields[f].values = values;
+    }
+    memcpy(b->positions, a->positions, a->vertex_count * 3 * sizeof *a->positions);
+    memcpy(b->corners, a->corners, a->tet_count * 4 * sizeof *a->corners);
+    return TETLOD_OK;
+}
+
+bool mesh_same_order(const struct tetmesh *a, const struct tetmesh *b)
+{
+    return a->vertex_count == b->vertex_count && a->tet_count == b->tet_count &&
+        memcmp(a->positions, b->positions, a->vertex_count * 3 * sizeof *a->positions) == 0 &&
+        memcmp(a->corners, b->corners, a->tet_count * 4 * sizeof *a->corners) == 0;
+}
+
+enum tetlod_status mesh_take_order(const struct tetmesh *a, struct tetmesh *b, struct tetlod_error *error)
+{
+    static const struct tetmesh no_fields = {0};
+    if (a->vertex_count != b->vertex_count || a->tet_count != b->tet_count || mesh_same_order(a, b))
+        return TETLOD_OK;
+    uint32_t *ranks = array_new(2 * (size_t)a->vertex_count, sizeof *ranks);
+    uint32_t *order = array_new(a->vertex_count, sizeof *order);
+    struct key *in_a = NULL, *in_b = NULL;
+    enum tetlod_status status = ranks && order ? rank_rows(a, b, &no_fields, false, 3, ranks, error)
+                                               : tetlodi_fail_nomem(error, "the comparison", a->vertex_count * 12ull);
+    if (status == TETLOD_OK) {
+        in_a = make_keys(a, ranks, NULL);
+        in_b = make_keys(b, ranks + a->vertex_count, NULL);
+        if (!in_a || !in_b)
+            status = tetlodi_fail_nomem(error, "the comparison", (uint64_t)a->tet_count * 2 * sizeof *in_a);
+        else if (pair_vertices(a, b, ranks, in_a, in_b, order))
+            status = put_in_order(a, b, order, error);
+    }
+    free(in_a);
+    free(in_b);
+    free(ranks);
+    free(order);
     return status;
 }

@@ -11,4 +11,12 @@
 TETLOD_CHECKED enum tetlod_status mesh_same(const struct tetmesh *a, const struct tetmesh *b,
                                             struct tetlod_error *error);
 
+/* Have both the same positions and corners, in the same order? */
+bool mesh_same_order(const struct tetmesh *a, const struct tetmesh *b);
+
+/* Gives b the order of a where it is the same mesh in that sense, whatever its values; else b stays as it is. It has no
+ * values of cells. ERR_NOMEM. O(n log n), O(n) if the order is the same already. */
+TETLOD_CHECKED enum tetlod_status mesh_take_order(const struct tetmesh *a, struct tetmesh *b,
+                                                  struct tetlod_error *error);
+
 #endif

@@ -237,6 +237,34 @@ def domains():
           '--field', 'f')
 
 
+def other_orders():
+    """One mesh in two orders is compared vertex by vertex: exactly, and alike bodies that touch each with itself."""
+    from kuhn_grid import kuhn
+    random = np.random.default_rng(5)
+    points, tets = kuhn(5, random)
+    points, tets = np.concatenate([points, points + [1, 0, 0]]), np.concatenate([tets, tets + len(points)])
+    field = random.random(len(points))
+    vertices, order = random.permutation(len(points)), random.permutation(len(tets))
+    number = np.argsort(vertices)  # of each old vertex, the new one
+    other = number[tets[order]][:, [1, 2, 0, 3]]
+    write_mesh('bodies.vtu', points, tets, {'f': field})
+    must('build', path('bodies.vtu'), '-o', path('bodies.tetlod'), '--quiet')
+    for name, shift, goal in (('another order', 0, '--limit'), ('and other values', 0.25, '--within')):
+        values = field[vertices] + shift * (np.arange(len(points)) == 7)
+        write_mesh('shuffled.vtu', points[vertices], other, {'f': values})
+        for first in 'bodies.vtu', 'bodies.tetlod':
+            code, found = diff(path(first), path('shuffled.vtu'), '--field', 'f', goal, '0')
+            largest = np.abs(values - field[vertices]).max()
+            report('%s of %s' % (name, first), code == 0 and list(found['max'].values()) == [largest, largest], found)
+    code, found = diff(path('bodies.tetlod'), path('bodies.vtu'), '--field', 'f', '--limit', '0')
+    report('a stream is what it was built of', code == 0 and found['max']['upper'] == 0, found)
+    moved = points[vertices]
+    moved[3, 0] = np.nextafter(moved[3, 0], 5)
+    write_mesh('moved.vtu', moved, other, {'f': field[vertices]})
+    code, found = diff(path('bodies.tetlod'), path('moved.vtu'), '--field', 'f', '--limit', '0')
+    report('a vertex that has moved by one digit', code == 5 and 0 < found['max']['upper'] < 1e-6, found)
+
+
 def written():
     """What -o writes: bounds of the difference in each tetrahedron."""
     from vtk.util.numpy_support import vtk_to_numpy
@@ -356,7 +384,8 @@ def main():
         note('skipped: VTK for Python is not here')
         finish()
         return
-    for part in (known_pairs, moved_boundaries, sheets, domains, written, limits, refusals, series, over_http):
+    for part in (known_pairs, moved_boundaries, sheets, domains, other_orders, written, limits, refusals, series,
+                 over_http):
         part()
     finish()
 

@@ -31,7 +31,7 @@ LAYERS = {
     'src/sample': MESHES,
     'src/cut': MESHES,
     'src/ask': MESHES + ['src/cut/line.h', 'src/stream/', 'format/read/summary.h', 'format/read/box_sums.h'],
-    'src/diff': MESHES + ['src/ask/', 'src/measure/weights_map.h'],
+    'src/diff': MESHES + ['src/ask/', 'src/measure/same.h', 'src/measure/weights_map.h'],
     'src/simplify': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
     'src/simplify/mesh': MESHES + ['src/log/contraction_log.h'],
     'src/simplify/rounds': MESHES + ['src/simplify/', 'src/log/contraction_log.h'],
