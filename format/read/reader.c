@@ -220,7 +220,7 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
     uint8_t *bytes;
     if (!section)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "the stream does not keep the original order (build --keep-order does)");
+                            "the stream keeps no original order: build it with --keep-order");
     TETLOD_TRY(tetlodi_finest_held(&file->index, error));
     TETLOD_TRY(tetlodi_read_section(file, section, &bytes, error));
     tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);

@@ -89,7 +89,8 @@ static const char *other_name(const char *name, const struct option *options)
         {"jobs", "threads"},    {"j", "threads"},       {"cores", "threads"},   {"workers", "threads"},
         {"tolerance", "limit"}, {"tolerance", "max-error"}, {"tolerance", "error"}, {"timestep", "step"},
         {"array", "field"},     {"scalars", "field"},   {"variable", "field"},  {"outfile", "output"},
-        {"ram", "memory"},      {"tmpdir", "scratch"},  {"verbose", "progress"}, {"silent", "quiet"}};
+        {"ram", "memory"},      {"tmpdir", "scratch"},  {"verbose", "progress"}, {"silent", "quiet"},
+        {"keep-order", "original-order"}, {"original-order", "keep-order"}};
     for (size_t n = 0; n < sizeof names / sizeof *names; n++)
         for (size_t o = 0; options[o].name && strcmp(names[n][0], name) == 0; o++)
             if (strcmp(options[o].name, names[n][1]) == 0)

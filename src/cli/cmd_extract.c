@@ -85,6 +85,11 @@ struct request {
     struct step_option step;
 };
 
+static const char *form_option(const struct request *request)
+{
+    return request->form == FORM_CELLS ? "--cells original" : "--original-order";
+}
+
 static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
                                      struct tetlod_error *error)
 {
@@ -144,10 +149,13 @@ static enum tetlod_status choose_here(const struct tetlod_info *info, uint32_t h
         return TETLOD_OK;
     if (here == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off before the end of level 0");
+    if (request->form != FORM_STREAM)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
+                            "it is cut off: levels 0 to %u of %u are here, and %s needs the finest", here,
+                            info->level_count - 1, form_option(request));
     if (request->selection.kind != TAKE_FINEST)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, not level %u",
-                            here,
-                            info->level_count - 1, *level);
+                            here, info->level_count - 1, *level);
     fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here,
             info->level_count - 1);
     *level = here;
@@ -425,16 +433,18 @@ static int run(int argc, char **argv)
     selection->box_finest = !box_error;
     if (box_error && !selection->box_count)
         return cli_usage("extract", "--box-error needs a --box");
+    if (request.form != FORM_STREAM && selection->box_count)
+        return cli_usage("extract", "%s does not go with --box: it is for the finest level", form_option(&request));
     if (selection->box_count && selection->kind == TAKE_FINEST)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
     if (request.points && !probe_is_output(request.output))
         return cli_usage("extract", "--points writes .csv or .vtp, not '%s'", request.output);
     if (request.points && request.form != FORM_STREAM)
-        return cli_usage("extract", "--points is for values of the level's tetrahedra, not of another order or cells");
-    if (request.form == FORM_CELLS && selection->box_count)
-        return cli_usage("extract", "--cells original is for a level, without --box: only the finest has these cells");
+        return cli_usage("extract", "%s does not go with --points: their values have the order of the points",
+                         form_option(&request));
     if (request.form == FORM_ORDER && selection->kind != TAKE_FINEST)
-        return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
+        return cli_usage("extract", "--original-order is for the finest level: leave out the choice of one, such "
+                                    "as --error or --level");
     if (request.step.given && against_step(&request))
         return cli_usage("extract", "--time and --step do not go with %s", against_step(&request));
     request.step.selection.error = selection->kind == TAKE_FINEST ? 0 : selection->error;
@@ -444,7 +454,7 @@ static int run(int argc, char **argv)
         return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
     if (request.form != FORM_STREAM && is_stream(request.output))
         return cli_usage("extract", "%s is for a mesh file; a stream keeps the order that it has",
-                         request.form == FORM_CELLS ? "--cells original" : "--original-order");
+                         form_option(&request));
     int result = cli_check_output(&command_extract, request.output, NULL, &request.input, 1);
     return result == EXIT_DONE ? extract(&request) : result;
 }

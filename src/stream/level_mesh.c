@@ -293,7 +293,7 @@ enum tetlod_status level_mesh_form(const struct tetlod_file *file, enum level_fo
                             "the original cells are there at the finest level alone; coarser ones have tetrahedra");
     if (form == FORM_CELLS && !info->keeps_order)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            "the stream does not keep the original cells (build --keep-order does)");
+                            "the stream keeps no original cells: build it with --keep-order");
     TETLOD_TRY(level_mesh_reorder(file, mesh, error));
     bool has_cells = form == FORM_CELLS && section != TETLOD_NONE;
     return has_cells ? take_originals(file, section, of_step, mesh, error) : TETLOD_OK;

@@ -15,8 +15,20 @@ check "without the option it is the stream's numbering" "! cmp -s plain.vtu own.
 check "the stream verifies" "grep -q ok verify.txt"
 "$TETLOD" extract other.tetlod --original-order -o none.vtu 2>message.txt
 check "a stream without it says how to get one" "[ $? = 2 ] && grep -q -- --keep-order message.txt && [ ! -e none.vtu ]"
-"$TETLOD" extract kept.tetlod --original-order --level 0 -o none.vtu 2>message.txt
-check "a coarser level has no original order" "[ $? = 2 ] && [ ! -e none.vtu ]"
+refused() { # code, what the one line says, arguments
+    "$TETLOD" extract -o none.vtu "${@:3}" 2>message.txt
+    check "extract ${*:3}: $2" "[ $? = $1 ] && [ ! -e none.vtu ] && [ $(wc -l <message.txt) = 1 ] &&
+        grep -q -- '$2' message.txt"
+}
+head -c 3000 kept.tetlod >cut.tetlod
+refused 2 'leave out the choice' kept.tetlod --original-order --level 0
+refused 2 'does not go with --box: it is for the finest' kept.tetlod --original-order --box 0,0,0,1,1,1
+refused 2 'does not go with --box: it is for the finest' kept.tetlod --cells original --box 0,0,0,1,1,1
+refused 2 'does not go with --points' kept.tetlod --original-order --points 0,0,0 -o none.csv
+refused 2 'takes no value' kept.tetlod --original-order=yes
+refused 2 'did you mean .--original-order.' kept.tetlod --keep-order
+refused 3 'is cut off: levels 0 to .* and --original-order needs the finest' cut.tetlod --original-order
+refused 3 'is cut off: levels 0 to .* and --cells original needs the finest' cut.tetlod --cells original
 cat >order.py <<'END'
 import os, sys
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples/python'))
