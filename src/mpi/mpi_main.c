@@ -3,11 +3,13 @@
  * tetlod-mpi: tetlod build by the ranks of an MPI job. Rank 0 says what is to be said: what the others would say they
  * keep, and of a failure it goes to rank 0.
  */
+#define _GNU_SOURCE // memfd_create
 #include <mpi.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include "src/cli/build_request.h"
@@ -15,7 +17,6 @@
 #include "src/mpi/mpi_share.h"
 #include "src/util/number_text.h"
 #include "src/util/parallel.h"
-#include "src/util/spool.h"
 
 static const char help[] =
     "usage: mpirun -n RANKS tetlod-mpi build INPUT... [-o OUT.tetlod] [OPTIONS of tetlod build]\n"
@@ -35,27 +36,22 @@ static const char help[] =
     "\n"
     "example: mpirun -n 16 tetlod-mpi build case.pvtu -o case.tetlod\n";
 
-/* Messages of a rank that does not speak go to a file without a name. */
+/* Messages of a rank that does not speak are kept in memory: there may be no folder for a file. */
 static bool keep_messages(void)
 {
-    char path[4096];
-    snprintf(path, sizeof path, "%.4000s/tetlod-mpi-XXXXXX", spool_folder());
-    int fd = mkstemp(path);
-    if (fd < 0)
-        return false;
-    close(fd);
-    bool done = freopen(path, "w+", stderr) != NULL;
-    unlink(path);
+    int fd = memfd_create("messages", MFD_CLOEXEC);
+    bool done = fd >= 0 && dup2(fd, STDERR_FILENO) >= 0;
+    if (fd >= 0)
+        close(fd);
     return done;
 }
 
 /* What this rank has kept, in a block that the caller frees; NULL: nothing. */
 static char *kept_messages(void)
 {
-    long size = fflush(stderr) == 0 ? ftell(stderr) : 0;
+    off_t size = fflush(stderr) == 0 ? lseek(STDERR_FILENO, 0, SEEK_END) : 0;
     char *text = size > 0 ? calloc((size_t)size + 1, 1) : NULL;
-    rewind(stderr);
-    if (text && fread(text, 1, (size_t)size, stderr) != (size_t)size)
+    if (text && pread(STDERR_FILENO, text, (size_t)size, 0) != size)
         text[0] = 0;
     return text;
 }
@@ -215,7 +211,7 @@ int main(int argc, char **argv)
         MPI_Abort(MPI_COMM_WORLD, EXIT_FAILED);
     }
     if (rank && !keep_messages())
-        fprintf(stderr, "tetlod-mpi: rank %d: no file can be made in %s\n", rank, spool_folder());
+        fprintf(stderr, "tetlod-mpi: rank %d: has no memory for messages, and says them by itself\n", rank);
     if (rank == 0)
         sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_end, .sa_flags = (int)SA_RESETHAND}, NULL);
     int result = run(argc, argv, rank);

@@ -26,7 +26,7 @@ enum tetlod_status file_input_open(struct file_input *out, const char *path, str
 {
     struct stat about;
     *out = (struct file_input){-1, 0};
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe without a writer is refused, not waited for
     if (fd < 0)
         return fail_errno(error, path, "open");
     enum tetlod_status status = TETLOD_OK;

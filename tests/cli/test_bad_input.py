@@ -163,6 +163,8 @@ def system():
     check('directory', 1, [path('folder.vtu')], 'directory')
     check('missing file', 1, [path('nowhere.vtu')], 'No such file')
     check('device', 1, ['/dev/null'], 'regular file')
+    os.mkfifo(path('pipe.vtu'))
+    check('pipe that nobody writes', 1, [path('pipe.vtu')], 'regular file')
     unreadable = vtu('locked.vtu')
     os.chmod(unreadable, 0)
     if os.getuid() != 0:

@@ -176,6 +176,21 @@ def other_values_case():
     return None if good and 'have other values' in said else said
 
 
+def damaged_piece_case():
+    """A piece whose cells name points of the next one, or that is not there, is named, once."""
+    points, tets, fields, cells = numbered_mesh()
+    save_pvtu(points, tets, fields, cells, cut(points, tets))
+    save_vtu('piece_1.vtu', points[:99], tets[:9] % 9 + 97, {n: v[:99] for n, v in fields.items()},
+             {n: v[:9] for n, v in cells.items()})
+    for word in b'only 99 points', b'cannot open':
+        done = tetlod('convert', path('all.pvtu'), '-o', path('out.vtu'))
+        if not done.returncode or done.stderr.count(b'piece_1.vtu: ') != 1 or word not in done.stderr:
+            return done
+        if os.path.exists(path('piece_1.vtu')):
+            os.remove(path('piece_1.vtu'))
+    return None
+
+
 # ---- Exodus
 
 def write_exodus(name, points, blocks, heat, flux, maps=None):
@@ -226,6 +241,7 @@ case('VTK: a crack is not glued', crack_case)
 case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
+case('VTK: a piece of wrong corners, and one that is not there', damaged_piece_case)
 try:
     import exodus_file
 except ImportError as missing:

@@ -25,6 +25,13 @@ def fails_once(code, words, *arguments):
     return None if good and not os.path.exists(path('no.tetlod')) else done
 
 
+def no_folder():
+    """Without a folder for temporary files that is said once, as all that ranks fail with."""
+    done = job(3, 'env', 'TMPDIR=nowhere', PROGRAM, 'build', 'fin.vtu', '-o', 'no.tetlod')
+    lines = own_lines(done)
+    return None if done.returncode == 1 and len(lines) == 1 and ' nowhere: ' in lines[0] else done
+
+
 def one_fails():
     """A rank that fails alone ends the job with a line that names it, and there is no stream."""
     script = 'if [ "$OMPI_COMM_WORLD_RANK" = 1 ]; then exec "$0" build fin.vtu --threads=x -o no.tetlod; ' \
@@ -181,6 +188,7 @@ case('what cannot be shared', fails_once, 2, ['--certify exact'], 'build', 'fin.
      'no.tetlod')
 case('a folder that is not there', fails_once, 1, ['nowhere/no.tetlod'], 'build', 'fin.vtu', '--paged=2000', '-o',
      'nowhere/no.tetlod')
+case('no folder of temporary files', no_folder)
 case('one rank fails', one_fails)
 case('a rank is killed', dies)
 case('stages', stages)
