@@ -57,10 +57,30 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
     return format->read(out, &known, report, error);
 }
 
+/* Cells of the blocks from `first` on name points that there are, which a merge would count from another number on. The
+ * faces of polyhedra are looked at where cells are split. */
+static enum tetlod_status check_corners(const struct blocks *blocks, size_t first, struct tetlod_error *error)
+{
+    for (size_t b = first; b < blocks->count; b++) {
+        const struct cells *cells = &blocks->at[b].cells;
+        const size_t count = cells->connectivity ? (size_t)cells->connectivity_count : 0;
+        const uint32_t points = blocks->at[b].mesh.vertex_count;
+        if (cells->types && memchr(cells->types, VTK_TYPE_POLYHEDRON, (size_t)cells->count))
+            continue;
+        size_t i = tetmesh_find_outside(cells->connectivity, count, points);
+        if (i < count)
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "a cell refers to point %lld, but there are only %u points",
+                                cells->connectivity[i] == TETLOD_NONE ? -1 : (long long)cells->connectivity[i], points);
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status read_any(struct blocks *out, const struct io_input *input, struct io_report *report,
                                    struct tetlod_error *error)
 {
-    return read_blocks(out, input->path, input, report, error);
+    const size_t first = out->count;
+    TETLOD_TRY(read_blocks(out, input->path, input, report, error));
+    return check_corners(out, first, error);
 }
 
 static const struct io_read_options no_options;

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/services/assemble.h"
 #include "src/util/array.h"
 
 /* A file's own path without links; of one that is not there, which only says where others are, the folder's and its
@@ -101,24 +100,6 @@ enum tetlod_status io_input_open(struct opened_input *opened, struct io_input *i
     return TETLOD_OK;
 }
 
-/* Cells of the blocks from `first` on name points that there are, which a merge would count from another number on. The
- * faces of polyhedra are looked at where cells are split. */
-static enum tetlod_status check_corners(const struct blocks *blocks, size_t first, struct tetlod_error *error)
-{
-    for (size_t b = first; b < blocks->count; b++) {
-        const struct cells *cells = &blocks->at[b].cells;
-        const size_t count = cells->connectivity ? (size_t)cells->connectivity_count : 0;
-        const uint32_t points = blocks->at[b].mesh.vertex_count;
-        if (cells->types && memchr(cells->types, VTK_TYPE_POLYHEDRON, (size_t)cells->count))
-            continue;
-        size_t i = tetmesh_find_outside(cells->connectivity, count, points);
-        if (i < count)
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "a cell refers to point %lld, but there are only %u points",
-                                cells->connectivity[i] == TETLOD_NONE ? -1 : (long long)cells->connectivity[i], points);
-    }
-    return TETLOD_OK;
-}
-
 enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from, const char *name,
                                  struct io_report *report, struct tetlod_error *error)
 {
@@ -130,13 +111,10 @@ enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from
     if (from->depth == MAX_DEPTH)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "files name one another more than %d times over", MAX_DEPTH);
     TETLOD_TRY(io_resolve(from, name, &path, error));
-    const size_t first = out->count;
     enum tetlod_status status = io_input_open(&opened, &input, path, error); // which names it
     if (status == TETLOD_OK) {
         input.path = path;
         status = from->read_any(out, &input, report, &inner);
-        if (status == TETLOD_OK)
-            status = check_corners(out, first, &inner);
         if (status != TETLOD_OK)
             tetlodi_fail(error, status, "%.400s: %s", name, inner.message);
     }
