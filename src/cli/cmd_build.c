@@ -20,6 +20,7 @@
 #include "src/pipeline/topology_spool.h"
 #include "src/stream/metadata.h"
 #include "src/util/file.h"
+#include "src/util/hash.h"
 #include "src/util/json_text.h"
 #include "src/util/spool.h"
 
@@ -148,6 +149,30 @@ static char *make_metadata(const struct build_request *request, const struct tet
     return NULL;
 }
 
+static uint64_t hash_fields(uint64_t hash, const struct point_field *fields, uint32_t count, uint32_t rows)
+{
+    for (uint32_t f = 0; f < count; f++) {
+        hash = hash_text(hash, fields[f].name);
+        hash = hash_bytes(hash, fields[f].values, (size_t)rows * fields[f].components * sizeof *fields[f].values);
+    }
+    return hash;
+}
+
+/* Of several programs, what tells that all have the same mesh, and options. */
+static enum tetlod_status check_same(const struct build_options *options, const struct tetmesh *mesh,
+                                     struct tetlod_error *error)
+{
+    const struct work_share *share = options->share;
+    if (!share || !share->same)
+        return TETLOD_OK;
+    uint64_t hash = hash_text(mesh->tet_count, options->metadata);
+    hash = hash_bytes(hash, mesh->positions, 3 * (size_t)mesh->vertex_count * sizeof *mesh->positions);
+    hash = hash_bytes(hash, mesh->corners, 4 * (size_t)mesh->tet_count * sizeof *mesh->corners);
+    hash = hash_fields(hash, mesh->fields, mesh->field_count, mesh->vertex_count);
+    hash = hash_fields(hash, mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
+    return share->same(share->opaque, hash, error);
+}
+
 static enum tetlod_status write_stream(struct build_request *request, const struct input *in,
                                        const struct tetlodi_sink *sink,
                                        struct build_report *report, struct tetlod_error *error)
@@ -164,7 +189,9 @@ static enum tetlod_status write_stream(struct build_request *request, const stru
     options->progress_opaque = request;
     request->phase = BUILD_CONTRACT;
     request->phase_started = clock_seconds();
-    enum tetlod_status status = build_stream(&in->mesh, options, sink, report, error);
+    enum tetlod_status status = check_same(options, &in->mesh, error);
+    if (status == TETLOD_OK)
+        status = build_stream(&in->mesh, options, sink, report, error);
     request->seconds[request->phase] += clock_seconds() - request->phase_started;
     progress_end(&request->progress);
     free(metadata);

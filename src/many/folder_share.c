@@ -3,6 +3,7 @@
  * FOLDER/leader.lease      one of the members reads the mesh: "machine process"; its time is when that was last known
  *                          to live
  * FOLDER/helped            there are others
+ * FOLDER/mesh              what tells the mesh and the options from others
  * FOLDER/over              all stages are done
  * FOLDER/stage-3/call      what the leader calls helpers for, and what it passes on to them
  * FOLDER/stage-3/parts     how many parts the third stage has
@@ -10,6 +11,8 @@
  * FOLDER/stage-3/few-2     a helper is one of the few that do the stage
  * FOLDER/stage-3/17        part 17: its bytes
  * FOLDER/stage-3/17.lease  someone is at it
+ *
+ * Parts, and what helpers need of them, have their hash behind them.
  *
  * Times are compared as the folder's file system knows them, so that clocks of machines may differ.
  */
@@ -31,6 +34,7 @@
 #include "src/util/array.h"
 #include "src/util/clock.h"
 #include "src/util/file.h"
+#include "src/util/hash.h"
 
 /* Seconds after which a lease that is not touched is nobody's; and between touches. */
 enum { LEASE_LIFE = 60, LEASE_TOUCH = 10 };
@@ -193,14 +197,11 @@ static void *touch_leases(void *opaque)
 
 /* ---- stages */
 
-/* All members must see the same number of parts, or they have not been given the same work. */
-static enum tetlod_status agree(const struct folder_share *share, struct tetlod_error *error)
+/* All members must leave this text in a file, or they have not been given the same work. */
+static enum tetlod_status agree(const char *path, const char *text, struct tetlod_error *error)
 {
-    char path[4096], text[32];
     unsigned char *bytes;
     size_t size;
-    path_of(share, path, "parts");
-    snprintf(text, sizeof text, "%u\n", share->parts);
     if (!is_there(path))
         TETLOD_TRY(file_write(path, text, strlen(text), error));
     TETLOD_TRY(file_read(path, &bytes, &size, error));
@@ -211,6 +212,44 @@ static enum tetlod_status agree(const struct folder_share *share, struct tetlod_
                                "%s: is of other work: another input, other options or another version of tetlod; "
                                "tetlod plan begins anew in an empty folder",
                                path);
+}
+
+static enum tetlod_status same(void *opaque, uint64_t hash, struct tetlod_error *error)
+{
+    char path[4096], text[32];
+    file_of(opaque, path, "mesh");
+    snprintf(text, sizeof text, "%016llx\n", (unsigned long long)hash);
+    return agree(path, text, error);
+}
+
+/* A file of bytes, with their hash behind them. */
+static enum tetlod_status write_hashed(const char *path, const void *bytes, size_t size, struct tetlod_error *error)
+{
+    struct file_output *output;
+    const uint64_t hash = hash_bytes(size, bytes, size);
+    TETLOD_TRY(file_output_open(&output, path, error));
+    const struct tetlodi_sink sink = file_output_sink(output);
+    enum tetlod_status status = sink.write(sink.opaque, bytes, size);
+    if (status == TETLOD_OK)
+        status = sink.write(sink.opaque, &hash, sizeof hash);
+    return file_output_finish(output, status, error);
+}
+
+/* The caller frees the block. */
+static enum tetlod_status read_hashed(const char *path, unsigned char **out, size_t *out_size,
+                                      struct tetlod_error *error)
+{
+    uint64_t hash;
+    TETLOD_TRY(file_read(path, out, out_size, error));
+    bool good = *out_size >= sizeof hash;
+    *out_size -= good ? sizeof hash : 0;
+    if (good)
+        memcpy(&hash, *out + *out_size, sizeof hash);
+    if (good && hash == hash_bytes(*out_size, *out, *out_size))
+        return TETLOD_OK;
+    free(*out);
+    *out = NULL;
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not as it was written; remove it, and it is made again", path);
 }
 
 /* What helpers need of the parts that are not done. */
@@ -226,7 +265,7 @@ static enum tetlod_status write_inputs(const struct folder_share *share, const s
             continue;
         status = input->pack(input->opaque, part, &bytes, error);
         if (status == TETLOD_OK)
-            status = file_write(path, bytes.bytes, bytes.size, error);
+            status = write_hashed(path, bytes.bytes, bytes.size, error);
         buffer_fini(&bytes);
     }
     return status;
@@ -274,7 +313,10 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->next = 0;
     pthread_mutex_unlock(&share->lock);
     TETLOD_TRY(make_stage(share, share->stage, error));
-    TETLOD_TRY(agree(share, error));
+    char path[4096], text[32];
+    path_of(share, path, "parts");
+    snprintf(text, sizeof text, "%u\n", parts);
+    TETLOD_TRY(agree(path, text, error));
     return share->leads ? publish(share, input, error) : end_hearing(share, error);
 }
 
@@ -312,7 +354,7 @@ static bool take_input(const struct folder_share *share, uint32_t part, struct b
 {
     char path[4096];
     part_path(share, path, part, ".in");
-    if (file_read(path, &out->bytes, &out->size, NULL) != TETLOD_OK)
+    if (read_hashed(path, &out->bytes, &out->size, NULL) != TETLOD_OK)
         return false;
     out->capacity = out->size;
     return true;
@@ -337,7 +379,7 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
     struct folder_share *share = opaque;
     char path[4096];
     part_path(share, path, part, "");
-    TETLOD_TRY(file_write(path, bytes, size, error));
+    TETLOD_TRY(write_hashed(path, bytes, size, error));
     pthread_mutex_lock(&share->lock);
     share->states[part] = PART_DONE;
     pthread_mutex_unlock(&share->lock);
@@ -388,7 +430,7 @@ static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, 
 {
     char path[4096];
     part_path(opaque, path, part, "");
-    return file_read(path, out, size, error);
+    return read_hashed(path, out, size, error);
 }
 
 /* Parts stay for members that come later; what was begun here and is not done is nobody's. */
@@ -542,7 +584,7 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
     const uint32_t few = members < 1 ? 1 : members < WORK_FEW ? members : WORK_FEW;
     *out = (struct work_share){.members = members, .few = few, .leads = share->leads, .writes = writes,
-                               .keeps_parts = true, .begin = begin, .take = take, .put = put, .settle = settle,
+                               .keeps_parts = true, .same = same, .begin = begin, .take = take, .put = put, .settle = settle,
                                .get = get, .end = end, .call = writes ? NULL : call, .pass = pass, .opaque = share};
     return TETLOD_OK;
 }

@@ -38,6 +38,9 @@ struct work_share {
     bool leads;       /* this one has the mesh, and goes on alone when nothing is left to share */
     bool writes;      /* the stream: one that leads */
     bool keeps_parts; /* for members that come later: what one does alone is a part as well */
+    /* Of one that has the mesh, before the first stage: do those that led before have the same one, and options that
+     * are the same? The hash tells. NULL: there are no others. ERR_IO names a file. */
+    enum tetlod_status (*same)(void *opaque, uint64_t hash, struct tetlod_error *error);
     /* The next stage begins. Its parts are taken in that order (NULL: ascending); the order and the input (NULL: there
      * is none, or this one helps) are borrowed until the end. ERR_IO, ERR_NOMEM, or with what another member has
      * failed. */

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import time
 
-from common import CONFIG, SCRATCH, TETLOD, case, fails, finish, must, path, report, tetlod
+from common import CONFIG, SCRATCH, TETLOD, case, fails, finish, must, path, report, tetlod, write
 
 
 def read(name):
@@ -183,6 +183,36 @@ def other_work():
     return None if done.returncode == 1 and b'is of other work' in done.stderr else done
 
 
+def piece_changes():
+    """A file that the input names is another one when the stream is written."""
+    write('one.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><Piece Source="piece.vtu"/>'
+                      '</PUnstructuredGrid></VTKFile>')
+    shutil.copy(path('fin.vtu'), path('piece.vtu'))
+    plan('one.pvtu', '--paged=1500')
+    must('run', 'work')
+    must('sample', 'fin', '--size', '17', '-o', 'piece.vtu')
+    done = tetlod('merge', 'work', '-o', 'many.tetlod')
+    return None if done.returncode == 1 and b'work/mesh: is of other work' in done.stderr else done
+
+
+def damaged():
+    """Parts that a disk has changed are named; without them they are made again."""
+    plan('fin.vtu', '--paged=1500')
+    must('run', 'work')
+    named = 0
+    one_of_each = sorted({os.path.dirname(part): part for part in parts()}.values())
+    for number, part in enumerate(one_of_each[::3]):
+        kept = read(part)
+        write(part, (kept[:-1], bytes([kept[0] ^ 1]) + kept[1:], b'')[number % 3])
+        done = tetlod('merge', 'work', '-o', 'many.tetlod')
+        if done.returncode and (done.stderr.count(b'\n') != 1 or part.encode() not in done.stderr):
+            return done
+        named += done.returncode == 1
+        os.unlink(part)
+    must('merge', 'work', '-o', 'many.tetlod')
+    return None if named > 1 and read('many.tetlod') == read('alone.tetlod') else named
+
+
 def full():
     """The folder has no room."""
     def limit():
@@ -213,6 +243,8 @@ if CONFIG == 'release':
     case('the other tasks do not read the mesh', reads_no_mesh)
     case('a task is told to stop', stops)
     case('a folder of other work', other_work)
+    case('a piece of the input changes', piece_changes)
+    case('parts that are damaged', damaged)
     case('a folder that is full', full)
     refused()
 report('no part is left half written', not [file for file in os.listdir(SCRATCH) if 'tmp' in file.lower()])
