@@ -584,8 +584,9 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
     const uint32_t few = members < 1 ? 1 : members < WORK_FEW ? members : WORK_FEW;
     *out = (struct work_share){.members = members, .few = few, .leads = share->leads, .writes = writes,
-                               .keeps_parts = true, .same = same, .begin = begin, .take = take, .put = put, .settle = settle,
-                               .get = get, .end = end, .call = writes ? NULL : call, .pass = pass, .opaque = share};
+                               .keeps_parts = true, .same = same, .begin = begin, .take = take, .put = put,
+                               .settle = settle, .get = get, .end = end, .call = writes ? NULL : call, .pass = pass,
+                               .opaque = share};
     return TETLOD_OK;
 }
 
