@@ -67,8 +67,8 @@ def run(config, path, timeout):
     os.makedirs(scratch)
     environment = dict(os.environ, TETLOD=os.path.join(ROOT, 'build', config, 'tetlod'), CONFIG=config, ROOT=ROOT,
                        SCRATCH=scratch, LC_ALL='C.UTF-8', PYTHONPATH=PYTHONPATH,
-                       ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1:quarantine_size_mb=16',
-                       UBSAN_OPTIONS='print_stacktrace=1')
+                       ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1:quarantine_size_mb=16'
+                       ':handle_sigill=1')
     command = [path]
     if path.endswith('.py'):
         command = ['/usr/bin/python3', path]

@@ -15,8 +15,8 @@ static void add_numbers(struct tetlodi_sha256 *sha, const void *numbers, size_t 
 {
     const uint8_t *at = numbers;
     for (size_t i = 0; i < count; i++, at += size) {
-        uint64_t bits;
-        uint32_t narrow;
+        uint64_t bits = 0;
+        uint32_t narrow = 0;
         uint8_t bytes[8];
         if (size == 8)
             memcpy(&bits, at, 8);
