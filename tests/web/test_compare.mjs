@@ -3,6 +3,7 @@
 // curtain, and side by side with one camera; what is saved of them.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
+import { copyFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
 import { SCRATCH, TETLOD, blockStream, program } from './hosts.mjs';
@@ -16,7 +17,8 @@ const there = blockStream('there', 8, { heat: (p) => heat(p) - extra(p), push: (
 const make = (...words) => execFileSync(TETLOD, words, { cwd: SCRATCH, stdio: 'ignore' });
 make('sample', 'wake', '--size', '8', '--steps', '4', '-o', 'wake.pvd');
 make('build', 'wake.pvd', '--quiet', '-o', 'wake.tetlod');
-const server = await program([here, there, join(SCRATCH, 'wake.tetlod')]);
+copyFileSync(join(SCRATCH, 'wake.tetlod'), join(SCRATCH, 'later.tetlod'));
+const server = await program([here, there, ...['wake', 'later'].map((name) => join(SCRATCH, `${name}.tetlod`))]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
 
@@ -203,6 +205,29 @@ async function a_difference_at_a_step() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
+// The step comes while the other stream's first level is on its way, which then has no table of steps yet.
+async function a_step_while_the_other_stream_opens() {
+  const held = [/\/later\/prefix/, /\/later\/[^/]*\/stream$/].map((address) => {
+    let release;
+    const released = new Promise((resolve) => { release = resolve; });
+    return { address, release, hold: (route) => released.then(() => route.continue()) };
+  });
+  for (const { address, hold } of held) await page.route(address, hold);
+  const asked = page.waitForRequest(held[0].address);
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/wake#smooth=0&error=0.05&other=later&compare=difference`);
+  await asked;
+  await page.evaluate(() => window.tetlod.set({ step: 2 }));
+  await page.waitForFunction(() => window.tetlod.viewer.at?.step === 2);
+  held[0].release();
+  await page.waitForFunction(() => window.tetlod.viewer.difference?.bound || window.notices.length);
+  held[1].release();
+  assert.deepEqual(await page.evaluate(() => window.notices), []);
+  await page.waitForFunction(() => window.tetlod.settled && window.tetlod.viewer.dataRange()[1] < 1e-5);
+  for (const { address } of held) await page.unroute(address);
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
 await run([
   a_difference_is_within_the_sum_of_both_bounds,
   functions_and_what_is_moved,
@@ -210,5 +235,6 @@ await run([
   a_curtain_is_between_them,
   side_by_side_they_turn_and_change_together,
   a_series_behind_a_curtain,
+  a_step_while_the_other_stream_opens,
   a_difference_at_a_step,
 ]);

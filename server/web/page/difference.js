@@ -52,12 +52,11 @@ export class Difference {
   }
 
   // The other stream with its fields, as fine as this one is asked to be, at the same step; sorted once.
-  async #arrive(names) {
+  async #arrive(names, at) {
     const { signal } = this.#closing;
     const {
       store: { state },
       info,
-      at,
     } = this.#viewer;
     if (!this.#stream) {
       const stream = await TetlodStream.open(this.#source, { signal, fields: names });
@@ -72,7 +71,7 @@ export class Difference {
     if (at) await this.#steps(stream, signal);
     if (at) await stream.seekStep(at.step, { error: at.error }, { signal });
     else await stream.refineTo(targetOf(state, stream.info), { signal });
-    const key = JSON.stringify([stream.level, at?.step]);
+    const key = JSON.stringify([stream.level, at?.step, at?.error]);
     if (this.#here?.key === key && names.every((name) => this.#here.fields[name])) return;
     const mesh = await stream.mesh();
     this.#here = { key, fields: mesh.fields, sampler: await Sampler.of(mesh) };
@@ -101,16 +100,17 @@ export class Difference {
   async of(pictures) {
     if (pictures.surface?.triangles) this.#triangles = pictures.surface.triangles; // else they are the same as before
     const [mine, triangles, before] = [++this.#newest, this.#triangles, this.#turn];
-    const making = before.then(() => (mine === this.#newest ? this.#make(pictures, triangles) : null));
+    const { at } = this.#viewer; // the pictures' step: the viewer may be at another one before they are made
+    const making = before.then(() => (mine === this.#newest ? this.#make(pictures, triangles, at) : null));
     this.#turn = making.catch(() => {});
     return making;
   }
 
-  async #make(pictures, ofSurface) {
+  async #make(pictures, ofSurface, at) {
     const { info, store } = this.#viewer;
     const state = this.plain(store.state);
     const coloured = colouredOf(info, state);
-    await this.#arrive(coloured.formula?.fields ?? [coloured.field.name]);
+    await this.#arrive(coloured.formula?.fields ?? [coloured.field.name], at);
     const quantity = this.#quantity(coloured);
     const change = (part, triangles = part?.triangles) =>
       part && this.#change(part, pictures.origin, triangles, quantity);
@@ -122,15 +122,14 @@ export class Difference {
       vectors: await change(pictures.vectors),
       zones: pictures.zones.map(() => null),
     };
-    this.#measure(made, state);
+    this.#measure(made, state, at);
     return made;
   }
 
-  #measure(made, state) {
+  #measure(made, state, at) {
     const {
       told,
       level,
-      at,
       info: { typedUnits },
     } = this.#viewer;
     const { info, series } = this.#stream;
