@@ -25,7 +25,7 @@ struct tetlod_build_series {
     size_t step_count, time_capacity;
     struct build_series_cells *cells; /* owned: [first.cell_field_count] */
     struct spool spool, cell_spool;
-    bool is_spoilt; /* a step was refused after some of its values were written */
+    bool is_spoilt; /* its options were refused, or a step after some of its values were written */
 };
 
 /* A series has the plain certificate alone (build_series.h). */
@@ -56,6 +56,7 @@ enum tetlod_status tetlod_build_series_new(struct tetlod_build_series **out, con
         status = spool_open(&series->spool, error);
     if (status == TETLOD_OK)
         status = spool_open(&series->cell_spool, error);
+    series->is_spoilt = status != TETLOD_OK;
     return status;
 }
 
@@ -134,7 +135,7 @@ enum tetlod_status tetlod_build_series_add(struct tetlod_build_series *series, c
     size_t count = series->step_count;
     enum tetlod_status status = check_time(series, time, &inner);
     if (status == TETLOD_OK && series->is_spoilt)
-        status = tetlodi_fail(&inner, TETLOD_ERR_ARGUMENT, "this step was refused before; begin a new series");
+        status = tetlodi_fail(&inner, TETLOD_ERR_ARGUMENT, "the series was refused before; begin a new one");
     if (status == TETLOD_OK)
         status = library_copy_mesh(&copy, mesh, &inner);
     if (status == TETLOD_OK &&
@@ -161,7 +162,7 @@ enum tetlod_status tetlod_build_series_finish(struct tetlod_build_series *series
     struct build_options options = series->options;
     if (!series->step_count || series->is_spoilt)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                            series->is_spoilt ? "a step of the series was refused" : "a series needs a step");
+                            series->is_spoilt ? "the series, or a step of it, was refused" : "a series needs a step");
     input.bands = build_series_bands(&input.band_count);
     TETLOD_TRY(spool_source(&series->spool, &input.values, error));
     TETLOD_TRY(spool_source(&series->cell_spool, &input.cell_values, error));

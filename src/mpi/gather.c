@@ -93,18 +93,42 @@ static size_t type_size(enum tetlod_cell_type type)
     return (unsigned)type < sizeof sizes / sizeof *sizes ? sizes[type] : 0;
 }
 
-/* The fields as a text, which must be the same on all ranks. */
+static const char *type_name(enum tetlod_cell_type type)
+{
+    static const char *const names[] = {[TETLOD_CELL_FLOAT32] = "float32", [TETLOD_CELL_FLOAT64] = "float64",
+                                        [TETLOD_CELL_INT8] = "int8",       [TETLOD_CELL_INT16] = "int16",
+                                        [TETLOD_CELL_INT32] = "int32",     [TETLOD_CELL_INT64] = "int64"};
+    return type_size(type) ? names[type] : "no type";
+}
+
+/* What must be the same on all ranks: a line for the positions, and for each field. */
 static bool describe(const struct tetlod_build_mesh *mesh, struct buffer *out)
 {
-    bool good = buffer_printf(out, "positions of type %d", (int)mesh->position_type) == TETLOD_OK;
+    bool good = buffer_printf(out, "positions of type %d\n", (int)mesh->position_type) == TETLOD_OK;
     for (uint32_t f = 0; f < mesh->field_count + mesh->cell_field_count && good; f++) {
         bool of_tets = f >= mesh->field_count;
         const struct tetlod_build_array *array =
             of_tets ? &mesh->cell_fields[f - mesh->field_count] : &mesh->fields[f];
-        good = buffer_printf(out, ", %s '%.200s' of %u components of type %d", of_tets ? "cells" : "points",
-                             array->name ? array->name : "", array->components, (int)array->type) == TETLOD_OK;
+        good = buffer_printf(out, "%s '%.100s', %u x %s\n", of_tets ? "a cell field" : "a field at points", array->name,
+                             array->components, type_name(array->type)) == TETLOD_OK;
     }
-    return good && buffer_append(out, "", 1) == TETLOD_OK;
+    return good && buffer_append(out, "no more fields", sizeof "no more fields") == TETLOD_OK;
+}
+
+/* Says the first line that differs, or nothing. */
+static enum tetlod_status compare_lines(const char *own, const char *first, struct tetlod_error *error)
+{
+    size_t size = strcspn(own, "\n"), others = strcspn(first, "\n");
+    while (size == others && memcmp(own, first, size) == 0) {
+        if (!own[size])
+            return TETLOD_OK;
+        own += size + 1;
+        first += size + 1;
+        size = strcspn(own, "\n");
+        others = strcspn(first, "\n");
+    }
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "has %.*s, where rank 0 has %.*s", (int)size, own, (int)others,
+                        first);
 }
 
 static enum tetlod_status check_same(const struct gathering *g)
@@ -119,10 +143,7 @@ static enum tetlod_status check_same(const struct gathering *g)
         if (g->rank == 0)
             memcpy(first, own.bytes, own.size);
         MPI_Bcast(first, size, MPI_CHAR, 0, g->comm);
-        if (strcmp(first, (const char *)own.bytes) != 0)
-            status = tetlodi_fail(g->error, TETLOD_ERR_ARGUMENT, "has %.150s, where rank 0 has %.150s",
-                                  (const char *)own.bytes, first);
-        status = comm_agree(g->comm, status, g->error);
+        status = comm_agree(g->comm, compare_lines((const char *)own.bytes, first, g->error), g->error);
     }
     free(first);
     buffer_fini(&own);
@@ -132,6 +153,9 @@ static enum tetlod_status check_same(const struct gathering *g)
 static enum tetlod_status check_piece(const struct gathering *g)
 {
     const struct tetlod_build_mesh *mesh = g->mesh;
+    if (!g->piece || !g->piece->mesh || (mesh->field_count && !mesh->fields) ||
+        (mesh->cell_field_count && !mesh->cell_fields))
+        return tetlodi_fail(g->error, TETLOD_ERR_ARGUMENT, "a piece needs a mesh, and fields as many as it says");
     if ((mesh->vertices && (!mesh->positions || !g->piece->point_ids)) || (mesh->tets && !mesh->corners))
         return tetlodi_fail(g->error, TETLOD_ERR_ARGUMENT, "a piece needs positions, corners and point_ids");
     for (size_t i = 0; i < 4 * (size_t)mesh->tets; i++)
@@ -629,8 +653,10 @@ static enum tetlod_status gather_all(struct gathering *g, struct tetlod_build_me
 enum tetlod_status gather_pieces(struct tetlod_build_mesh *out, MPI_Comm comm, const struct tetlod_build_piece *piece,
                                  struct tetlod_error *error)
 {
-    struct gathering g = {.comm = comm, .piece = piece, .mesh = piece->mesh, .error = error};
-    *out = (struct tetlod_build_mesh){.struct_size = sizeof *out, .position_type = piece->mesh->position_type};
+    static const struct tetlod_build_mesh none;
+    struct gathering g = {.comm = comm, .piece = piece, .mesh = piece && piece->mesh ? piece->mesh : &none,
+                          .error = error};
+    *out = (struct tetlod_build_mesh){.struct_size = sizeof *out, .position_type = g.mesh->position_type};
     MPI_Comm_rank(comm, &g.rank);
     MPI_Comm_size(comm, &g.ranks);
     enum tetlod_status status = gather_all(&g, out);

@@ -204,7 +204,7 @@ static void refuse(void (*change)(struct piece *p), const char *word)
     struct piece p;
     make_piece(&p, &box);
     change(&p);
-    expect(gather_pieces(&mesh, MPI_COMM_WORLD, &p.piece, &error) == TETLOD_ERR_MESH, "a wrong piece is taken");
+    expect(gather_pieces(&mesh, MPI_COMM_WORLD, &p.piece, &error) != TETLOD_OK, "a wrong piece is taken");
     expect(strstr(error.message, word), error.message);
     gathered_fini(&mesh);
     free_piece(&p);
@@ -237,6 +237,26 @@ static void lose_point(struct piece *p)
         p->corners[3][2] = p->mesh.vertices;
 }
 
+static void lose_field(struct piece *p)
+{
+    p->mesh.cell_field_count = rank < ranks - 1;
+}
+
+static void lose_list(struct piece *p)
+{
+    p->mesh.fields = rank ? p->mesh.fields : NULL;
+}
+
+static void lose_mesh(struct piece *p)
+{
+    p->piece.mesh = rank ? p->piece.mesh : NULL;
+}
+
+static void change_type(struct piece *p)
+{
+    p->load.type = rank ? p->load.type : TETLOD_CELL_INT32;
+}
+
 int main(int argc, char **argv)
 {
     int any;
@@ -252,6 +272,10 @@ int main(int argc, char **argv)
         refuse(copy_tet, "is there twice");
         refuse(move_point, "at different places");
         refuse(lose_point, "rank 0: tetrahedron 3");
+        refuse(lose_field, "has no more fields, where rank 0 has a cell field 'load', 1 x float32");
+        refuse(change_type, "has a cell field 'load', 1 x float32, where rank 0 has a cell field 'load', 1 x i");
+        refuse(lose_list, "rank 0: a piece needs a mesh, and fields");
+        refuse(lose_mesh, "rank 0: a piece needs a mesh, and fields");
     }
     MPI_Allreduce(&bad, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
     if (rank == 0)

@@ -349,6 +349,8 @@ static void test_series_refusals(void)
     options.certify_exact = 1;
     CHECK(tetlod_build_series_new(&series, &options, &error) == TETLOD_ERR_ARGUMENT);
     CHECK(strstr(error.message, "certify_exact"));
+    mesh = mesh_of();
+    CHECK(tetlod_build_series_add(series, &mesh, 0, &error) == TETLOD_ERR_ARGUMENT);
     tetlod_build_series_free(series);
     tetlod_build_series_free(NULL);
 }
