@@ -176,29 +176,43 @@ done:
     return status;
 }
 
-/* Which vertex of b is which of a: that of the same rank in the same tetrahedron. False if no such order is found. */
+static bool has_twins(const struct key *key)
+{
+    return key->ranks[0] == key->ranks[1] || key->ranks[1] == key->ranks[2] || key->ranks[2] == key->ranks[3];
+}
+
+/* The corners of a tetrahedron of a are those of the same rank of one of b. False if one is another vertex already. */
+static bool pair_corners(const uint32_t *corners, const uint32_t *ranks, const uint32_t *others,
+                         const uint32_t *other_ranks, uint32_t *out)
+{
+    bool good = true;
+    for (int c = 0; c < 4; c++) {
+        int other = 0;
+        while (other_ranks[others[other]] != ranks[corners[c]])
+            other++;
+        if (out[corners[c]] == TETLOD_NONE)
+            out[corners[c]] = others[other];
+        good = good && out[corners[c]] == others[other];
+    }
+    return good;
+}
+
+/* Which vertex of b is which of a, by the tetrahedra that they are in; false if no such order is found. In those of two
+ * corners at one place, which nobody can tell apart, only vertices that are in no other are taken. */
 static bool pair_vertices(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks,
                           const struct key *in_a, const struct key *in_b, uint32_t *out)
 {
-    const uint32_t *ranks_b = ranks + a->vertex_count;
+    bool good = true;
     memset(out, 0xff, a->vertex_count * sizeof *out); // TETLOD_NONE
-    for (size_t t = 0; t < a->tet_count; t++) {
-        const uint32_t *corners = a->corners + 4 * (size_t)in_a[t].tet, *others = b->corners + 4 * (size_t)in_b[t].tet;
-        if (compare_keys(&in_a[t], &in_b[t]) != 0)
-            return false;
-        for (int c = 0; c < 4; c++) {
-            int other = 0;
-            while (ranks_b[others[other]] != ranks[corners[c]])
-                other++;
-            if (out[corners[c]] != TETLOD_NONE && out[corners[c]] != others[other])
-                return false;
-            out[corners[c]] = others[other];
-        }
-    }
+    for (int twins = 0; twins < 2; twins++)
+        for (size_t t = 0; t < a->tet_count && good; t++)
+            if (has_twins(&in_a[t]) == twins)
+                good = compare_keys(&in_a[t], &in_b[t]) == 0 &&
+                    (pair_corners(a->corners + 4 * (size_t)in_a[t].tet, ranks, b->corners + 4 * (size_t)in_b[t].tet,
+                                  ranks + a->vertex_count, out) || twins);
     for (uint32_t v = 0; v < a->vertex_count; v++)
-        if (out[v] == TETLOD_NONE)
-            return false;
-    return true;
+        good = good && out[v] != TETLOD_NONE;
+    return good;
 }
 
 static enum tetlod_status put_in_order(const struct tetmesh *a, struct tetmesh *b, const uint32_t *order,

@@ -243,6 +243,7 @@ def other_orders():
     random = np.random.default_rng(5)
     points, tets = kuhn(5, random)
     points, tets = np.concatenate([points, points + [1, 0, 0]]), np.concatenate([tets, tets + len(points)])
+    points[tets[-1][0]] = points[tets[-1][1]]  # tetrahedra at this edge are flat, as at the axis of a grid
     field = random.random(len(points))
     vertices, order = random.permutation(len(points)), random.permutation(len(tets))
     number = np.argsort(vertices)  # of each old vertex, the new one
