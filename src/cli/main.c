@@ -37,7 +37,7 @@ static void print_commands(FILE *out)
     fprintf(out,
             "\n'tetlod help COMMAND' explains one, 'tetlod help words' the words. Exit status: 0 done, 1 failed,\n"
             "2 usage, 3 invalid input, 4 a valid stream whose levels are worse meshes than its original (verify);\n"
-            "4 no, 5 unknown (ask, features).\n");
+            "4 no (ask, diff), 5 undecided (ask, diff, features). 'tetlod --version' says which one it is.\n");
 }
 
 static int unknown_command(const char *name)
@@ -45,6 +45,7 @@ static int unknown_command(const char *name)
     const char *best = NULL;
     for (int i = 0; i < COMMANDS; i++)
         nearest_offer(name, commands[i]->name, &best);
+    nearest_offer(name, "--version", &best);
     fprintf(stderr, "tetlod: there is no command '");
     cli_print_safe(name);
     fprintf(stderr, "'%s%s%s; 'tetlod help' lists them\n", best ? ", did you mean '" : "", best ? best : "",

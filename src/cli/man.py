@@ -41,8 +41,8 @@ def main():
         print('.fi')
     print(
         '.SH EXIT STATUS\n0 done, 1 failed (input and output, memory), 2 usage, 3 invalid input (mesh or stream), 4 a '
-        'valid stream whose levels are worse meshes\nthan its original (verify); 4 no, 5 unknown (ask, features); 4 '
-        'beyond the limit, 5 undecided (diff).'
+        'valid stream whose levels are worse meshes\nthan its original (verify); 4 no (ask) or '
+        'beyond the limit (diff), 5 undecided (ask, diff, features).'
     )
     print('.SH SEE ALSO\nThe stream is specified in format/SPEC.md of the sources.')
 

@@ -208,5 +208,6 @@ fails('half of a name is another one', 2, ["there is no option '--fort';"], 'ser
 fails('an option takes no value', 2, ["'--keep-order' takes no value"], 'build', 'solid.vtu', '--keep-order=1')
 fails('no option is like it', 2, ["there is no option '--zzzzzz';"], 'build', 'solid.vtu', '--zzzzzz')
 fails('did you mean a command', 2, ["did you mean 'extract'"], 'extrakt')
+fails('the version is an option', 2, ["did you mean '--version'"], 'version')
 fails('info of a mesh', 3, ['tetlod build flow.vtu -o flow.tetlod'], 'info', 'flow.vtu')
 finish()
