@@ -83,6 +83,7 @@ struct request {
     enum level_form form;
     bool quiet;
     struct step_option step;
+    struct probes probes; /* read from `points` */
 };
 
 static const char *form_option(const struct request *request)
@@ -286,7 +287,7 @@ static enum tetlod_status extract_from(const struct stream_input *input, struct 
     if (status != TETLOD_OK)
         stream_input_fail(input, request->input, status, &inner, error);
     else if (request->points)
-        status = probe_write(&mesh, request->points, request->output, error);
+        status = probes_write(&request->probes, &mesh, request->output, error);
     else
         status = is_stream(request->output) ? extract_stream(input, request, level, error)
                                             : io_write(&mesh, request->output, error);
@@ -311,11 +312,14 @@ static int extract(struct request *request)
     if (request->form == FORM_CELLS && io_check_cells_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
     enum tetlod_status status = scratch_memory_take(request->scratch, request->memory, &error);
+    if (status == TETLOD_OK && request->points)
+        status = probes_read(&request->probes, request->points, &error);
     if (status == TETLOD_OK)
         status = stream_input_open(&input, request->input, parallel_cores(), &error);
     if (status == TETLOD_OK)
         status = extract_from(&input, request, &error);
     stream_input_close(&input);
+    probes_fini(&request->probes);
     if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
         error = inner;
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);

@@ -21,13 +21,6 @@
 
 enum { MAX_LINE = 4096 };
 
-struct probes {
-    double *points; /* [3 * count] */
-    size_t count, capacity;
-    uint32_t *tets;     /* [count]; TETLOD_NONE: outside */
-    double (*weights)[4]; /* [count] */
-};
-
 static const char *ending(const char *path)
 {
     const char *dot = strrchr(path, '.');
@@ -84,7 +77,7 @@ static enum tetlod_status read_points(struct probes *out, const char *text, size
     return out->count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no point among the points");
 }
 
-static enum tetlod_status load_points(struct probes *out, const char *points, struct tetlod_error *error)
+enum tetlod_status probes_read(struct probes *out, const char *points, struct tetlod_error *error)
 {
     double one[3];
     if (read_point(points, strcspn(points, ";"), one))
@@ -265,17 +258,17 @@ static enum tetlod_status write_file(const struct probes *probes, const struct t
     return file_output_finish(output, status, error);
 }
 
-enum tetlod_status probe_write(const struct tetmesh *mesh, const char *points, const char *output,
-                               struct tetlod_error *error)
+enum tetlod_status probes_write(struct probes *probes, const struct tetmesh *mesh, const char *output,
+                                struct tetlod_error *error)
 {
-    struct probes probes = {0};
-    enum tetlod_status status = load_points(&probes, points, error);
-    if (status == TETLOD_OK)
-        status = locate(&probes, mesh, error);
-    if (status == TETLOD_OK)
-        status = write_file(&probes, mesh, output, error);
-    free(probes.points);
-    free(probes.tets);
-    free(probes.weights);
-    return status;
+    TETLOD_TRY(locate(probes, mesh, error));
+    return write_file(probes, mesh, output, error);
+}
+
+void probes_fini(struct probes *probes)
+{
+    free(probes->points);
+    free(probes->tets);
+    free(probes->weights);
+    *probes = (struct probes){0};
 }

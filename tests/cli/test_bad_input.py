@@ -156,6 +156,10 @@ def early():
             message = done.stderr.decode()
             good = done.returncode == 1 and message.startswith('tetlod: %s: cannot create: ' % name)
             report_problem('early: %s to %s' % (command, name), None if good and wanted in message else message)
+    done = subprocess.run([TETLOD, 'extract', path('nowhere.tetlod'), '--points', path('none.csv'), '-o',
+                           path('p.csv')], stderr=subprocess.PIPE)
+    report_problem('early: points that are not there', None if done.returncode == 1 and
+                   done.stderr.startswith(b'tetlod: %s: ' % path('none.csv').encode()) else done.stderr)
 
 
 def system():
