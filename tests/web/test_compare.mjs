@@ -20,7 +20,7 @@ make('build', 'wake.pvd', '--quiet', '-o', 'wake.tetlod');
 copyFileSync(join(SCRATCH, 'wake.tetlod'), join(SCRATCH, 'later.tetlod'));
 const server = await program([here, there, ...['wake', 'later'].map((name) => join(SCRATCH, `${name}.tetlod`))]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
 
 async function open(state) {
   await page.goto('about:blank');

@@ -232,7 +232,7 @@ async function tetrahedra_are_rendered() {
 // The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as
 // that.
 async function rays_pass_flat_tetrahedra() {
-  await page.setViewportSize(small);
+  await page.setViewportSize({ width: 440, height: 360 });
   await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
   await until(() => window.tetlod.scene.rays?.actor.getVisibility());
   const moved = () => page.evaluate(() => new Promise((resolve) => {

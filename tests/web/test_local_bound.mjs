@@ -16,7 +16,7 @@ execFileSync(
   TETLOD, ['build', join(SCRATCH, 'bounded.vtu'), '--field', 'Pressure', '--local-bound', '-o', path, '--quiet']);
 const server = await program([path]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
 
 async function open(state) {
   await page.goto('about:blank');

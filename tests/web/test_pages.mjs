@@ -560,7 +560,7 @@ async function from_a_server_field_by_field() {
 // ---- the page
 
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
 const finerOf = () => page.evaluate(() => window.tetlod.viewer.finer);
 
 // Looks from somewhere, and waits until the pages are there.
@@ -703,7 +703,7 @@ async function the_panel_and_the_link_tell_it() {
     new RegExp(`^${finer.pages} pages, .* held\\. The worst place in the picture is .* pixels off`),
   );
   await page.waitForFunction(() => /pixels=20/.test(location.hash) && /camera=/.test(location.hash));
-  const again = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+  const again = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
   await again.goto(page.url());
   await firstPicture(again);
   await again.waitForFunction(() => window.tetlod.viewer.looking && window.tetlod.settled);
@@ -805,7 +805,7 @@ async function a_click_refines_in_pages_and_back_undoes() {
 
 // What the device's memory is not for can be looked at in parts.
 async function a_stream_that_is_too_large_is_offered_in_pages() {
-  const small = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+  const small = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
   await small.addInitScript(() => Object.defineProperty(navigator, 'deviceMemory', { get: () => 0.01 }));
   await small.goto(`${server.url}view/pagedcube#error=0`);
   await small.getByRole('button', { name: 'Detail where I look' }).click();

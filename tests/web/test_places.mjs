@@ -19,7 +19,7 @@ execFileSync(TETLOD, ['sample', 'wake', '--steps', '6', '--size', '8', '-o', joi
 execFileSync(TETLOD, ['build', join(SCRATCH, 'steps/wake.pvd'), '-o', wake, '--quiet'], { stdio: 'ignore' });
 const server = await program([path, wake, cellStream().path]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 1000, height: 700 } });
+const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 } });
 const open = async (name, hash, id = 'box') => {
   await page.goto('about:blank');
   await page.goto(`${server.url}view/${name}#smooth=0&${hash}`);
