@@ -83,6 +83,9 @@ static enum tetlod_status write_stream(const char *name, struct tetlod_build_com
     enum tetlod_status status = series ? tetlod_build_comm_series_write(series, write_bytes, file, error)
                                        : tetlod_build_comm(MPI_COMM_WORLD, piece, NULL, write_bytes, file, error);
     int good = !file || (fclose(file) == 0 && (status != TETLOD_OK || rename(part, name) == 0));
+    MPI_Bcast(&good, 1, MPI_INT, 0, MPI_COMM_WORLD); /* or the others would wait for rank 0 in the next call */
+    if (!good)
+        snprintf(error->message, sizeof error->message, "%.400s: cannot be written", name);
     return good ? status : TETLOD_ERR_IO;
 }
 
