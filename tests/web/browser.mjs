@@ -33,7 +33,7 @@ function rememberNotices() {
 // A page that remembers what went wrong (`complaints`), which other hosts were asked (`strangers`), and its notices.
 export async function openPage(browser, origin, options = {}) {
   const context =
-    await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
+    await browser.newContext({ viewport: { width: 960, height: 640 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
   page.setDefaultTimeout(120000); // what has not come by then, on however slow a machine, will not come
   await page.addInitScript(rememberNotices);
