@@ -199,15 +199,15 @@ def rounded_streams():
     del lacking['one']
     more = dict(cell_data(len(tets)), further=np.arange(len(tets)))
     save('lossy.vtu', places, tets, fields, cell_data(len(tets)))
-    for name, where, data, word in (('cells', places, other, b'values of cells'),
-                                    ('lacking', places, lacking, b"'one' of cells"),
-                                    ('more', places, more, b"'further' of cells"), ('moved', moved,
-                                                                                    cell_data(len(tets)), b'differ')):
+    others = {'cells': (places, other, b'values of cells'), 'lacking': (places, lacking, b"'one' of cells"),
+              'more': (places, more, b"'further' of cells"), 'moved': (moved, cell_data(len(tets)), b'differ')}
+    for name, (where, data, _) in others.items():
         save(name + '.vtu', where, tets, fields, data)
-        for options in (['--position-bits', '4', '--field-bits', '3'], ['--field-error', '1%', '--keep-order'],
-                        ['--position-error', '2%']):
-            must('build', path('lossy.vtu'), '--growth', '2', *options, '-o', path('lossy.tetlod'), '--quiet')
-            must('verify', path('lossy.tetlod'), '--against', path('lossy.vtu'), '--quiet')
+    for options in (['--position-bits', '4', '--field-bits', '3'], ['--field-error', '1%', '--keep-order'],
+                    ['--position-error', '2%']):
+        must('build', path('lossy.vtu'), '--growth', '2', *options, '-o', path('lossy.tetlod'), '--quiet')
+        must('verify', path('lossy.tetlod'), '--against', path('lossy.vtu'), '--quiet')
+        for name, (_, _, word) in others.items():
             done = tetlod('verify', path('lossy.tetlod'), '--against', path(name + '.vtu'), '--quiet')
             if done.returncode != 3 or word not in done.stderr and b'bounds' not in done.stderr:
                 return name, options, done
