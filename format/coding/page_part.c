@@ -57,10 +57,8 @@ static void find_owners(struct tetlodi_page_shares *shares)
     }
     for (uint32_t v = 0; v < shares->seams_known; v++)
         shares->owner[v] = shares->seams[v] ? PAGE_SEAM : shares->owner[v];
-    for (uint32_t v = 0; v < shares->vertices; v++) {
+    for (uint32_t v = 0; v < shares->vertices; v++)
         shares->local[v] = shares->owner[v] == PAGE_SEAM ? PAGE_SEAM : 0;
-        shares->seam_count += shares->owner[v] == PAGE_SEAM;
-    }
 }
 
 /* Numbers by what has them, in ascending order: one of [count] things, or none (above `things`). */
@@ -109,76 +107,100 @@ static struct tetlodi_seat *seat_of(const struct tetlodi_page_part *part, uint32
     return &part->seats[at];
 }
 
+/* So many free seats, in which those at seams sit that are listed. 0 if out of memory. */
+static int make_seats(struct tetlodi_page_part *part, size_t places)
+{
+    free(part->seats);
+    part->seats = malloc(places * sizeof *part->seats);
+    part->mask = (uint32_t)(places - 1);
+    if (!part->seats)
+        return 0;
+    memset(part->seats, 0xff, places * sizeof *part->seats); // PAGE_NOBODY
+    for (uint32_t i = 0; i < part->at_seams_count; i++)
+        seat_of(part, part->at_seams[i])->vertex = part->at_seams[i];
+    return 1;
+}
+
+/* Lists a vertex at a seam that has no seat. Half of the seats are taken at most. 0 if out of memory. */
+static int take_seat(struct tetlodi_page_part *part, uint32_t vertex)
+{
+    const size_t places = part->mask + (size_t)1;
+    if (part->at_seams_count == places / 2) {
+        uint32_t *more = realloc(part->at_seams, places * sizeof *more);
+        part->at_seams = more ? more : part->at_seams;
+        if (!more || !make_seats(part, 2 * places))
+            return 0;
+    }
+    part->at_seams[part->at_seams_count++] = seat_of(part, vertex)->vertex = vertex;
+    return 1;
+}
+
 enum { AHEAD = 8 }; /* tetrahedra whose corners are fetched before they are looked at */
 
-/* The corners as they are outside, where there is room for them, and in `list` those at seams, each once. */
-static uint32_t gather_corners(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t *list)
+/* The corners as they are outside, where there is room for them, and those at seams, each once. 0 if out of memory. */
+static int gather_corners(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
 {
     const uint32_t *corners = shares->whole->corners;
-    uint32_t *to = part->replay.corners, count = 0;
+    uint32_t *to = part->replay.corners;
     for (uint32_t t = 0; t < part->tet_count; t++) {
         if (t + 2 * AHEAD < part->tet_count)
             __builtin_prefetch(corners + 4 * (size_t)part->tets[t + 2 * AHEAD]);
         for (int c = 0; t + AHEAD < part->tet_count && c < 4; c++)
             __builtin_prefetch(shares->local + corners[4 * (size_t)part->tets[t + AHEAD] + (unsigned)c]);
         for (const uint32_t *v = corners + 4 * (size_t)part->tets[t], *end = v + 4; v < end; v++) {
-            struct tetlodi_seat *seat = shares->local[*v] == PAGE_SEAM ? seat_of(part, *v) : NULL;
-            if (seat && seat->vertex == PAGE_NOBODY)
-                list[count++] = seat->vertex = *v;
+            if (shares->local[*v] == PAGE_SEAM && seat_of(part, *v)->vertex == PAGE_NOBODY && !take_seat(part, *v))
+                return 0;
             if (to)
                 *to++ = *v;
         }
     }
-    return count;
+    return 1;
 }
 
-/* The corners, and the vertices at seams, ascending, each once; NULL: out of memory. */
-static uint32_t *list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares,
-                            uint32_t *out_count)
+/* The corners, and the vertices at seams. 0 if out of memory. A page has few of these: seats for all that it could have
+ * would take more than the page. */
+static int list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
 {
-    size_t most = 4 * (size_t)part->tet_count, places = 16;
-    most = most < shares->seam_count ? most : shares->seam_count;
-    while (places < 2 * most)
+    enum { FIRST = 512 };
+    part->at_seams = malloc(FIRST / 2 * sizeof *part->at_seams);
+    if (!part->at_seams || !make_seats(part, FIRST) || !gather_corners(part, shares))
+        return 0;
+    ascending_sort(part->at_seams, part->at_seams_count);
+    return 1;
+}
+
+static int seat_seams(struct tetlodi_page_part *part)
+{
+    size_t places = 16;
+    while (places < 2 * (size_t)part->at_seams_count)
         places *= 2;
-    uint32_t *list = malloc((most + 1) * sizeof *list);
-    part->seats = malloc(places * sizeof *part->seats);
-    part->mask = (uint32_t)(places - 1);
-    *out_count = 0;
-    if (!list || !part->seats) {
-        free(list);
-        return NULL;
-    }
-    memset(part->seats, 0xff, places * sizeof *part->seats); // PAGE_NOBODY
-    *out_count = gather_corners(part, shares, list);
-    ascending_sort(list, *out_count);
-    return list;
+    return make_seats(part, places);
 }
 
 int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t adds)
 {
     const uint32_t *inner = shares->inner_list + shares->inner_begins[part->page];
-    uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page], seam_count;
-    uint32_t *seams = list_seams(part, shares, &seam_count);
-    part->listed_count = inner_count + seam_count;
+    uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page];
+    int done = part->at_seams ? seat_seams(part) : list_seams(part, shares);
+    part->listed_count = inner_count + part->at_seams_count;
     part->room = part->listed_count + adds;
     part->listed = malloc((part->room + (size_t)1) * sizeof *part->listed);
     part->seams = calloc(part->room + (size_t)1, 1);
     part->own = malloc((part->room + (size_t)1) * sizeof *part->own);
-    int done = seams && part->listed && part->seams && part->own;
+    done = done && part->listed && part->seams && part->own;
     for (uint32_t v = 0; done && v < part->room; v++)
         part->own[v] = v;
     for (uint32_t n = 0, i = 0, s = 0; done && n < part->listed_count; n++) {
-        int seam = i == inner_count || (s < seam_count && seams[s] < inner[i]);
+        int seam = i == inner_count || (s < part->at_seams_count && part->at_seams[s] < inner[i]);
         part->seams[n] = (uint8_t)seam;
-        part->listed[n] = seam ? seams[s] : inner[i];
+        part->listed[n] = seam ? part->at_seams[s] : inner[i];
         if (seam)
-            seat_of(part, seams[s])->number = n;
+            seat_of(part, part->at_seams[s])->number = n;
         else
             shares->local[inner[i]] = n;
         s += (uint32_t)seam;
         i += (uint32_t)!seam;
     }
-    free(seams);
     return done;
 }
 
@@ -202,6 +224,7 @@ void tetlodi_page_part_fini(struct tetlodi_page_part *part)
 {
     free(part->listed);
     free(part->seams);
+    free(part->at_seams);
     free(part->seats);
     free(part->own);
     if (part->columns)
@@ -329,9 +352,10 @@ void tetlodi_page_part_shrink(struct tetlodi_page_part *part)
     free(part->seats);
     free(part->listed);
     free(part->seams);
+    free(part->at_seams);
     free(part->own);
     part->seats = NULL;
-    part->listed = part->own = NULL;
+    part->listed = part->at_seams = part->own = NULL;
     part->seams = NULL;
     for (uint32_t c = 0; c < replay->column_count; c++) {
         TETLODI_FREE(&part->memory, part->columns[c].codes, part->columns[c].codes_capacity);

@@ -21,7 +21,6 @@
 struct tetlodi_page_shares {
     struct tetlodi_replay *whole;        /* borrowed */
     uint32_t vertices, tets, pages;      /* before the level */
-    uint32_t seam_count;                 /* vertices at seams */
     const uint8_t *seams;                /* [seams_known] of the first ones it is known; borrowed */
     uint32_t seams_known;
     uint32_t *page_of;                   /* [tet]; of no more use once it is sorted by */
@@ -60,7 +59,8 @@ struct tetlodi_page_part {
     uint32_t *listed, listed_count;    /* [vertex] outside, ascending; so many it has at the beginning */
     uint32_t room;                     /* vertices that it can have */
     uint8_t *seams;                    /* [vertex] */
-    struct tetlodi_seat *seats;        /* [mask + 1] of its vertices at seams, by a hash of their numbers */
+    uint32_t *at_seams, at_seams_count; /* those outside, ascending; set before, they are not looked for again */
+    struct tetlodi_seat *seats;        /* [mask + 1] of these, by a hash of their numbers */
     uint32_t mask;
     uint32_t run_count;
     struct tetlodi_part_run runs[MAX_ALIKE]; /* the caller says where they are outside */

@@ -207,8 +207,12 @@ static void end_levels(struct tetlodi_stacks *s)
     }
     for (uint32_t page = 0; page < s->page_count && s->results; page++)
         tetlodi_stack_result_fini(&s->results[page]);
+    for (uint32_t i = 0; i < 2 * s->page_count && s->seams; i++)
+        free(s->seams[i / 2][i % 2].vertices);
     free(s->results);
+    free(s->seams);
     s->results = NULL;
+    s->seams = NULL;
     s->level_count = 0;
 }
 
@@ -317,11 +321,25 @@ static void list_leaves(const struct tetlodi_stacks *s, struct page_lists *lists
     }
 }
 
-static int list_page(const struct tetlodi_stacks *s, uint32_t page, struct page_lists *lists)
+/* A page is listed twice, for its stack and for what that has come to: which vertices are at seams, for which all of
+ * its corners are looked at, is kept in between. Takes them, or gives them back. */
+static void swap_seams(struct tetlodi_stacks *s, struct page_lists *lists)
+{
+    for (int i = 0; i < 2; i++) {
+        struct tetlodi_page_part *part = i ? &lists->end : &lists->begin;
+        struct tetlodi_page_seams *kept = &s->seams[lists->page][i], own = {part->at_seams, part->at_seams_count};
+        part->at_seams = kept->vertices;
+        part->at_seams_count = kept->count;
+        *kept = own;
+    }
+}
+
+static int list_page(struct tetlodi_stacks *s, uint32_t page, struct page_lists *lists)
 {
     *lists = (struct page_lists){.page = page};
     tetlodi_page_part_set(&lists->begin, &s->pages->shares, page);
     tetlodi_page_part_set(&lists->end, &s->shares, page);
+    swap_seams(s, lists);
     if (!tetlodi_page_part_list(&lists->begin, &s->pages->shares, 0) ||
         !tetlodi_page_part_list(&lists->end, &s->shares, 0) || !list_contractions(s, lists))
         return 0;
@@ -441,6 +459,7 @@ static enum tetlod_status cut(void *opaque, uint32_t page, struct tetlodi_page_s
     bool begins = fill_begin(s, &lists, out), ends = fill_end(s, &lists, corners, children);
     if (!begins || !ends)
         TETLOD_TRY_DONE(wrong_page(error));
+    swap_seams(s, &lists);
 done:
     free_lists(&lists);
     return status;
@@ -482,10 +501,12 @@ static enum tetlod_status set_begin(struct tetlodi_stacks *s)
         s->place[s->node_at[v]] = v;
         place_node(s, &s->begin, v, s->node_at[v]);
     }
+    for (uint32_t v = 0; v < s->whole.in->vertices; v++) // nobody asks for heirs of the begin any more
+        s->heirs[v] = s->place[s->heirs[v]];
     for (size_t t = 0; t < s->tets; t++)
         for (size_t c = 0; c < 4; c++)
             s->begin.corners[4 * t + c] =
-                s->place[s->heirs[originals[4 * (size_t)s->original_of[t] + (s->places[t] >> 2 * c & 3)]]];
+                s->heirs[originals[4 * (size_t)s->original_of[t] + (s->places[t] >> 2 * c & 3)]];
     return TETLOD_OK;
 }
 
@@ -551,7 +572,8 @@ static enum tetlod_status code_levels(struct tetlodi_stacks *s, uint32_t level)
     while (level + s->level_count < root_level_count(in) + in->group_count &&
            tetlodi_same_tree(group_of(s, s->level_count), group_of(s, 0)));
     s->results = calloc(s->page_count, sizeof *s->results);
-    if (!s->results)
+    s->seams = calloc(s->page_count, sizeof *s->seams);
+    if (!s->results || !s->seams)
         return no_memory(s);
     TETLOD_TRY(set_begin(s));
     if (!tetlodi_page_writer_begin(s->pages, s->helpers, &s->begin, group_of(s, 0), level))

@@ -8,6 +8,11 @@
 #include "format/write/page_write.h"
 #include "format/write/record_write.h"
 
+/* Vertices of a page at seams, ascending. NULL: they are not known. */
+struct tetlodi_page_seams {
+    uint32_t *vertices, count;
+};
+
 struct tetlodi_stacks {
     struct tetlodi_record_writer whole; /* numbers of nodes of the whole stream: its input and its columns, borrowed */
     struct tetlodi_page_writer *pages;  /* borrowed, as all up to slowest */
@@ -29,6 +34,7 @@ struct tetlodi_stacks {
     struct tetlodi_page_shares shares;  /* of the end */
     uint32_t first_level, level_count, taken; /* levels that are coded; of these */
     struct tetlodi_stack_result *results;     /* [page] */
+    struct tetlodi_page_seams (*seams)[2];    /* [page] of one that was cut, at the begin and at the end */
     uint32_t page_count;
 };
 
