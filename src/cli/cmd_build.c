@@ -441,16 +441,18 @@ static enum tetlod_status take_memory(struct build_request *request, struct tetl
                                error);
 }
 
-/* All programs hear what their share is. */
-static enum tetlod_status allow_share(struct build_options *options, const struct tetmesh *mesh,
-                                      struct tetlod_error *error)
+/* All programs hear what they may take, and whether large arrays are in files. */
+static enum tetlod_status tell_memory(const struct build_options *options, struct tetlod_error *error)
 {
     const struct work_share *share = options->share;
     enum work_call call = CALL_MEMORY;
-    options->memory = build_share_bytes(mesh, options, share->members);
-    scratch_memory_allow(options->memory);
+    uint64_t bytes = options->memory;
+    uint8_t spools = options->spools;
+    if (!work_has_helpers(share) || share->keeps_parts || !bytes)
+        return TETLOD_OK;
     TETLOD_TRY(share->call(share->opaque, &call, error));
-    share->pass(share->opaque, &options->memory, sizeof options->memory);
+    share->pass(share->opaque, &bytes, sizeof bytes);
+    share->pass(share->opaque, &spools, sizeof spools);
     return TETLOD_OK;
 }
 
@@ -461,9 +463,13 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     struct build_options *options = &request->build;
     options->controls = in->controls;
     options->control_count = in->count;
-    if (request->by_share && !options->series)
-        TETLOD_TRY(allow_share(options, &in->mesh, error));
+    if (request->by_share && !options->series) {
+        options->memory = build_share_bytes(&in->mesh, options, options->share->members);
+        scratch_memory_allow(options->memory);
+    }
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
+    if (status == TETLOD_OK && !options->series)
+        TETLOD_TRY(tell_memory(options, error));
     if (options->spools)
         scratch_memory_settle(false);
     else
@@ -498,26 +504,37 @@ static int fail(const struct build_request *request, const struct tetlod_error *
     return is_others ? EXIT_FAILED : cli_fail(error);
 }
 
-/* What a helper is called for besides the build: it reads pieces, and hears what its share of the memory is. */
+/* What a helper is called for besides the build: it reads pieces, and hears what it may take. */
 static enum tetlod_status help_otherwise(void *opaque, enum work_call call, struct tetlod_error *error)
 {
     const struct build_request *request = opaque;
     const struct work_share *share = request->build.share;
     uint64_t bytes = 0;
+    uint8_t spools = 1;
     if (call == CALL_PIECES)
         return io_read_help(share, &request->reading.options, error);
     share->pass(share->opaque, &bytes, sizeof bytes);
+    share->pass(share->opaque, &spools, sizeof spools);
     scratch_memory_allow(bytes);
+    if (!spools)
+        scratch_memory_stay();
     return TETLOD_OK;
+}
+
+static void settle(void *opaque, bool measures)
+{
+    (void)opaque;
+    scratch_memory_settle(measures);
 }
 
 /* Of one that has no mesh. */
 static int help_others(struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
+    const struct helper_hooks hooks = {help_otherwise, settle, request};
     enum tetlod_status status = take_memory(request, &error);
     if (status == TETLOD_OK)
-        status = build_helper(request->build.share, request->build.threads, help_otherwise, request, &error);
+        status = build_helper(request->build.share, request->build.threads, &hooks, &error);
     if (status == TETLOD_ERR_NOMEM && scratch_memory_failure(&inner) != TETLOD_OK)
         error = inner;
     return status == TETLOD_OK ? EXIT_DONE : fail(request, &error);

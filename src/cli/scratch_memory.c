@@ -42,9 +42,9 @@ static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
 
 /* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
  * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
- * than a share of a small limit cannot be spared for that. Less than WINDOW bytes of files are never taken: where a
+ * than a share of a small limit cannot be spared for that (OF_MANY: where a touch brings in more than one page). Less than WINDOW bytes of files are never taken: where a
  * limit is too small for the rest, the program would only read the same pages again and again. */
-static const double MIN_LEFT = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
+static const double MIN_LEFT = 0.05, MIN_LEFT_OF_MANY = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
 enum { LOOK_AGAIN = 250000, BETWEEN = 5 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
 /* Where more is free than all threads bring in meanwhile, the next look is later: so many times as late at most. */
@@ -130,7 +130,8 @@ static struct resident look(void)
 static uint64_t allowed(void)
 {
     double limit = (double)memory.limit, between = BETWEEN * (double)atomic_load(&memory.watched);
-    return (uint64_t)(limit - fmin(fmax(between, MIN_LEFT * limit), MAX_LEFT * limit));
+    double least = memory.single >= 0 ? MIN_LEFT : MIN_LEFT_OF_MANY;
+    return (uint64_t)(limit - fmin(fmax(between, least * limit), MAX_LEFT * limit));
 }
 
 static bool is_above(struct resident now, uint64_t limit)
@@ -153,39 +154,47 @@ static int open_single(void)
     return file;
 }
 
+/* Nothing is read ahead of what is written for the first time: the system would keep what it reads together, and look
+ * at all of it again for each page that is touched. */
 static void bring_single(const struct region *region)
 {
     struct uffdio_register pages = {{(uintptr_t)region->at, region->size}, UFFDIO_REGISTER_MODE_WP, 0};
     if (region->file < 0)
         return;
     madvise(region->at, region->size, MADV_NOHUGEPAGE); // of files, too: a touch would bring in 2 MB
+    madvise(region->at, region->size, MADV_RANDOM);
     if (memory.single >= 0)
         ioctl(memory.single, UFFDIO_REGISTER, &pages); // where it fails more is read
 }
 
-/* Takes a piece of the region at the hand. What is written there stays in the file. */
-static void take_piece(void)
+/* Takes a piece of the region at the hand: its size and *out. What is written there stays in the file. */
+static size_t take_piece(char **out)
 {
     const struct region *region = &memory.regions[memory.hand % memory.count];
     size_t left = region->size > memory.taken ? region->size - memory.taken : 0;
-    size_t piece = left < memory.piece ? left : memory.piece;
-    if (piece && region->file >= 0)
-        madvise(region->at + memory.taken, piece, MADV_DONTNEED);
+    size_t piece = left < memory.piece ? left : memory.piece, size = region->file >= 0 ? piece : 0;
+    *out = region->at + memory.taken;
+    if (size)
+        madvise(*out, size, MADV_DONTNEED);
     memory.taken += piece;
     if (piece == left || region->file < 0) {
         memory.hand++;
         memory.taken = 0;
     }
+    return size;
 }
 
-/* Takes pieces until what is resident is no more than that. */
+/* Takes pieces until what is resident is no more than that. What may come back from a disk is read ahead. */
 static void take_pieces(uint64_t low)
 {
     unsigned last = memory.hand + memory.count;
     for (struct resident now = look(), then; memory.hand < last && is_above(now, low); now = then) {
-        take_piece();
+        char *piece;
+        size_t size = take_piece(&piece);
         then = look();
         memory.given_back += now.files > then.files ? now.files - then.files : 0;
+        if (size && now.files > then.files)
+            madvise(piece, size, MADV_NORMAL);
     }
 }
 
@@ -564,6 +573,18 @@ static bool outgrows_memory(const struct region *region, size_t whole)
     return outgrows;
 }
 
+/* The region's bytes at another place, perhaps, with room for so many. Pieces of a file that were taken are mapped in
+ * another way than the rest, which mremap() does not take. */
+static void *move_region(const struct region *region, size_t whole)
+{
+    if (region->file < 0)
+        return mremap(region->at, region->size, whole, MREMAP_MAYMOVE);
+    void *at = mmap(NULL, whole, PROT_READ | PROT_WRITE, MAP_SHARED, region->file, 0);
+    if (at != MAP_FAILED)
+        munmap(region->at, region->size);
+    return at;
+}
+
 /* A region that is taken out becomes one of another size, at another place perhaps, and is put in again. NULL: it is as
  * before. */
 static void *resize_region(struct region *region, size_t size)
@@ -581,7 +602,7 @@ static void *resize_region(struct region *region, size_t size)
         return at;
     }
     bool done = whole >= size && (whole <= old.size || old.file < 0 || reserve_blocks(old.file, whole));
-    void *at = done ? mremap(old.at, old.size, whole, MREMAP_MAYMOVE) : MAP_FAILED;
+    void *at = done ? move_region(&old, whole) : MAP_FAILED;
     if (at != MAP_FAILED) {
         if (whole < old.size && old.file >= 0 && ftruncate(old.file, (off_t)whole) != 0)
             note_failure(errno, whole);

@@ -247,7 +247,7 @@ enum tetlod_status library_build_copy(struct tetmesh *copy, const struct tetlod_
     struct build_control *controls = NULL;
     enum tetlod_status status = library_options(options, &given, &build, error);
     if (status == TETLOD_OK && work_helps(share))
-        return build_helper(share, build.threads, NULL, NULL, error);
+        return build_helper(share, build.threads, &(struct helper_hooks){0}, error);
     build.share = share;
     build.paged = share ? BUILD_CELL_TETS : build.paged; // programs that build together do so by cells
     if (status == TETLOD_OK)

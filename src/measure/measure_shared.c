@@ -261,7 +261,8 @@ static void free_parts(struct sweep *sweep)
     free(sweep->parts);
 }
 
-enum tetlod_status measure_help(const struct work_share *share, unsigned threads, struct tetlod_error *error)
+enum tetlod_status measure_help(const struct work_share *share, unsigned threads, void (*arrived)(void *opaque),
+                                void *opaque, struct tetlod_error *error)
 {
     struct tetmesh original = {0}, mesh = {0};
     struct contraction_log log = {0};
@@ -269,6 +270,8 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     double *domains = NULL;
     struct channel channel = {share, TETLOD_OK};
     pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
+    if (arrived)
+        arrived(opaque);
     const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
                           .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),

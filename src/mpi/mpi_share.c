@@ -96,6 +96,25 @@ static void wait_for(struct mpi_share *share, MPI_Request *request, double longe
     }
 }
 
+/* Messages to and from a rank that may sleep. */
+static void send_to(struct mpi_share *share, const void *bytes, size_t size, int rank, int tag)
+{
+    MPI_Request request;
+    pthread_mutex_lock(&share->lock);
+    MPI_Isend(bytes, (int)size, MPI_BYTE, rank, tag, share->comm, &request);
+    pthread_mutex_unlock(&share->lock);
+    wait_for(share, &request, SERVE_WAIT);
+}
+
+static void receive_from(struct mpi_share *share, void *bytes, size_t size, int rank, int tag)
+{
+    MPI_Request request;
+    pthread_mutex_lock(&share->lock);
+    MPI_Irecv(bytes, (int)size, MPI_BYTE, rank, tag, share->comm, &request);
+    pthread_mutex_unlock(&share->lock);
+    wait_for(share, &request, SERVE_WAIT);
+}
+
 /* Have all ranks done well? */
 static bool agree(struct mpi_share *share, bool good)
 {
@@ -164,11 +183,10 @@ static void give_part(struct mpi_share *share, int rank)
         share->served = share->input->pack(share->input->opaque, part, &input, &share->why);
     given.is_part &= share->served == TETLOD_OK;
     given.size = given.is_part ? input.size : 0;
-    pthread_mutex_lock(&share->lock);
-    MPI_Send(&given, (int)sizeof given, MPI_BYTE, rank, TAG_GIVEN, share->comm);
+    send_to(share, &given, sizeof given, rank, TAG_GIVEN);
     for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
-        MPI_Send(input.bytes + at, (int)(given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE), MPI_BYTE, rank,
-                 TAG_INPUT, share->comm);
+        send_to(share, input.bytes + at, given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE, rank, TAG_INPUT);
+    pthread_mutex_lock(&share->lock);
     this_stage(share)->given += given.is_part != 0;
     this_stage(share)->inputs += given.size;
     pthread_mutex_unlock(&share->lock);
@@ -249,10 +267,10 @@ static bool want_part(struct mpi_share *share, uint32_t *out_part, struct buffer
     pthread_mutex_unlock(&share->lock);
     wait_for(share, &request, SERVE_WAIT);
     unsigned char *to = out_input && given.size ? buffer_extend(out_input, given.size) : NULL;
-    pthread_mutex_lock(&share->lock);
     for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
-        MPI_Recv(to ? to + at : share->dropped, (int)(given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE),
-                 MPI_BYTE, 0, TAG_INPUT, share->comm, MPI_STATUS_IGNORE);
+        receive_from(share, to ? to + at : share->dropped,
+                     given.size - at < PASS_PIECE ? given.size - at : PASS_PIECE, 0, TAG_INPUT);
+    pthread_mutex_lock(&share->lock);
     share->moved += given.size;
     pthread_mutex_unlock(&share->lock);
     *out_part = (uint32_t)given.part;
@@ -337,24 +355,21 @@ static bool make_room(struct mpi_share *share, const uint64_t *list)
 static void move_part(struct mpi_share *share, struct result *result, int owner)
 {
     for (uint64_t at = 0; at < result->size; at += PIECE) {
-        int size = (int)(result->size - at < PIECE ? result->size - at : PIECE);
+        uint64_t size = result->size - at < PIECE ? result->size - at : PIECE;
         if (share->rank == 0)
-            MPI_Recv(result->bytes + at, size, MPI_BYTE, owner, TAG_PART, share->comm, MPI_STATUS_IGNORE);
+            receive_from(share, result->bytes + at, size, owner, TAG_PART);
         else
-            MPI_Send(result->bytes + at, size, MPI_BYTE, 0, TAG_PART, share->comm);
+            send_to(share, result->bytes + at, size, 0, TAG_PART);
     }
 }
 
 /* The parts of a rank come to rank 0 when it asks for them: until then the other one sleeps. */
 static void move_parts(struct mpi_share *share, const uint64_t *list, int owner)
 {
-    MPI_Request request;
-    if (share->rank == 0) {
-        MPI_Send(NULL, 0, MPI_BYTE, owner, TAG_ASK, share->comm);
-    } else {
-        MPI_Irecv(NULL, 0, MPI_BYTE, 0, TAG_ASK, share->comm, &request);
-        wait_for(share, &request, LONGEST_WAIT);
-    }
+    if (share->rank == 0)
+        send_to(share, NULL, 0, owner, TAG_ASK);
+    else
+        receive_from(share, NULL, 0, 0, TAG_ASK);
     for (uint32_t part = 0; part < share->parts; part++)
         if (list[2 * (size_t)part] == (uint64_t)owner)
             move_part(share, &share->results[part], owner);
@@ -428,7 +443,9 @@ static void pass(void *opaque, void *bytes, size_t size)
     struct mpi_share *share = opaque;
     for (size_t at = 0; at < size; at += PASS_PIECE) {
         unsigned char *to = bytes ? (unsigned char *)bytes + at : share->dropped;
-        MPI_Bcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->hears);
+        MPI_Request request;
+        MPI_Ibcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->hears, &request);
+        wait_for(share, &request, SERVE_WAIT);
     }
     share->moved += share->rank ? size : 0;
     share->passed[share->hears == share->few] += size;

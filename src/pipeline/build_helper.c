@@ -7,10 +7,25 @@
 #include "src/pipeline/share_pages.h"
 #include "src/util/parallel.h"
 
-enum tetlod_status build_helper(const struct work_share *share, unsigned threads,
-                                enum tetlod_status (*other)(void *opaque, enum work_call call,
-                                                            struct tetlod_error *error),
-                                void *opaque, struct tetlod_error *error)
+static void measures(void *opaque)
+{
+    const struct helper_hooks *hooks = opaque;
+    if (hooks->settle)
+        hooks->settle(hooks->opaque, true);
+}
+
+static enum tetlod_status measure(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
+                                  struct tetlod_error *error)
+{
+    struct helper_hooks own = *hooks;
+    enum tetlod_status status = measure_help(share, threads, measures, &own, error);
+    if (hooks->settle) // what it has got is gone
+        hooks->settle(hooks->opaque, false);
+    return status;
+}
+
+enum tetlod_status build_helper(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
+                                struct tetlod_error *error)
 {
     enum work_call call = CALL_OVER;
     threads = threads ? threads : parallel_cores();
@@ -23,10 +38,10 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
         else if (call == CALL_CELLS)
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
-            TETLOD_TRY(measure_help(share, threads, error));
+            TETLOD_TRY(measure(share, threads, hooks, error));
         else if (call == CALL_PAGES)
             TETLOD_TRY(pages_help(share, threads, error));
         else
-            TETLOD_TRY(other(opaque, call, error));
+            TETLOD_TRY(hooks->other(hooks->opaque, call, error));
     }
 }

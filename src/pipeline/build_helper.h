@@ -5,12 +5,19 @@
 
 #include "src/util/work_share.h"
 
-/* Does what it is called for, until the build is over. `threads` 0: all cores. What is no part of building, reading and
- * memory, is `other`'s, which may be NULL where nobody calls for it. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED: another
- * member has failed; or what `other` fails with. */
+/* What is no part of building. NULL: nobody asks for it. */
+struct helper_hooks {
+    /* Does what it is called for otherwise: reading, and memory. */
+    enum tetlod_status (*other)(void *opaque, enum work_call call, struct tetlod_error *error);
+    /* The arrays that are there change no more. `measures`: large ones take most of the memory until it is called
+     * again. */
+    void (*settle)(void *opaque, bool measures);
+    void *opaque;
+};
+
+/* Does what it is called for, until the build is over. `threads` 0: all cores. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED:
+ * another member has failed; or what a hook fails with. */
 TETLOD_CHECKED enum tetlod_status build_helper(const struct work_share *share, unsigned threads,
-                                               enum tetlod_status (*other)(void *opaque, enum work_call call,
-                                                                           struct tetlod_error *error),
-                                               void *opaque, struct tetlod_error *error);
+                                               const struct helper_hooks *hooks, struct tetlod_error *error);
 
 #endif

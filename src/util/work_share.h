@@ -24,7 +24,8 @@ struct work_input {
     void *opaque;
 };
 
-/* What a helper is called for; CALL_PIECES: to read some; CALL_MEMORY: to hear how much it may take, an uint64_t;
+/* What a helper is called for; CALL_PIECES: to read some; CALL_MEMORY: to hear how much it may take, an uint64_t, and
+ * whether that is less than a build needs, an uint8_t;
  * CALL_IDLE: for what few do, others than this one. */
 enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
 
