@@ -10,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/common/ascending.h"
 #include "format/fail.h"
 #include "format/write/write_check.h"
 
@@ -375,9 +374,12 @@ static bool fill_begin(const struct tetlodi_stacks *s, const struct page_lists *
         out->leaves[v] = s->leaves[vertex];
         good &= out->nodes[v] != TETLOD_NONE;
     }
+    uint32_t *places = s->shares.page_of; // of tetrahedra in their pages, from now on
+    for (uint32_t t = 0; t < lists->end.tet_count; t++)
+        places[lists->end.tets[t]] = t;
     for (uint32_t t = 0; t < out->tets; t++) {
         uint32_t tet = lists->begin.tets[t], original = s->original_of[tet];
-        out->numbers[t] = ascending_place(lists->end.tets, lists->end.tet_count, original);
+        out->numbers[t] = places[original];
         out->places[t] = s->places[tet];
         good &= out->numbers[t] < lists->end.tet_count && lists->end.tets[out->numbers[t]] == original;
     }
