@@ -42,8 +42,9 @@ static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
 
 /* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
  * up to the limit is for what threads bring in between two looks, of so many nanoseconds: BETWEEN bytes each, and more
- * than a share of a small limit cannot be spared for that (OF_MANY: where a touch brings in more than one page). Less than WINDOW bytes of files are never taken: where a
- * limit is too small for the rest, the program would only read the same pages again and again. */
+ * than a share of a small limit cannot be spared for that; OF_MANY: where a touch brings in more than one page. Less
+ * than WINDOW bytes of files are never taken: where a limit is too small for the rest, the program would only read the
+ * same pages again and again. */
 static const double MIN_LEFT = 0.05, MIN_LEFT_OF_MANY = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
 enum { LOOK_AGAIN = 250000, BETWEEN = 6 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
