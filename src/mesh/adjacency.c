@@ -59,11 +59,9 @@ static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbo
     for (size_t i = 0, end; i < count; i = end) {
         for (end = i + 1; end < count && faces[end].mid == faces[i].mid && faces[end].high == faces[i].high; end++)
             ;
-        if (end - i == 2) {
-            neighbours[faces[i].slot] = faces[i + 1].slot;
-            neighbours[faces[i + 1].slot] = faces[i].slot;
-        } else if (end - i > 2)
-            overfull++;
+        for (size_t face = i; face < end; face++)
+            neighbours[faces[face].slot] = end - i == 2 ? faces[2 * i + 1 - face].slot : TETLOD_NONE;
+        overfull += end - i > 2;
     }
     return overfull;
 }
@@ -97,7 +95,6 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
     for (size_t slot = 0; slot < slot_count && bucket; slot++) {
         face_vertices(corners, slot, v);
         bucket[v[0]]++;
-        neighbours[slot] = TETLOD_NONE;
     }
     for (uint32_t i = 0; i <= vertex_count && bucket; i++) {
         size_t size = bucket[i];
