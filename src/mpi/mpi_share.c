@@ -19,6 +19,9 @@ enum { PIECE = 1 << 30 };
 /* What is passed to helpers goes in such pieces: what one has no room for it drops, piece by piece. */
 enum { PASS_PIECE = 1 << 18 };
 
+/* So many ranks leave rank 0 to serve them. */
+enum { MANY = 8 };
+
 enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT };
 
 /* Seconds between looks at whether others have come, or want a part. */
@@ -33,6 +36,7 @@ struct result {
 
 /* What a stage costs this rank. */
 struct stage_time {
+    enum work_call call;
     uint32_t parts;
     double begun, all, alone, longest;
     uint32_t given;       /* on rank 0: parts that others got */
@@ -43,6 +47,7 @@ struct stage_time {
 struct mpi_share {
     MPI_Comm comm, few;   /* few: of the first WORK_FEW ranks, or MPI_COMM_NULL */
     MPI_Comm hears;       /* borrowed: of those that what is passed comes to */
+    enum work_call called; /* for: what the next stage is about */
     int rank, ranks;
     pthread_mutex_t asking; /* on other ranks: one thread at a time wants a part */
     pthread_mutex_t lock; /* of MPI, and what follows */
@@ -148,15 +153,20 @@ static void drop_results(struct mpi_share *share)
 
 /* ---- parts */
 
-/* The next part, on rank 0; false if there is none. */
 /* Does rank 0 take no part of a stage of few, or of another one? It packs what others take, and joins what comes of
  * it, in which they wait for it: where they are many it has enough to do, and needs no memory for a part. */
 static bool only_serves(int ranks, bool few)
 {
-    enum { MANY = 8 };
     return ranks >= (few ? WORK_FEW + 1 : MANY);
 }
 
+/* Does a rank leave pages to the others, as it has measured? Where they are many rank 0 cuts no more than these code. */
+static bool is_spared(int rank, int ranks, enum work_call stage)
+{
+    return stage == CALL_PAGES && ranks >= MANY && rank > 0 && rank < WORK_FEW;
+}
+
+/* The next part, on rank 0; false if there is none. */
 static bool next_part(struct mpi_share *share, uint32_t *out)
 {
     pthread_mutex_lock(&share->lock);
@@ -247,7 +257,7 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->input = input;
     share->next = 0;
     if (stages) // before others are served
-        share->stages[share->stage_count++] = (struct stage_time){.parts = parts, .begun = process_seconds()};
+        share->stages[share->stage_count++] = (struct stage_time){.call = share->called, .parts = parts, .begun = process_seconds()};
     if (!agree(share, share->results && start_serving(share))) {
         stop_serving(share);
         return share->told ? other_failed(error)
@@ -283,6 +293,8 @@ static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
     bool any;
     if (share->rank == 0) {
         any = !only_serves(share->ranks, share->hears == share->few) && next_part(share, out_part);
+    } else if (is_spared(share->rank, share->ranks, share->called)) {
+        any = false;
     } else {
         pthread_mutex_lock(&share->asking);
         any = want_part(share, out_part, out_input);
@@ -428,6 +440,7 @@ static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call
         return false;
     MPI_Bcast(&word, 1, MPI_INT, 0, share->comm);
     share->ended = word == CALL_OVER;
+    share->called = (enum work_call)word;
     share->hears = word == CALL_SAMPLES ? share->few : share->comm;
     *io_call = share->hears == MPI_COMM_NULL ? CALL_IDLE : (enum work_call)word;
     return true;
@@ -533,7 +546,7 @@ static void sum_stage(const struct mpi_share *share, const struct stage_time *ow
     MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
     MPI_Allreduce(MPI_IN_PLACE, most, 3, MPI_DOUBLE, MPI_MAX, share->comm);
     bool sweeps = most[1] > 0; // of few ranks, many parts at once: each has its share
-    *out = (struct stage_cost){own->parts, sweeps ? WORK_FEW : UINT32_MAX, sums[0], most[1],
+    *out = (struct stage_cost){own->call, own->parts, sweeps ? WORK_FEW : UINT32_MAX, sums[0], most[1],
                                sweeps ? sums[0] / own->parts : most[0], sums[1] + most[2]};
 }
 
@@ -586,7 +599,8 @@ static bool serves_in(const struct stage_cost *stage, uint32_t ranks)
 static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
 {
     uint32_t those = ranks < stage->ranks ? ranks : stage->ranks;
-    return those - serves_in(stage, ranks);
+    uint32_t spared = is_spared(1, (int)ranks, stage->call) ? WORK_FEW - 1 : 0;
+    return those - serves_in(stage, ranks) - spared;
 }
 
 double job_cost_of(const struct job_cost *cost, uint32_t ranks)

@@ -23,6 +23,7 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
 
 /* What a job has cost, in processor seconds: stage by stage, and outside of them. */
 struct stage_cost {
+    enum work_call call; /* what it was about */
     uint32_t parts;
     uint32_t ranks; /* at most */
     double work;    /* of all ranks, without `alone` */
