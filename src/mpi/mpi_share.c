@@ -160,7 +160,7 @@ static bool only_serves(int ranks, bool few)
     return ranks >= (few ? WORK_FEW + 1 : MANY);
 }
 
-/* Does a rank leave pages to the others, as it has measured? Where they are many rank 0 cuts no more than these code. */
+/* Does a rank leave pages to the others, as it has measured? Where they are many rank 0 cuts no more than they code. */
 static bool is_spared(int rank, int ranks, enum work_call stage)
 {
     return stage == CALL_PAGES && ranks >= MANY && rank > 0 && rank < WORK_FEW;
@@ -257,7 +257,8 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
     share->input = input;
     share->next = 0;
     if (stages) // before others are served
-        share->stages[share->stage_count++] = (struct stage_time){.call = share->called, .parts = parts, .begun = process_seconds()};
+        share->stages[share->stage_count++] = (struct stage_time){.call = share->called, .parts = parts,
+                                                                  .begun = process_seconds()};
     if (!agree(share, share->results && start_serving(share))) {
         stop_serving(share);
         return share->told ? other_failed(error)

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/common/ascending.h"
 #include "format/fail.h"
 #include "src/util/array.h"
 
@@ -60,10 +59,12 @@ static void note_point(void *opaque, uint32_t *point)
 {
     struct search *s = opaque;
     bool listed = s->count < MAX_POINTS && *point < s->block->mesh.vertex_count && s->pieces[*point] == SHARED;
+    unsigned at = s->count;
+    s->count = listed ? s->count + 1 : MAX_POINTS + 1;
+    for (; listed && at > 0 && s->now.points[at - 1] > *point; at--)
+        s->now.points[at] = s->now.points[at - 1];
     if (listed)
-        s->now.points[s->count++] = *point;
-    else
-        s->count = MAX_POINTS + 1;
+        s->now.points[at] = *point;
 }
 
 /* Lists the cell if all of its points are of several pieces. False: out of memory. */
@@ -76,7 +77,6 @@ static bool list_cell(struct search *s, uint64_t cell)
     visit_points(s, cell, note_point);
     if (s->count > MAX_POINTS)
         return true;
-    ascending_sort(s->now.points, s->count);
     s->now.cell = cell;
     return ARRAY_PUSH(s->list, s->listed, s->capacity, s->now);
 }
