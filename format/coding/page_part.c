@@ -161,27 +161,23 @@ static int gather_corners(struct tetlodi_page_part *part, const struct tetlodi_p
  * would take more than the page. */
 static int list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares)
 {
-    enum { FIRST = 512 };
-    part->at_seams = malloc(FIRST / 2 * sizeof *part->at_seams);
-    if (!part->at_seams || !make_seats(part, FIRST) || !gather_corners(part, shares))
+    size_t places = 512;
+    while (places < 2 * (size_t)part->at_seams_count)
+        places *= 2;
+    if (part->at_seams)
+        return make_seats(part, places);
+    part->at_seams = malloc(places / 2 * sizeof *part->at_seams);
+    if (!part->at_seams || !make_seats(part, places) || !gather_corners(part, shares))
         return 0;
     ascending_sort(part->at_seams, part->at_seams_count);
     return 1;
-}
-
-static int seat_seams(struct tetlodi_page_part *part)
-{
-    size_t places = 16;
-    while (places < 2 * (size_t)part->at_seams_count)
-        places *= 2;
-    return make_seats(part, places);
 }
 
 int tetlodi_page_part_list(struct tetlodi_page_part *part, const struct tetlodi_page_shares *shares, uint32_t adds)
 {
     const uint32_t *inner = shares->inner_list + shares->inner_begins[part->page];
     uint32_t inner_count = shares->inner_begins[part->page + 1] - shares->inner_begins[part->page];
-    int done = part->at_seams ? seat_seams(part) : list_seams(part, shares);
+    int done = list_seams(part, shares);
     part->listed_count = inner_count + part->at_seams_count;
     part->room = part->listed_count + adds;
     part->listed = malloc((part->room + (size_t)1) * sizeof *part->listed);

@@ -46,7 +46,7 @@ static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
  * than WINDOW bytes of files are never taken: where a limit is too small for the rest, the program would only read the
  * same pages again and again. */
 static const double MIN_LEFT = 0.05, MIN_LEFT_OF_MANY = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
-enum { LOOK_AGAIN = 250000, BETWEEN = 6 << 20, WINDOW = 4 << 20, PIECES = 64 };
+enum { LOOK_AGAIN = 250000, BETWEEN = 8 << 20, WINDOW = 4 << 20, PIECES = 64 };
 
 /* Where more is free than all threads bring in meanwhile, the next look is later: so many times as late at most. */
 enum { LATEST = 16 };

@@ -10,7 +10,6 @@
 #include "src/io/read_input.h"
 #include "src/io/readers/readers.h"
 #include "src/io/registry.h"
-#include "src/io/services/cells_twice.h"
 #include "src/io/services/pieces.h"
 #include "src/mesh/cell_average.h"
 #include "src/mesh/ids.h"
@@ -148,22 +147,6 @@ static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_optio
     return options->any_values ? tetmesh_validate_positions(mesh, error) : tetmesh_validate_values(mesh, error);
 }
 
-/* One block of all. What pieces have twice is refused, if it is not to be left out. */
-static enum tetlod_status merge(struct blocks *blocks, const struct io_read_options *options, struct block *out,
-                                struct io_report *report, struct tetlod_error *error)
-{
-    const size_t pieces = blocks->count;
-    const bool checks = pieces > 1 && !options->drop_degenerate;
-    uint64_t *ends = checks ? blocks_cell_ends(blocks) : NULL;
-    enum tetlod_status status =
-        checks && !ends ? tetlodi_fail_nomem(error, "the pieces", pieces * sizeof *ends)
-                        : blocks_merge(blocks, options->welds ? options->weld : -1, out, report, error);
-    if (status == TETLOD_OK && checks)
-        status = cells_check_twice(out, ends, pieces, error);
-    free(ends);
-    return status;
-}
-
 enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
                                  struct io_report *report, struct tetlod_error *error)
 {
@@ -177,7 +160,7 @@ enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const st
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no volume in it");
         goto done;
     }
-    TETLOD_TRY_DONE(merge(&blocks, options, &block, report, error));
+    TETLOD_TRY_DONE(blocks_merge(&blocks, options->welds ? options->weld : -1, &block, report, error));
     if (block.mesh.vertex_count == 0) {
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no point in it");
         goto done;

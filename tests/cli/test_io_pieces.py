@@ -224,26 +224,6 @@ def exodus_case(maps):
     return None if same and np.array_equal(np.sort(found[2]['heat']), np.sort(wanted[2]['heat'])) else 'another mesh'
 
 
-def copied_cell_case():
-    """A cell that two pieces have, and neither marks, is refused; where it may be left out the mesh is the whole."""
-    points, tets, fields, cells = numbered_mesh()
-    pieces = cut(points, tets)
-    copied = pieces[1][len(pieces[1]) // 2]
-    both = [np.append(pieces[0], copied), *pieces[1:]]
-    for numbered in True, False:
-        named = fields if numbered else {n: v for n, v in fields.items() if n != 'GlobalPointIds'}
-        save_pvtu(points, tets, named, cells if numbered else {}, both)
-        done = tetlod('convert', path('all.pvtu'), '-o', path('out.vtu'))
-        place = re.search(r'all.pvtu: pieces 0 and 1 .*at \((.*?)\): one of them', done.stderr.decode())
-        if done.returncode == 0 or not place or not np.allclose(
-                [float(x) for x in place[1].split(', ')], points[tets[copied]].mean(axis=0), atol=1e-4):
-            return done
-        must('convert', path('all.pvtu'), '--drop-degenerate', '-o', path('out.vtu'))
-        if len(converted(path('out.vtu'))[1]) != len(tets):
-            return 'other cells than those of the whole are left'
-    return None
-
-
 def missing_piece_case():
     os.remove(path('in.e.3.2'))
     done = tetlod('convert', path('in.e.3.0'), '-o', path('out.vtu'))
@@ -261,7 +241,6 @@ case('VTK: a crack is not glued', crack_case)
 case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
-case('VTK: a cell of two pieces', copied_cell_case)
 case('VTK: a piece of wrong corners, and one that is not there', damaged_piece_case)
 try:
     import exodus_file
