@@ -124,13 +124,8 @@ static int make_seats(struct tetlodi_page_part *part, size_t places)
 /* Lists a vertex at a seam that has no seat. Half of the seats are taken at most. 0 if out of memory. */
 static int take_seat(struct tetlodi_page_part *part, uint32_t vertex)
 {
-    const size_t places = part->mask + (size_t)1;
-    if (part->at_seams_count == places / 2) {
-        uint32_t *more = realloc(part->at_seams, places * sizeof *more);
-        part->at_seams = more ? more : part->at_seams;
-        if (!more || !make_seats(part, 2 * places))
-            return 0;
-    }
+    if (part->at_seams_count > part->mask / 2 && !make_seats(part, 2 * (part->mask + (size_t)1)))
+        return 0;
     part->at_seams[part->at_seams_count++] = seat_of(part, vertex)->vertex = vertex;
     return 1;
 }
@@ -166,7 +161,7 @@ static int list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_
         places *= 2;
     if (part->at_seams)
         return make_seats(part, places);
-    part->at_seams = malloc(places / 2 * sizeof *part->at_seams);
+    part->at_seams = malloc((4 * (size_t)part->tet_count + 1) * sizeof *part->at_seams);
     if (!part->at_seams || !make_seats(part, places) || !gather_corners(part, shares))
         return 0;
     ascending_sort(part->at_seams, part->at_seams_count);
