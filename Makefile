@@ -160,9 +160,10 @@ WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures pr
     view_filter view_function view_solid view_steps) \
     src/cut/cut_solid.c src/cut/line.c src/cut/normals.c src/cut/rays.c src/cut/voxels.c src/mesh/hilbert.c \
     src/mesh/tetmesh.c src/util/array.c format/common/arithmetic.c \
-    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table pointer section star_view \
-    step_code tail time_table topologies) \
-    $(filter-out $(WRITING),$(wildcard format/read/*.c)) format/common/bytes.c format/common/checksum.c format/common/memory.c format/common/pack.c format/status.c
+    $(patsubst %,format/coding/%.c,base cell_steps cells header index page_decode page_table pointer section \
+    star_view step_code tail time_table topologies) \
+    $(filter-out $(WRITING),$(wildcard format/read/*.c)) \
+    $(patsubst %,format/common/%.c,bytes checksum memory pack) format/status.c
 WASM := build/wasm/tetlod.wasm
 # what makes a level that is finer in boxes, and answers with a proof: loaded when it is first wanted
 REFINE_SRC := $(wildcard $(WEB_DIR)/refine/*.c) $(WEB_DIR)/wasm/print.c $(filter-out $(WRITING),$(FORMAT_SRC)) \
