@@ -165,6 +165,8 @@ static int list_seams(struct tetlodi_page_part *part, const struct tetlodi_page_
     if (!part->at_seams || !make_seats(part, places) || !gather_corners(part, shares))
         return 0;
     ascending_sort(part->at_seams, part->at_seams_count);
+    uint32_t *less = realloc(part->at_seams, (part->at_seams_count + (size_t)1) * sizeof *less);
+    part->at_seams = less ? less : part->at_seams;
     return 1;
 }
 

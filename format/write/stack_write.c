@@ -330,8 +330,6 @@ static void swap_seams(struct tetlodi_stacks *s, struct page_lists *lists)
         part->at_seams = kept->vertices;
         part->at_seams_count = kept->count;
         *kept = own;
-        uint32_t *less = own.vertices ? realloc(own.vertices, (own.count + (size_t)1) * sizeof *less) : NULL;
-        kept->vertices = less ? less : own.vertices;
     }
 }
 

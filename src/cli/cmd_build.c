@@ -521,17 +521,11 @@ static enum tetlod_status help_otherwise(void *opaque, enum work_call call, stru
     return TETLOD_OK;
 }
 
-static void settle(void *opaque, bool measures)
-{
-    (void)opaque;
-    scratch_memory_settle(measures);
-}
-
 /* Of one that has no mesh. */
 static int help_others(struct build_request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
-    const struct helper_hooks hooks = {help_otherwise, settle, request};
+    const struct helper_hooks hooks = {help_otherwise, scratch_memory_settle, request};
     enum tetlod_status status = take_memory(request, &error);
     if (status == TETLOD_OK)
         status = build_helper(request->build.share, request->build.threads, &hooks, &error);

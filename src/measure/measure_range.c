@@ -17,6 +17,7 @@
 
 #include "format/fail.h"
 #include "src/measure/exact_cell.h"
+#include "src/measure/same.h"
 #include "src/measure/tally.h"
 #include "src/measure/walk.h"
 #include "src/measure/weights_map.h"
@@ -378,13 +379,6 @@ static size_t find_counting(struct ranges *r, uint8_t *counts)
     return counted;
 }
 
-static bool is_in_place(const struct tetmesh *original, const struct tetmesh *level)
-{
-    return original->vertex_count == level->vertex_count && original->tet_count == level->tet_count &&
-           memcmp(original->positions, level->positions, original->vertex_count * 3 * sizeof *level->positions) == 0 &&
-           memcmp(original->corners, level->corners, original->tet_count * 4 * sizeof *level->corners) == 0;
-}
-
 /* Tetrahedra of the level that are flat, or too thin for exact weights, or that lie over others: these are turned over,
  * or lie at one that is. */
 static enum tetlod_status find_unclear(struct ranges *r, struct tetlod_error *error)
@@ -421,7 +415,7 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MAX_THREADS ? PARALLEL_MAX_THREADS : threads;
     struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level),
-                       .within = within, .in_place = is_in_place(original, level), .measured = measured};
+                       .within = within, .in_place = mesh_same_order(original, level), .measured = measured};
     uint8_t *counts = array_new(original->tet_count, 1);
     enum tetlod_status status = TETLOD_OK;
     r.vertex_counts = array_zero(original->vertex_count, 1);

@@ -261,8 +261,8 @@ static void free_parts(struct sweep *sweep)
     free(sweep->parts);
 }
 
-enum tetlod_status measure_help(const struct work_share *share, unsigned threads, void (*arrived)(void *opaque),
-                                void *opaque, struct tetlod_error *error)
+enum tetlod_status measure_help(const struct work_share *share, unsigned threads, void (*settle)(bool measures),
+                                struct tetlod_error *error)
 {
     struct tetmesh original = {0}, mesh = {0};
     struct contraction_log log = {0};
@@ -270,8 +270,8 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     double *domains = NULL;
     struct channel channel = {share, TETLOD_OK};
     pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
-    if (arrived)
-        arrived(opaque);
+    if (settle)
+        settle(true);
     const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
                           .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
@@ -290,6 +290,8 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     mesh_return_borrowed(&mesh, &original);
     tetmesh_fini(&mesh);
     tetmesh_fini(&original);
+    if (settle)
+        settle(false);
     return status;
 }
 

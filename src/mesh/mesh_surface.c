@@ -21,23 +21,19 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
                                      uint8_t least, uint8_t most, struct tetlod_error *error)
 {
     size_t slots = 4 * (size_t)tet_count, room = 0, corner_room = 0;
-    bool good = true;
     *surface = (struct mesh_surface){.positions = positions};
-    for (size_t s = 0; s < slots && good; s++) {
+    for (size_t s = 0; s < slots; s++) {
         if (!is_listed(neighbours, s, states, least, most))
             continue;
         size_t count = surface->count;
-        good = ARRAY_RESERVE(surface->faces, room, count + 1) &&
-               ARRAY_RESERVE(surface->triangles, corner_room, 3 * (count + 1));
-        if (!good)
-            break;
+        if (!ARRAY_RESERVE(surface->faces, room, count + 1) ||
+            !ARRAY_RESERVE(surface->triangles, corner_room, 3 * (count + 1))) {
+            mesh_surface_fini(surface);
+            return tetlodi_fail_nomem(error, "the boundary", slots * 4);
+        }
         for (size_t i = 0; i < 3; i++)
             surface->triangles[3 * count + i] = corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
         surface->faces[surface->count++] = (uint32_t)s;
-    }
-    if (!good) {
-        mesh_surface_fini(surface);
-        return tetlodi_fail_nomem(error, "the boundary", slots * 4);
     }
     enum tetlod_status status = bvh_build(&surface->boxes, positions, surface->triangles, surface->count, 3, BVH_LEAF,
                                           error);

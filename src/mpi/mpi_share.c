@@ -271,12 +271,8 @@ static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *or
 static bool want_part(struct mpi_share *share, uint32_t *out_part, struct buffer *out_input)
 {
     struct given given;
-    MPI_Request request;
-    pthread_mutex_lock(&share->lock);
-    MPI_Irecv(&given, (int)sizeof given, MPI_BYTE, 0, TAG_GIVEN, share->comm, &request);
-    MPI_Send(NULL, 0, MPI_BYTE, 0, TAG_WANT, share->comm);
-    pthread_mutex_unlock(&share->lock);
-    wait_for(share, &request, SERVE_WAIT);
+    send_to(share, NULL, 0, 0, TAG_WANT);
+    receive_from(share, &given, sizeof given, 0, TAG_GIVEN);
     unsigned char *to = out_input && given.size ? buffer_extend(out_input, given.size) : NULL;
     for (uint64_t at = 0; at < given.size; at += PASS_PIECE)
         receive_from(share, to ? to + at : share->dropped,
@@ -546,9 +542,9 @@ static void sum_stage(const struct mpi_share *share, const struct stage_time *ow
     double most[3] = {own->longest, own->alone, (double)own->results};
     MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
     MPI_Allreduce(MPI_IN_PLACE, most, 3, MPI_DOUBLE, MPI_MAX, share->comm);
-    bool sweeps = most[1] > 0; // of few ranks, many parts at once: each has its share
-    *out = (struct stage_cost){own->call, own->parts, sweeps ? WORK_FEW : UINT32_MAX, sums[0], most[1],
-                               sweeps ? sums[0] / own->parts : most[0], sums[1] + most[2]};
+    bool sweeps = own->call == CALL_SAMPLES; // many parts at once: each has its share
+    *out = (struct stage_cost){own->call, own->parts, sums[0], most[1], sweeps ? sums[0] / own->parts : most[0],
+                               sums[1] + most[2]};
 }
 
 enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cost *out, struct tetlod_error *error)
@@ -593,13 +589,13 @@ void job_cost_fini(struct job_cost *cost)
 
 static bool serves_in(const struct stage_cost *stage, uint32_t ranks)
 {
-    return only_serves((int)ranks, stage->ranks == WORK_FEW);
+    return only_serves((int)ranks, stage->call == CALL_SAMPLES);
 }
 
 /* Of so many ranks those that do parts of the stage. */
 static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
 {
-    uint32_t those = ranks < stage->ranks ? ranks : stage->ranks;
+    uint32_t those = stage->call == CALL_SAMPLES && ranks > WORK_FEW ? WORK_FEW : ranks;
     uint32_t spared = is_spared(1, (int)ranks, stage->call) ? WORK_FEW - 1 : 0;
     return those - serves_in(stage, ranks) - spared;
 }

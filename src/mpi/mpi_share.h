@@ -25,7 +25,6 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
 struct stage_cost {
     enum work_call call; /* what it was about */
     uint32_t parts;
-    uint32_t ranks; /* at most */
     double work;    /* of all ranks, without `alone` */
     double alone;   /* that every one of these ranks spends, however many there are */
     double longest; /* part */

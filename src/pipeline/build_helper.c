@@ -7,23 +7,6 @@
 #include "src/pipeline/share_pages.h"
 #include "src/util/parallel.h"
 
-static void measures(void *opaque)
-{
-    const struct helper_hooks *hooks = opaque;
-    if (hooks->settle)
-        hooks->settle(hooks->opaque, true);
-}
-
-static enum tetlod_status measure(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
-                                  struct tetlod_error *error)
-{
-    struct helper_hooks own = *hooks;
-    enum tetlod_status status = measure_help(share, threads, measures, &own, error);
-    if (hooks->settle) // what it has got is gone
-        hooks->settle(hooks->opaque, false);
-    return status;
-}
-
 enum tetlod_status build_helper(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
                                 struct tetlod_error *error)
 {
@@ -38,7 +21,7 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
         else if (call == CALL_CELLS)
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
-            TETLOD_TRY(measure(share, threads, hooks, error));
+            TETLOD_TRY(measure_help(share, threads, hooks->settle, error));
         else if (call == CALL_PAGES)
             TETLOD_TRY(pages_help(share, threads, error));
         else

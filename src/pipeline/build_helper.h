@@ -11,8 +11,8 @@ struct helper_hooks {
     enum tetlod_status (*other)(void *opaque, enum work_call call, struct tetlod_error *error);
     /* The arrays that are there change no more. `measures`: large ones take most of the memory until it is called
      * again. */
-    void (*settle)(void *opaque, bool measures);
-    void *opaque;
+    void (*settle)(bool measures);
+    void *opaque; /* of `other` */
 };
 
 /* Does what it is called for, until the build is over. `threads` 0: all cores. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED:

@@ -260,6 +260,14 @@ static int open_output(struct file_output *output)
     return open_temporary(output);
 }
 
+static enum tetlod_status fail_create(struct tetlod_error *error, const char *path)
+{
+    if (errno != ENOENT)
+        return fail_errno(error, path, "create");
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot create: its folder is not there; make the folder first",
+                        path);
+}
+
 enum tetlod_status file_output_open(struct file_output **out, const char *path, struct tetlod_error *error)
 {
     *out = NULL;
@@ -272,9 +280,7 @@ enum tetlod_status file_output_open(struct file_output **out, const char *path, 
     int fd = open_output(output);
     output->stream = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (!output->stream) {
-        enum tetlod_status status = errno == ENOENT ? tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot create: its folder "
-                                                                   "is not there; make the folder first", path)
-                                                    : fail_errno(error, path, "create");
+        enum tetlod_status status = fail_create(error, path);
         if (fd >= 0) {
             close(fd);
             if (output->kind == OUTPUT_TEMPORARY)

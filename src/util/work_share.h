@@ -25,8 +25,7 @@ struct work_input {
 };
 
 /* What a helper is called for; CALL_PIECES: to read some; CALL_MEMORY: to hear how much it may take, an uint64_t, and
- * whether that is less than a build needs, an uint8_t;
- * CALL_IDLE: for what few do, others than this one. */
+ * whether that is less than a build needs, an uint8_t; CALL_IDLE: for what few do, others than this one. */
 enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
 
 /* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
