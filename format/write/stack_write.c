@@ -192,18 +192,22 @@ enum tetlod_status tetlodi_stacks_init(struct tetlodi_stacks *s)
     return fill_root(s, contractions);
 }
 
+static void free_mesh(struct tetlodi_stacks *s, int which)
+{
+    struct tetlodi_replay *mesh = which ? &s->end : &s->begin;
+    struct tetlodi_column *positions = &s->positions[which];
+    if (positions->values_capacity) // else they are the input's
+        TETLODI_FREE(&s->memory, positions->values, positions->values_capacity);
+    if (mesh->corners_capacity)
+        TETLODI_FREE(&s->memory, mesh->corners, mesh->corners_capacity);
+    mesh->corners = NULL;
+    positions->values = NULL;
+}
+
 static void end_levels(struct tetlodi_stacks *s)
 {
     tetlodi_page_shares_fini(&s->shares);
-    for (int i = 0; i < 2; i++) {
-        struct tetlodi_replay *mesh = i ? &s->end : &s->begin;
-        if (s->positions[i].values_capacity) // else they are the input's
-            TETLODI_FREE(&s->memory, s->positions[i].values, s->positions[i].values_capacity);
-        if (mesh->corners_capacity)
-            TETLODI_FREE(&s->memory, mesh->corners, mesh->corners_capacity);
-        mesh->corners = NULL;
-        s->positions[i].values = NULL;
-    }
+    free_mesh(s, 1);
     for (uint32_t page = 0; page < s->page_count && s->results; page++)
         tetlodi_stack_result_fini(&s->results[page]);
     for (uint32_t i = 0; i < 2 * s->page_count && s->seams; i++)
@@ -218,6 +222,7 @@ static void end_levels(struct tetlodi_stacks *s)
 void tetlodi_stacks_fini(struct tetlodi_stacks *s)
 {
     end_levels(s);
+    free_mesh(s, 0);
     tetlodi_stack_fini(&s->root);
     void *const owned[] = {s->root_nodes, s->root_tets, s->parent, s->heirs, s->place, s->node_at, s->original_of,
                            s->leaves, s->places};
@@ -434,6 +439,7 @@ void tetlodi_stacks_order(struct tetlodi_stacks *s, struct tetlodi_record_writer
     s->node_at = s->original_of = NULL;
     s->places = NULL;
     end_levels(s);
+    free_mesh(s, 0);
 }
 
 static enum tetlod_status cut(void *opaque, uint32_t page, struct tetlodi_page_stack *out, struct tetlod_error *error)
@@ -492,7 +498,7 @@ static void set_counts(struct tetlodi_stacks *s, int which, uint32_t vertices, u
     mesh->tets = tets;
 }
 
-/* The mesh at the begin, in order of arrival. */
+/* The mesh behind the root, in order of arrival; what later levels begin with is made page by page (keep_page). */
 static enum tetlod_status set_begin(struct tetlodi_stacks *s)
 {
     const uint32_t *originals = s->whole.in->corners;
@@ -577,7 +583,8 @@ static enum tetlod_status code_levels(struct tetlodi_stacks *s, uint32_t level)
     s->seams = calloc(s->page_count, sizeof *s->seams);
     if (!s->results || !s->seams)
         return no_memory(s);
-    TETLOD_TRY(set_begin(s));
+    if (!s->begin.corners)
+        TETLOD_TRY(set_begin(s));
     if (!tetlodi_page_writer_begin(s->pages, s->helpers, &s->begin, group_of(s, 0), level))
         return no_memory(s);
     TETLOD_TRY(set_end(s));
@@ -608,39 +615,85 @@ static int count_arrivals(const struct tetlodi_stacks *s, struct arrivals *arriv
     return arrivals->vertices && arrivals->tets;
 }
 
-/* A page's mesh at the end becomes part of the whole. */
-static int keep_page(struct tetlodi_stacks *s, uint32_t page, const struct arrivals *arrivals)
-{
-    const struct tetlodi_stack_result *result = &s->results[page];
+/* A page's vertices and tetrahedra as the levels that follow ask for them. */
+struct keeper {
+    struct tetlodi_stacks *s;
+    const struct tetlodi_stack_result *result;
     struct page_lists lists;
-    int room = list_page(s, page, &lists);
+    uint32_t *vertices; /* [vertex of the stack] in order of arrival; NULL: no levels in pages follow */
+};
+
+static void keep_vertex(const struct keeper *keeper, uint32_t vertex, uint32_t number)
+{
+    struct tetlodi_stacks *s = keeper->s;
+    uint32_t leaf = keeper->result->nodes[number], node = keeper->lists.leaves[leaf];
+    s->node_at[vertex] = node;
+    s->leaves[vertex] = keeper->result->leaves[number];
+    if (!keeper->vertices)
+        return;
+    keeper->vertices[leaf] = vertex;
+    place_node(s, &s->begin, vertex, node);
+}
+
+static void keep_corners(const struct keeper *keeper, uint32_t tet)
+{
+    const struct tetlodi_stacks *s = keeper->s;
+    const struct page_lists *lists = &keeper->lists;
+    const uint32_t *nodes = s->end.corners + 4 * (size_t)s->original_of[tet];
+    uint32_t *to = s->begin.corners + 4 * (size_t)tet;
+    for (int c = 0; c < 4 && keeper->vertices; c++)
+        to[c] = keeper->vertices[tetlodi_page_part_number(&lists->end, &s->shares, nodes[s->places[tet] >> 2 * c & 3])];
+}
+
+static void keep_tet(const struct keeper *keeper, uint32_t tet, uint32_t number)
+{
+    struct tetlodi_stacks *s = keeper->s;
+    s->original_of[tet] = keeper->lists.end.tets[keeper->result->numbers[number]];
+    s->places[tet] = keeper->result->places[number];
+    keep_corners(keeper, tet);
+}
+
+/* A page's mesh at the end becomes part of the whole. */
+static int keep_page(struct tetlodi_stacks *s, uint32_t page, bool more, const struct arrivals *arrivals)
+{
+    struct keeper keeper = {.s = s, .result = &s->results[page]};
+    int room = list_page(s, page, &keeper.lists);
+    const struct tetlodi_page_part *begin = &keeper.lists.begin;
     uint32_t v = 0, t = 0;
-    for (; room && v < lists.begin.listed_count; v++) {
-        s->node_at[lists.begin.listed[v]] = lists.leaves[result->nodes[v]];
-        s->leaves[lists.begin.listed[v]] = result->leaves[v];
-    }
-    for (uint32_t level = 0; room && level < s->level_count; level++) {
-        size_t at = level * (size_t)s->page_count + page;
-        for (uint32_t i = 0; i < result->levels[level].vertices; i++, v++) {
-            s->node_at[arrivals->vertices[at] + i] = lists.leaves[result->nodes[v]];
-            s->leaves[arrivals->vertices[at] + i] = result->leaves[v];
-        }
-        for (uint32_t i = 0; i < result->levels[level].tets; i++, t++) {
-            s->original_of[arrivals->tets[at] + i] = lists.end.tets[result->numbers[t]];
-            s->places[arrivals->tets[at] + i] = result->places[t];
-        }
-    }
-    free_lists(&lists);
+    keeper.vertices = room && more ? malloc((keeper.lists.leaf_count + (size_t)1) * sizeof *keeper.vertices) : NULL;
+    room = room && (keeper.vertices || !more);
+    for (; room && v < begin->listed_count; v++)
+        keep_vertex(&keeper, begin->listed[v], v);
+    for (uint32_t level = 0; room && level < s->level_count; level++)
+        for (uint32_t i = 0; i < keeper.result->levels[level].vertices; i++, v++)
+            keep_vertex(&keeper, arrivals->vertices[level * (size_t)s->page_count + page] + i, v);
+    for (uint32_t i = 0; room && i < begin->tet_count; i++)
+        keep_corners(&keeper, begin->tets[i]);
+    for (uint32_t level = 0; room && level < s->level_count; level++)
+        for (uint32_t i = 0; i < keeper.result->levels[level].tets; i++, t++)
+            keep_tet(&keeper, arrivals->tets[level * (size_t)s->page_count + page] + i, t);
+    free(keeper.vertices);
+    free_lists(&keeper.lists);
     return room;
+}
+
+/* Room for the mesh that the levels which follow begin with. Page by page it takes the place of the one before. */
+static int grow_begin(struct tetlodi_stacks *s)
+{
+    s->begin.vertices = s->vertices;
+    s->begin.tets = s->tets;
+    return mesh_room(s, &s->begin, &s->positions[0]);
 }
 
 /* The mesh at the end, in order of arrival, is what the levels that follow begin with. */
 static enum tetlod_status keep_mesh(struct tetlodi_stacks *s)
 {
     struct arrivals arrivals;
-    int room = count_arrivals(s, &arrivals);
+    const struct tetlodi_write_input *in = s->whole.in;
+    const bool more = s->first_level + s->level_count < root_level_count(in) + in->group_count;
+    int room = count_arrivals(s, &arrivals) && (!more || grow_begin(s));
     for (uint32_t page = 0; page < s->page_count && room; page++)
-        room = keep_page(s, page, &arrivals);
+        room = keep_page(s, page, more, &arrivals);
     free(arrivals.vertices);
     free(arrivals.tets);
     return room ? TETLOD_OK : no_memory(s);

@@ -25,7 +25,7 @@ struct tetlodi_stacks {
     struct tetlodi_memory memory;
     uint32_t nodes;
     uint32_t *parent, *heirs; /* [node]; [node] the one that it is in at the end of the levels that are coded */
-    uint32_t *place; /* [node] its vertex at their begin; then, of a contraction, its number in its stack */
+    uint32_t *place; /* [node] its vertex behind the root; then, of a contraction, its number in its stack */
     uint32_t vertices, tets; /* so far, in order of arrival: */
     uint32_t *node_at, *original_of;
     uint8_t *leaves, *places;

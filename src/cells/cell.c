@@ -107,36 +107,43 @@ static void *visit_array(struct visit *visit, void *array, size_t count, size_t 
 #define VISIT(visit, array, count, lag)                                                                                \
     ((array) = visit_array((visit), (array), (count), sizeof *(array), (lag)))
 
-static void visit_log(struct visit *visit, struct contraction_log *log, const struct counts *counts, int stage,
-                      const struct piece *piece)
+/* What a log has come to. */
+static void visit_marks(struct visit *visit, struct contraction_log *log, const struct counts *counts, int stage)
 {
-    size_t records = counts->records[stage], marks = counts->marks[stage], components = counts->components[stage];
+    size_t marks = counts->marks[stage], components = counts->components[stage];
     if (!visit->out) {
         log->vertex_count = counts->log_vertices[stage];
         log->count = counts->records[stage];
         log->mark_count = counts->marks[stage];
         memcpy(log->refused, counts->refused[stage], sizeof log->refused);
-        log->fields = marks ? array_zero(piece->mesh.field_count, sizeof *log->fields) : NULL;
-        log->field_count = log->fields ? piece->mesh.field_count : 0;
-        if (marks && !log->fields)
-            visit->status = TETLOD_ERR_NOMEM;
     }
     VISIT(visit, log->marks, marks, 0);
     VISIT(visit, log->certified, marks * components, components);
     VISIT(visit, log->predicted, marks * components, components);
-    VISIT(visit, log->children, 4 * records, 4);
-    VISIT(visit, log->positions, 3 * records, 3);
-    for (uint32_t f = 0; f < log->field_count; f++) {
-        log->fields[f].components = piece->mesh.fields[f].components;
-        VISIT(visit, log->fields[f].values, log->fields[f].components * records, log->fields[f].components);
-    }
     VISIT(visit, log->components, components, 0);
     if (visit->status != TETLOD_OK)
         return;
     for (size_t c = 0; c < components && !visit->out; c++)
         log->components[c].bounds = NULL;
     log->component_count = counts->components[stage];
-    for (size_t c = 0; c < components && counts->has_bounds[stage]; c++)
+}
+
+static void visit_records(struct visit *visit, struct contraction_log *log, const struct counts *counts, int stage,
+                          const struct piece *piece)
+{
+    size_t records = counts->records[stage];
+    if (!visit->out && counts->marks[stage]) {
+        log->fields = array_zero(piece->mesh.field_count, sizeof *log->fields);
+        log->field_count = log->fields ? piece->mesh.field_count : 0;
+        visit->status = log->fields ? visit->status : TETLOD_ERR_NOMEM;
+    }
+    VISIT(visit, log->children, 4 * records, 4);
+    VISIT(visit, log->positions, 3 * records, 3);
+    for (uint32_t f = 0; f < log->field_count; f++) {
+        log->fields[f].components = piece->mesh.fields[f].components;
+        VISIT(visit, log->fields[f].values, log->fields[f].components * records, log->fields[f].components);
+    }
+    for (size_t c = 0; c < log->component_count && counts->has_bounds[stage]; c++)
         VISIT(visit, log->components[c].bounds, records, 1);
 }
 
@@ -158,12 +165,20 @@ static void visit_piece(struct visit *visit, struct piece *piece)
     visit_words(visit, piece->most, n, sizeof(double), 1);
 }
 
+/* What comes first. */
+static void visit_head(struct visit *visit, struct cell *cell, const struct counts *counts)
+{
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        visit_marks(visit, &cell->logs[stage], counts, stage);
+}
+
 static void visit_cell(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
+    visit_head(visit, cell, counts);
     visit_piece(visit, &cell->piece);
     VISIT(visit, cell->piece.nodes, cell->piece.mesh.vertex_count, 1);
     for (int stage = 0; stage < CELL_STAGES; stage++)
-        visit_log(visit, &cell->logs[stage], counts, stage, &cell->piece);
+        visit_records(visit, &cell->logs[stage], counts, stage, &cell->piece);
     if (counts->has_vertices)
         VISIT(visit, cell->vertices, counts->vertices, 1);
     if (counts->has_nodes)
@@ -219,24 +234,25 @@ enum tetlod_status cell_pack_start(const struct cell *cell, struct buffer *out, 
 }
 
 /* The other way, by `rest` behind the counts. */
-static enum tetlod_status unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
+static enum tetlod_status unpack(struct cell *out, const struct piece *like, struct visit *visit,
                                  void (*rest)(struct visit *visit, struct cell *cell, const struct counts *counts),
                                  struct tetlod_error *error)
 {
-    struct visit visit = {.from = {bytes, size}};
+    const size_t size = visit->from.left;
     struct counts counts = {0};
     *out = (struct cell){0};
-    visit_bytes(&visit, &counts, sizeof counts);
-    if (visit.status == TETLOD_OK && counts.left_tets <= size / 4 && counts.left_vertices <= size) {
+    visit_bytes(visit, &counts, sizeof counts);
+    if (visit->status == TETLOD_OK && like && counts.left_tets <= size / 4 && counts.left_vertices <= size)
         TETLOD_TRY(piece_new(&out->piece, like, counts.left_vertices, counts.left_tets, error));
+    else if (like)
+        visit->status = TETLOD_ERR_IO;
+    if (visit->status == TETLOD_OK) {
         out->tets = counts.tets;
-        rest(&visit, out, &counts);
-    } else {
-        visit.status = TETLOD_ERR_IO;
+        rest(visit, out, &counts);
     }
-    if (visit.status == TETLOD_ERR_NOMEM)
+    if (visit->status == TETLOD_ERR_NOMEM)
         return tetlodi_fail_nomem(error, "a cell", size);
-    return visit.status == TETLOD_OK && !visit.from.left
+    return visit->status == TETLOD_OK && (!like || !visit->from.left)
                ? TETLOD_OK
                : tetlodi_fail(error, TETLOD_ERR_IO, "a cell of the phase is not as it was written");
 }
@@ -244,11 +260,17 @@ static enum tetlod_status unpack(struct cell *out, const struct piece *like, con
 enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes, size_t size,
                                struct tetlod_error *error)
 {
-    return unpack(out, like, bytes, size, visit_cell, error);
+    return unpack(out, like, &(struct visit){.from = {bytes, size}}, visit_cell, error);
+}
+
+enum tetlod_status cell_unpack_head(struct cell *out, const unsigned char *bytes, size_t size,
+                                    struct tetlod_error *error)
+{
+    return unpack(out, NULL, &(struct visit){.from = {bytes, size}}, visit_head, error);
 }
 
 enum tetlod_status cell_unpack_start(struct cell *out, const struct piece *like, const unsigned char *bytes,
                                      size_t size, struct tetlod_error *error)
 {
-    return unpack(out, like, bytes, size, visit_start, error);
+    return unpack(out, like, &(struct visit){.from = {bytes, size}}, visit_start, error);
 }

@@ -39,4 +39,9 @@ TETLOD_CHECKED enum tetlod_status cell_unpack_start(struct cell *out, const stru
 TETLOD_CHECKED enum tetlod_status cell_unpack(struct cell *out, const struct piece *like, const unsigned char *bytes,
                                               size_t size, struct tetlod_error *error);
 
+/* What of a cell is left when it is dropped, of the first of its bytes. ERR_NOMEM; ERR_IO: there are too few, or of
+ * something else. Then *out is to be freed. */
+TETLOD_CHECKED enum tetlod_status cell_unpack_head(struct cell *out, const unsigned char *bytes, size_t size,
+                                                   struct tetlod_error *error);
+
 #endif

@@ -29,20 +29,20 @@ static enum tetlod_status put(void *opaque, uint32_t cell, const void *bytes, si
     return status;
 }
 
-static enum tetlod_status get(void *opaque, uint32_t cell, unsigned char **out, size_t *size,
+static enum tetlod_status get(void *opaque, uint32_t cell, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error)
 {
     struct cell_spool *spool = opaque;
     const struct place *place = &spool->places[cell];
     struct tetlod_source source;
-    *size = place->size;
-    *out = array_new(place->size, 1);
+    *size = place->size < enough ? place->size : enough;
+    *out = array_new(*size, 1);
     if (!*out)
-        return tetlodi_fail_nomem(error, "a cell", place->size);
+        return tetlodi_fail_nomem(error, "a cell", *size);
     pthread_mutex_lock(&spool->lock);
     enum tetlod_status status = spool_source(&spool->spool, &source, error);
     pthread_mutex_unlock(&spool->lock);
-    if (status == TETLOD_OK && source.read(source.opaque, place->at, *out, place->size) != TETLOD_OK)
+    if (status == TETLOD_OK && source.read(source.opaque, place->at, *out, *size) != TETLOD_OK)
         status = tetlodi_fail(error, TETLOD_ERR_IO, "a temporary file in %.100s cannot be read", spool_folder());
     if (status != TETLOD_OK) {
         free(*out);

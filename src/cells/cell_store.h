@@ -15,8 +15,8 @@
 struct cell_store {
     /* Keeps bytes under the number of a cell; several threads call it. */
     enum tetlod_status (*put)(void *opaque, uint32_t cell, const void *bytes, size_t size, struct tetlod_error *error);
-    /* Gives them back, in a block that the caller frees. */
-    enum tetlod_status (*get)(void *opaque, uint32_t cell, unsigned char **out, size_t *size,
+    /* Gives them back, or the first ones, `enough` at least, in a block that the caller frees. */
+    enum tetlod_status (*get)(void *opaque, uint32_t cell, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error);
     void *opaque;
 };

@@ -19,6 +19,9 @@
  * removes. */
 static const double LEFT_AT_LEAST = 0.25;
 
+/* What a cell's logs have come to is in so many of its first bytes, unless many fields are controlled. */
+enum { HEAD_BYTES = 1 << 12 };
+
 /* What a phase takes away of the vertices, about: for the progress. */
 static const double TAKEN = 0.07;
 
@@ -121,13 +124,22 @@ static enum tetlod_status put_away(const struct cell_run *run, struct cell *cell
 }
 
 /* A cell that another program has contracted has what this one's options ask for. */
-static enum tetlod_status check_back(const struct cell_run *run, const struct cell *cell)
+static enum tetlod_status check(const struct cell_run *run, bool same)
 {
-    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
-    bool same = log->mark_count && log->component_count == run->whole.component_count &&
-                (!log->count || run->options->local_bound == (log->components[0].bounds != NULL));
     return same ? TETLOD_OK
                 : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell is of other options, or of another version");
+}
+
+static enum tetlod_status check_head(const struct cell_run *run, const struct cell *cell)
+{
+    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
+    return check(run, log->mark_count && log->component_count == run->whole.component_count);
+}
+
+static enum tetlod_status check_bounds(const struct cell_run *run, const struct cell *cell)
+{
+    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
+    return check(run, !log->count || run->options->local_bound == (log->components[0].bounds != NULL));
 }
 
 enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cell, uint32_t number)
@@ -136,14 +148,16 @@ enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cel
     size_t size;
     if (!run->store.get)
         return TETLOD_OK;
-    TETLOD_TRY(run->store.get(run->store.opaque, number, &bytes, &size, run->error));
+    TETLOD_TRY(run->store.get(run->store.opaque, number, SIZE_MAX, &bytes, &size, run->error));
     struct cell back;
     enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
     memcpy(back.firsts, cell->firsts, sizeof back.firsts);
     cell_fini(cell);
     *cell = back;
     free(bytes);
-    return status == TETLOD_OK ? check_back(run, cell) : status;
+    if (status == TETLOD_OK)
+        status = check_head(run, cell);
+    return status == TETLOD_OK ? check_bounds(run, cell) : status;
 }
 
 /* Contracts a cell, which comes as bytes (NULL: it is to be cut), and puts it away where it is to wait elsewhere. */
@@ -216,15 +230,27 @@ static enum tetlod_status first_failure(const struct cell_run *run)
     return TETLOD_OK;
 }
 
-/* What the logs of all cells have come to, also of those that other programs have contracted. */
-static enum tetlod_status fetch_marks(struct cell_run *run)
+/* What the logs of a cell that another program has contracted have come to. */
+static enum tetlod_status fetch_head(const struct cell_run *run, struct cell *cell, uint32_t number)
 {
-    for (uint32_t i = 0; i < run->cell_count; i++) {
-        if (run->cells[i].logs[CELL_GO_ON].mark_count)
-            continue;
-        TETLOD_TRY(cells_bring_back(run, &run->cells[i], i));
-        cell_drop(&run->cells[i]);
+    enum tetlod_status status = TETLOD_ERR_IO;
+    bool more = true;
+    for (size_t enough = HEAD_BYTES, size; status == TETLOD_ERR_IO && more; enough *= 16) {
+        unsigned char *bytes;
+        cell_fini(cell);
+        TETLOD_TRY(run->store.get(run->store.opaque, number, enough, &bytes, &size, run->error));
+        status = cell_unpack_head(cell, bytes, size, run->error);
+        more = size >= enough;
+        free(bytes);
     }
+    return status == TETLOD_OK ? check_head(run, cell) : status;
+}
+
+static enum tetlod_status fetch_heads(struct cell_run *run)
+{
+    for (uint32_t i = 0; i < run->cell_count; i++)
+        if (!run->cells[i].logs[CELL_GO_ON].mark_count)
+            TETLOD_TRY(fetch_head(run, &run->cells[i], i));
     return TETLOD_OK;
 }
 
@@ -244,7 +270,7 @@ static enum tetlod_status share_cells(struct cell_run *run)
     const struct work_input input = {pack_input, run};
     TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, &input, cells_take, run,
                               run->error));
-    return fetch_marks(run);
+    return fetch_heads(run);
 }
 
 void cells_leave_store(struct cell_run *run)

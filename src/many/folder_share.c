@@ -425,10 +425,12 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     return TETLOD_OK;
 }
 
-static enum tetlod_status get(void *opaque, uint32_t part, unsigned char **out, size_t *size,
+/* All of it: the hash is that of all bytes. */
+static enum tetlod_status get(void *opaque, uint32_t part, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error)
 {
     char path[4096];
+    (void)enough;
     part_path(opaque, path, part, "");
     return read_hashed(path, out, size, error);
 }

@@ -149,7 +149,7 @@ static enum tetlod_status get_part(struct sweep *sweep, uint32_t part, size_t le
 {
     const struct work_share *share = sweep->levels->share;
     struct buffer *at = &sweep->parts[part];
-    TETLOD_TRY(share->get(share->opaque, part, &at->bytes, &at->size, sweep->error));
+    TETLOD_TRY(share->get(share->opaque, part, SIZE_MAX, &at->bytes, &at->size, sweep->error));
     return at->size == level * asked_count(sweep->levels) + behind
                ? TETLOD_OK
                : tetlodi_fail(sweep->error, TETLOD_ERR_IO, "a part of the measuring is not as it was written");

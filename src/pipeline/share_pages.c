@@ -219,7 +219,7 @@ static enum tetlod_status fetch(const struct work_share *share, uint32_t number,
                                 struct tetlod_error *error)
 {
     struct buffer bytes = {0};
-    enum tetlod_status status = share->get(share->opaque, number, &bytes.bytes, &bytes.size, error);
+    enum tetlod_status status = share->get(share->opaque, number, SIZE_MAX, &bytes.bytes, &bytes.size, error);
     if (status == TETLOD_OK)
         status = pass(&bytes, false, NULL, out, error);
     buffer_fini(&bytes);

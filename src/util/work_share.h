@@ -53,10 +53,11 @@ struct work_share {
     /* Waits until all parts are done. `status` is what this member's have come to, and *error why. *out_again: a member
      * has died, and take() gives what it has left. What one member fails with, all do. */
     enum tetlod_status (*settle)(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error);
-    /* A part of a stage that is settled, until the next one begins; not for helpers. The caller frees the block. */
-    enum tetlod_status (*get)(void *opaque, uint32_t part, unsigned char **out, size_t *size,
+    /* A part of a stage that is settled, or its first bytes, `enough` at least, until the stage ends; not for helpers,
+     * and not for two threads at once. What another member has done comes only now. The caller frees the block. */
+    enum tetlod_status (*get)(void *opaque, uint32_t part, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error);
-    /* The stage is over: its parts may go. */
+    /* The stage is over: its parts may go. A helper waits until the one that leads ends it, too. */
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);

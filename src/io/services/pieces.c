@@ -132,7 +132,7 @@ static enum tetlod_status get_pieces(const struct reading_pieces *r, struct bloc
     for (uint32_t piece = 0; piece < r->list->count && status == TETLOD_OK; piece++) {
         unsigned char *deflated = NULL, *bytes = NULL;
         size_t size;
-        status = r->share->get(r->share->opaque, piece, &deflated, &size, r->error);
+        status = r->share->get(r->share->opaque, piece, SIZE_MAX, &deflated, &size, r->error);
         if (status == TETLOD_OK)
             bytes = inflate_piece(deflated, size, &size);
         free(deflated);
