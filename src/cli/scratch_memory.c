@@ -46,7 +46,16 @@ static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
  * than WINDOW bytes of files are never taken: where a limit is too small for the rest, the program would only read the
  * same pages again and again. */
 static const double MIN_LEFT = 0.05, MIN_LEFT_OF_MANY = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
-enum { LOOK_AGAIN = 250000, BETWEEN = 8 << 20, WINDOW = 4 << 20, PIECES = 64 };
+enum { LOOK_AGAIN = 250000, BETWEEN = 8 << 20, WINDOW = 4 << 20 };
+
+/* A region has so many pieces at most, of MIN_PIECE bytes at least. One of which nothing was resident is passed over
+ * EMPTY_TURNS times. */
+enum { PIECES = 256, MIN_PIECE = 1 << 18, EMPTY_TURNS = 3 };
+
+/* Where nearly all of a piece was resident it is gone through in order: then the system may bring in the pages around a
+ * page that is read, AROUND_TURNS times, until that is looked at again. */
+static const double IN_ORDER = 0.9;
+enum { AROUND_TURNS = 3 };
 
 /* Where more is free than all threads bring in meanwhile, the next look is later: so many times as late at most. */
 enum { LATEST = 16 };
@@ -55,13 +64,15 @@ struct region {
     char *at;
     size_t size; /* in bytes, whole pages */
     int file;    /* -1: memory */
+    uint8_t turns[PIECES];  /* [piece] it is passed over */
+    uint8_t around[PIECES]; /* [piece] */
 };
 
 /* malloc has no context: the program's only state that is not passed on. */
 static struct {
     atomic_bool on, stays;
     atomic_uint watched; /* threads */
-    size_t page, piece;
+    size_t page;
     atomic_size_t smallest;
     atomic_ullong limit;
     uint64_t libraries, in_memory, in_files, peak, given_back;
@@ -168,34 +179,70 @@ static void bring_single(const struct region *region)
         ioctl(memory.single, UFFDIO_REGISTER, &pages); // where it fails more is read
 }
 
-/* Takes a piece of the region at the hand: its size and *out. What is written there stays in the file. */
-static size_t take_piece(char **out)
+static size_t whole_pages(size_t size)
 {
-    const struct region *region = &memory.regions[memory.hand % memory.count];
+    return (size + memory.page - 1) / memory.page * memory.page;
+}
+
+/* A piece at the hand. */
+struct piece {
+    struct region *region;
+    unsigned number;
+    char *at;
+    size_t size; /* 0: nothing of it is to be taken */
+};
+
+/* The next piece. */
+static struct piece next_piece(void)
+{
+    struct region *region = &memory.regions[memory.hand % memory.count];
+    size_t size = whole_pages(region->size / PIECES > MIN_PIECE ? region->size / PIECES : MIN_PIECE);
     size_t left = region->size > memory.taken ? region->size - memory.taken : 0;
-    size_t piece = left < memory.piece ? left : memory.piece, size = region->file >= 0 ? piece : 0;
-    *out = region->at + memory.taken;
-    if (size)
-        madvise(*out, size, MADV_DONTNEED);
-    memory.taken += piece;
-    if (piece == left || region->file < 0) {
+    struct piece piece = {region, (unsigned)(memory.taken / size), region->at + memory.taken, left < size ? left : size};
+    memory.taken += piece.size;
+    if (piece.size == left || region->file < 0) {
         memory.hand++;
         memory.taken = 0;
     }
-    return size;
+    piece.size = region->file < 0 ? 0 : piece.size;
+    if (piece.size && region->turns[piece.number]) {
+        region->turns[piece.number]--;
+        piece.size = 0;
+    }
+    return piece;
 }
 
-/* Takes pieces until what is resident is no more than that. What may come back from a disk is read ahead. */
+/* Does a touch of the piece bring in one page, or those around it as well? Where it cannot be said more is read. */
+static void choose_around(const struct piece *piece, bool in_order)
+{
+    struct uffdio_register pages = {{(uintptr_t)piece->at, piece->size}, UFFDIO_REGISTER_MODE_WP, 0};
+    uint8_t *around = &piece->region->around[piece->number], before = *around;
+    *around = before ? before - 1 : in_order ? AROUND_TURNS : 0;
+    if (memory.single >= 0 && *around && !before)
+        ioctl(memory.single, UFFDIO_UNREGISTER, &pages.range);
+    else if (memory.single >= 0 && !*around && before)
+        ioctl(memory.single, UFFDIO_REGISTER, &pages);
+}
+
+/* Takes pieces until what is resident is no more than that. What is written there stays in the file, and what may come
+ * back from a disk is read ahead. */
 static void take_pieces(uint64_t low)
 {
-    unsigned last = memory.hand + memory.count;
-    for (struct resident now = look(), then; memory.hand < last && is_above(now, low); now = then) {
-        char *piece;
-        size_t size = take_piece(&piece);
+    unsigned last = memory.hand + (EMPTY_TURNS + 1) * memory.count;
+    for (struct resident now = look(), then; memory.hand < last && is_above(now, low);) {
+        const struct piece piece = next_piece();
+        if (!piece.size)
+            continue;
+        madvise(piece.at, piece.size, MADV_DONTNEED);
         then = look();
-        memory.given_back += now.files > then.files ? now.files - then.files : 0;
-        if (size && now.files > then.files)
-            madvise(piece, size, MADV_NORMAL);
+        uint64_t given = now.files > then.files ? now.files - then.files : 0;
+        piece.region->turns[piece.number] = given ? 0 : EMPTY_TURNS;
+        memory.given_back += given;
+        if (given) {
+            madvise(piece.at, piece.size, MADV_NORMAL);
+            choose_around(&piece, (double)given >= IN_ORDER * (double)piece.size);
+        }
+        now = then;
     }
 }
 
@@ -298,7 +345,6 @@ static void set_limit(uint64_t limit)
 {
     atomic_store(&memory.limit, limit);
     atomic_store(&memory.smallest, limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION);
-    memory.piece = (size_t)(limit / PIECES) / memory.page * memory.page + memory.page;
 }
 
 /* Of this process: a child's are its own. */
@@ -376,11 +422,6 @@ uint64_t scratch_memory_given_back(void)
 }
 
 /* ---- regions */
-
-static size_t whole_pages(size_t size)
-{
-    return (size + memory.page - 1) / memory.page * memory.page;
-}
 
 /* The lock is held. */
 static void count_bytes(const struct region *region, int64_t more)
