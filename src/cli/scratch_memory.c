@@ -46,11 +46,11 @@ static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
  * than WINDOW bytes of files are never taken: where a limit is too small for the rest, the program would only read the
  * same pages again and again. */
 static const double MIN_LEFT = 0.05, MIN_LEFT_OF_MANY = 0.2, MAX_LEFT = 0.3, GIVEN_BACK = 0.1;
-enum { LOOK_AGAIN = 250000, BETWEEN = 8 << 20, WINDOW = 4 << 20 };
+enum { LOOK_AGAIN = 250000, BETWEEN = 4 << 20, WINDOW = 4 << 20 };
 
 /* A region has so many pieces at most, of MIN_PIECE bytes at least. One of which nothing was resident is passed over
  * EMPTY_TURNS times. */
-enum { PIECES = 256, MIN_PIECE = 1 << 18, EMPTY_TURNS = 3 };
+enum { PIECES = 128, MIN_PIECE = 1 << 19, EMPTY_TURNS = 7 };
 
 /* Where nearly all of a piece was resident it is gone through in order: then the system may bring in the pages around a
  * page that is read, AROUND_TURNS times, until that is looked at again. */
@@ -68,6 +68,14 @@ struct region {
     uint8_t around[PIECES]; /* [piece] */
 };
 
+/* Files of arrays that were freed, for those that come: their pages are there already. */
+enum { SPARE_FILES = 32 };
+
+struct spare_file {
+    int file;
+    size_t size;
+};
+
 /* malloc has no context: the program's only state that is not passed on. */
 static struct {
     atomic_bool on, stays;
@@ -83,6 +91,9 @@ static struct {
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */
     size_t taken;         /* bytes of it */
+    struct spare_file spare[SPARE_FILES];
+    unsigned spare_count;
+    uint64_t in_spare;    /* bytes of these; with those in use they are no more than those have been */
     unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
@@ -491,16 +502,64 @@ static bool reserve_blocks(int file, size_t size)
     return !failed;
 }
 
-static int new_file(size_t size)
+/* Takes the file that fits best: the smallest that is large enough, or the largest. False: there is none. */
+static bool take_spare(size_t size, struct spare_file *out)
 {
-    int file = spool_file();
-    if (file < 0) {
-        note_failure(errno, size);
-    } else if (!reserve_blocks(file, size)) {
-        close(file);
-        file = -1;
+    lock();
+    unsigned best = 0, count = memory.spare_count;
+    for (unsigned i = 1; i < count; i++) {
+        size_t own = memory.spare[i].size, other = memory.spare[best].size;
+        if (own >= size ? other < size || own < other : own > other)
+            best = i;
     }
-    return file;
+    if (count) {
+        *out = memory.spare[best];
+        memory.spare[best] = memory.spare[--memory.spare_count];
+        memory.in_spare -= out->size;
+    }
+    unlock();
+    return count > 0;
+}
+
+/* Keeps a file for what comes, or closes it. */
+static void put_spare(int file, size_t size)
+{
+    lock();
+    bool room = memory.spare_count < SPARE_FILES && memory.in_files + memory.in_spare + size <= memory.peak;
+    if (room) {
+        memory.spare[memory.spare_count++] = (struct spare_file){file, size};
+        memory.in_spare += size;
+    }
+    unlock();
+    if (!room)
+        close(file);
+}
+
+static void close_spare(void)
+{
+    struct spare_file spare;
+    while (take_spare(0, &spare))
+        close(spare.file);
+}
+
+/* A file of that size; of zeros, if they are asked for. */
+static int new_file(size_t size, bool zeros)
+{
+    struct spare_file spare;
+    bool again = !zeros && take_spare(size, &spare);
+    int file = again ? spare.file : spool_file();
+    if (again && spare.size >= size && ftruncate(file, (off_t)size) == 0)
+        return file;
+    if (file < 0)
+        note_failure(errno, size);
+    bool done = file >= 0 && reserve_blocks(file, size);
+    if (!done && file >= 0 && memory.spare_count) {
+        close_spare();
+        done = reserve_blocks(file, size);
+    }
+    if (!done && file >= 0)
+        close(file);
+    return done ? file : -1;
 }
 
 /* A place in the table, and a share of the memory if there is one. */
@@ -526,13 +585,13 @@ static void forget_region(const struct region *region)
     unlock();
 }
 
-static void *new_region(size_t size)
+static void *new_region(size_t size, bool zeros)
 {
     struct region region = {.size = whole_pages(size), .file = -1};
     bool in_memory;
     if (region.size < size || !reserve_region(region.size, &in_memory))
         return NULL;
-    bool done = in_memory || (region.file = new_file(region.size)) >= 0;
+    bool done = in_memory || (region.file = new_file(region.size, zeros)) >= 0;
     void *at = done ? mmap(NULL, region.size, PROT_READ | PROT_WRITE,
                            in_memory ? MAP_PRIVATE | MAP_ANONYMOUS : MAP_SHARED, region.file, 0)
                     : MAP_FAILED;
@@ -552,15 +611,15 @@ static void *new_region(size_t size)
 static void free_region(const struct region *region)
 {
     munmap(region->at, region->size);
-    if (region->file >= 0)
-        close(region->file);
     forget_region(region);
+    if (region->file >= 0)
+        put_spare(region->file, region->size);
 }
 
 /* A file with the bytes of a region of memory, mapped in its place. */
 static bool to_file(struct region *region)
 {
-    int file = new_file(region->size);
+    int file = new_file(region->size, false);
     bool done = file >= 0;
     for (size_t at = 0; at < region->size && done;) {
         ssize_t written = pwrite(file, region->at + at, region->size - at, (off_t)at);
@@ -634,7 +693,7 @@ static void *resize_region(struct region *region, size_t size)
     const struct region old = *region;
     size_t whole = whole_pages(size ? size : 1);
     if (outgrows_memory(region, whole)) {
-        void *at = new_region(whole);
+        void *at = new_region(whole, false);
         if (at) {
             memcpy(at, old.at, old.size);
             free_region(&old);
@@ -670,9 +729,9 @@ static bool may_be_region(const void *block)
     return block && atomic_load_explicit(&memory.on, memory_order_relaxed) && (uintptr_t)block % memory.page == 0;
 }
 
-static void *make_region(size_t size)
+static void *make_region(size_t size, bool zeros)
 {
-    void *at = new_region(size);
+    void *at = new_region(size, zeros);
     if (!at)
         errno = ENOMEM;
     return at;
@@ -680,7 +739,7 @@ static void *make_region(size_t size)
 
 void *__wrap_malloc(size_t size)
 {
-    return is_large(size) ? make_region(size) : __real_malloc(size);
+    return is_large(size) ? make_region(size, false) : __real_malloc(size);
 }
 
 void *__wrap_calloc(size_t count, size_t size)
@@ -688,12 +747,12 @@ void *__wrap_calloc(size_t count, size_t size)
     size_t bytes;
     if (__builtin_mul_overflow(count, size, &bytes))
         return NULL;
-    return is_large(bytes) ? make_region(bytes) : __real_calloc(count, size);
+    return is_large(bytes) ? make_region(bytes, true) : __real_calloc(count, size);
 }
 
 void *__wrap_aligned_alloc(size_t alignment, size_t size)
 {
-    return is_large(size) && alignment <= memory.page ? make_region(size) : __real_aligned_alloc(alignment, size);
+    return is_large(size) && alignment <= memory.page ? make_region(size, false) : __real_aligned_alloc(alignment, size);
 }
 
 void __wrap_free(void *block)
@@ -711,7 +770,7 @@ static void *move_to_region(void *block, size_t size)
     void *grown = __real_realloc(block, size);
     if (!grown || !is_large(size))
         return grown;
-    void *at = make_region(size);
+    void *at = make_region(size, false);
     if (!at)
         return grown;
     memcpy(at, grown, size);

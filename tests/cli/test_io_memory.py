@@ -186,7 +186,7 @@ for name in 'large.exo', 'large.vtk':  # the first is read in a process of its o
     report('%s: at most --memory' % name, held <= most, held)
 must('build', 'in.vtu', '-o', 'pages.tetlod', '--paged=5000')
 for name in 'out.vtu', 'out.vtkhdf':
-    most = 30 << 20
+    most = 28 << 20
     free, held = (peak('pages.tetlod', '--memory', memory, command='extract', out=name) for memory in ('1G', str(most)))
     report('%s of a stream in pages: at most --memory' % name, held <= most < free, (held, free))
 finish()

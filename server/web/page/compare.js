@@ -71,11 +71,12 @@ function wordsOf({ difference, info, store: { state } }) {
   if (!difference?.bound) return 'On its way …';
   const {
     bound: { bound, certified },
+    state: shown,
   } = difference;
   const moved = state.warp ? ' Points are where they are without being moved.' : '';
-  const title = `${titleOf(info, difference.plain(state))} here less there`;
+  const title = `${titleOf(info, shown)} here less there`;
   if (bound === null) return `${title}, without a bound.${moved}`;
-  const unit = state.formula ? '' : unitOf(info, state.field);
+  const unit = shown.formula ? '' : unitOf(info, shown.field);
   const amount = `${significant(roundedUp(bound, 2), 2)}${unit && ` ${unit}`}`;
   const how = certified ? 'certified' : 'measured';
   return `${title}: the originals' difference is within ± ${amount} of it (${how}), where both have a place.${moved}`;

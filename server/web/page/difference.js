@@ -15,6 +15,7 @@ const partsOf = ({ surface, slices, isosurfaces, vectors }) =>
 export class Difference {
   range = [-1, 1];
   bound = null; // { bound, certified }, of what is shown
+  state = null; // that it is shown for
   #viewer;
   #source;
   #stream = null;
@@ -99,6 +100,7 @@ export class Difference {
   /** The pictures with differences for values; null: others have come meanwhile. One after the other. */
   async of(pictures) {
     if (pictures.surface?.triangles) this.#triangles = pictures.surface.triangles; // else they are the same as before
+    else if (pictures.surface && !this.#triangles) return null; // made before this was: whole ones come
     const [mine, triangles, before] = [++this.#newest, this.#triangles, this.#turn];
     const { at } = this.#viewer; // the pictures' step: the viewer may be at another one before they are made
     const making = before.then(() => (mine === this.#newest ? this.#make(pictures, triangles, at) : null));
@@ -107,8 +109,8 @@ export class Difference {
   }
 
   async #make(pictures, ofSurface, at) {
-    const { info, store } = this.#viewer;
-    const state = this.plain(store.state);
+    const { info } = this.#viewer;
+    const state = this.plain(this.#viewer.stateOf(pictures.shade)); // others may be asked for already
     const coloured = colouredOf(info, state);
     await this.#arrive(coloured.formula?.fields ?? [coloured.field.name], at);
     const quantity = this.#quantity(coloured);
@@ -145,6 +147,7 @@ export class Difference {
       state,
     );
     const known = here.bound !== null && there.bound !== null; // functions may have none
+    this.state = state;
     this.bound = { bound: known ? here.bound + there.bound : null, certified: here.certified && there.certified };
     made.shade = { ...made.shade, range: this.range, sample: undefined };
   }

@@ -342,7 +342,11 @@ export class Viewer extends EventTarget {
 
   // What the picture is coloured by: until a field has come, the one before.
   get coloredState() {
-    const { store: { state }, shade } = this;
+    return this.stateOf(this.shade);
+  }
+
+  stateOf(shade) {
+    const { state } = this.store;
     const text = colouredOf(this.info, state).formula?.text ?? null;
     const here = state.cells ? shade?.cells && shade.field === state.cells
       : this.stream.fields.includes(state.field) && text === (shade?.formula ? shade.field : null);
