@@ -85,6 +85,7 @@ static struct {
     atomic_ullong limit;
     uint64_t libraries, in_memory, in_files, peak, given_back;
     bool roomy; /* little but regions takes memory */
+    bool forked; /* what is freed here may be a file that the parent goes on with */
     int statm; /* file of the system that says what is resident */
     int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
@@ -209,7 +210,10 @@ static struct piece next_piece(void)
     struct region *region = &memory.regions[memory.hand % memory.count];
     size_t size = whole_pages(region->size / PIECES > MIN_PIECE ? region->size / PIECES : MIN_PIECE);
     size_t left = region->size > memory.taken ? region->size - memory.taken : 0;
-    struct piece piece = {region, (unsigned)(memory.taken / size), region->at + memory.taken, left < size ? left : size};
+    struct piece piece = {.region = region,
+                          .number = (unsigned)(memory.taken / size),
+                          .at = region->at + memory.taken,
+                          .size = left < size ? left : size};
     memory.taken += piece.size;
     if (piece.size == left || region->file < 0) {
         memory.hand++;
@@ -367,10 +371,14 @@ static bool watch_process(uint64_t limit)
     return memory.statm >= 0 && start_watching();
 }
 
-/* A child has no timers, and its files of the system are its parent's. It reads for its parent (src/io/services/
- * contain.h), which holds what the child has sent: it gets half of the limit. */
+/* A child has no timers, and its files are its parent's. It reads for its parent (src/io/services/contain.h), which
+ * holds what the child has sent: it gets half of the limit. */
 static void begin_in_child(void)
 {
+    memory.forked = true;
+    while (memory.spare_count)
+        close(memory.spare[--memory.spare_count].file);
+    memory.in_spare = 0;
     unlock();
     atomic_store(&memory.watched, 0);
     close(memory.statm);
@@ -502,30 +510,60 @@ static bool reserve_blocks(int file, size_t size)
     return !failed;
 }
 
-/* Takes the file that fits best: the smallest that is large enough, or the largest. False: there is none. */
+/* The lock is held. */
+static struct spare_file remove_spare(unsigned number)
+{
+    const struct spare_file spare = memory.spare[number];
+    memory.spare_count--;
+    memory.in_spare -= spare.size;
+    for (unsigned i = number; i < memory.spare_count; i++)
+        memory.spare[i] = memory.spare[i + 1];
+    return spare;
+}
+
+/* Takes the file that fits best: the smallest that is large enough, or the largest, and the last of these. False: there
+ * is none. */
 static bool take_spare(size_t size, struct spare_file *out)
 {
     lock();
-    unsigned best = 0, count = memory.spare_count;
+    const unsigned count = memory.spare_count;
+    unsigned best = 0;
     for (unsigned i = 1; i < count; i++) {
         size_t own = memory.spare[i].size, other = memory.spare[best].size;
-        if (own >= size ? other < size || own < other : own > other)
+        if (own >= size ? other < size || own <= other : own >= other)
             best = i;
     }
-    if (count) {
-        *out = memory.spare[best];
-        memory.spare[best] = memory.spare[--memory.spare_count];
-        memory.in_spare -= out->size;
-    }
+    if (count)
+        *out = remove_spare(best);
     unlock();
     return count > 0;
+}
+
+/* Is there room for another one of that size? The lock is held. */
+static bool has_room(size_t size)
+{
+    return memory.spare_count < SPARE_FILES && memory.in_files + memory.in_spare + size <= memory.peak;
+}
+
+/* Takes the file that was freed first, where there is no room beside it. */
+static bool take_oldest(size_t size, struct spare_file *out)
+{
+    lock();
+    bool full = memory.spare_count && !has_room(size);
+    if (full)
+        *out = remove_spare(0);
+    unlock();
+    return full;
 }
 
 /* Keeps a file for what comes, or closes it. */
 static void put_spare(int file, size_t size)
 {
+    struct spare_file oldest;
+    while (!memory.forked && take_oldest(size, &oldest))
+        close(oldest.file);
     lock();
-    bool room = memory.spare_count < SPARE_FILES && memory.in_files + memory.in_spare + size <= memory.peak;
+    bool room = !memory.forked && has_room(size);
     if (room) {
         memory.spare[memory.spare_count++] = (struct spare_file){file, size};
         memory.in_spare += size;
@@ -535,11 +573,16 @@ static void put_spare(int file, size_t size)
         close(file);
 }
 
-static void close_spare(void)
+/* False: there were none. */
+static bool close_spare(void)
 {
     struct spare_file spare;
-    while (take_spare(0, &spare))
+    bool any = false;
+    while (take_spare(0, &spare)) {
         close(spare.file);
+        any = true;
+    }
+    return any;
 }
 
 /* A file of that size; of zeros, if they are asked for. */
@@ -553,9 +596,9 @@ static int new_file(size_t size, bool zeros)
     if (file < 0)
         note_failure(errno, size);
     bool done = file >= 0 && reserve_blocks(file, size);
-    if (!done && file >= 0 && memory.spare_count) {
-        close_spare();
+    if (!done && file >= 0 && close_spare()) {
         done = reserve_blocks(file, size);
+        note_failure(done ? 0 : memory.failed, size);
     }
     if (!done && file >= 0)
         close(file);
@@ -752,7 +795,8 @@ void *__wrap_calloc(size_t count, size_t size)
 
 void *__wrap_aligned_alloc(size_t alignment, size_t size)
 {
-    return is_large(size) && alignment <= memory.page ? make_region(size, false) : __real_aligned_alloc(alignment, size);
+    return is_large(size) && alignment <= memory.page ? make_region(size, false)
+                                                      : __real_aligned_alloc(alignment, size);
 }
 
 void __wrap_free(void *block)

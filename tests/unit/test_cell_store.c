@@ -100,6 +100,23 @@ static void check_small(const struct cell *cell, size_t size)
         TEST_FAIL("%zu bytes of %zu", size, plain);
 }
 
+/* What of a cell is known by its first bytes. */
+enum { HEAD = 4096 };
+
+static void check_heads(const struct cell *head, const struct cell *cell)
+{
+    CHECK_INT(head->tets, cell->tets);
+    for (int stage = 0; stage < CELL_STAGES; stage++) {
+        const struct contraction_log *a = &head->logs[stage], *b = &cell->logs[stage];
+        size_t rows = (size_t)b->mark_count * b->component_count;
+        REQUIRE(a->mark_count == b->mark_count && a->component_count == b->component_count);
+        CHECK_INT(a->count, b->count);
+        CHECK(memcmp(a->marks, b->marks, b->mark_count * sizeof *b->marks) == 0);
+        CHECK(memcmp(a->certified, b->certified, rows * sizeof *b->certified) == 0);
+        CHECK(memcmp(a->predicted, b->predicted, rows * sizeof *b->predicted) == 0);
+    }
+}
+
 static void test_store(void)
 {
     struct made made;
@@ -114,7 +131,7 @@ static void test_store(void)
     REQUIRE(store.put(store.opaque, 2, "other", 5, NULL) == TETLOD_OK);
     REQUIRE(store.put(store.opaque, 0, bytes.bytes, bytes.size, NULL) == TETLOD_OK);
     REQUIRE(store.put(store.opaque, 1, "", 0, NULL) == TETLOD_OK);
-    REQUIRE(store.get(store.opaque, 0, &back, &size, NULL) == TETLOD_OK);
+    REQUIRE(store.get(store.opaque, 0, SIZE_MAX, &back, &size, NULL) == TETLOD_OK);
     struct cell cell;
     REQUIRE(size == bytes.size && cell_unpack(&cell, &made.like, back, size, NULL) == TETLOD_OK);
     free(back);
@@ -127,7 +144,13 @@ static void test_store(void)
     cell_drop(&cell);
     CHECK(cell.logs[CELL_GO_ON].mark_count == made.cell.logs[CELL_GO_ON].mark_count && !cell.vertices);
     cell_fini(&cell);
-    REQUIRE(store.get(store.opaque, 2, &back, &size, NULL) == TETLOD_OK);
+    REQUIRE(store.get(store.opaque, 0, HEAD, &back, &size, NULL) == TETLOD_OK);
+    CHECK(size >= HEAD && size < bytes.size);
+    REQUIRE(cell_unpack_head(&cell, back, size, NULL) == TETLOD_OK);
+    free(back);
+    check_heads(&cell, &made.cell);
+    cell_fini(&cell);
+    REQUIRE(store.get(store.opaque, 2, SIZE_MAX, &back, &size, NULL) == TETLOD_OK);
     CHECK(size == 5 && memcmp(back, "other", 5) == 0);
     free(back);
     cell_spool_free(&store);
