@@ -354,7 +354,7 @@ $(B)/tests/unit/test_asked_once: private TETLOD_LDFLAGS += -Wl,--wrap=exact_exam
 $(B)/tests/unit/test_site: private TETLOD_LDFLAGS += -Wl,--wrap=pthread_mutex_unlock
 
 # Arrays are in files, as they are in the program
-$(B)/tests/unit/test_scratch_memory: $(B)/src/cli/scratch_memory.o
+$(B)/tests/unit/test_scratch_memory: $(B)/src/cli/scratch_memory.o $(B)/src/cli/spare_files.o
 $(B)/tests/unit/test_scratch_memory: private TETLOD_LDFLAGS += $(WRAPPED)
 
 # The heap is counted (tests/heap.h)

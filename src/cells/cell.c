@@ -187,9 +187,9 @@ static void visit_cell(struct visit *visit, struct cell *cell, const struct coun
 
 static void visit_start(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
-    (void)counts;
     visit_piece(visit, &cell->piece);
-    VISIT(visit, cell->vertices, cell->piece.mesh.vertex_count, 1);
+    if (counts->has_vertices)
+        VISIT(visit, cell->vertices, cell->piece.mesh.vertex_count, 1);
 }
 
 static struct counts count(const struct cell *cell)

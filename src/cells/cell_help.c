@@ -76,13 +76,14 @@ static void pass_stage(struct channel *channel, struct cell_run *run, struct sim
     CHANNEL_ARRAY(channel, *order, *count);
     CHANNEL_VALUE(channel, run->from);
     CHANNEL_VALUE(channel, run->to);
+    CHANNEL_VALUE(channel, run->root);
     CHANNEL_VALUE(channel, run->tries);
 }
 
 enum tetlod_status cells_pass(struct cell_run *run)
 {
     struct channel channel = {run->share, TETLOD_OK};
-    enum work_call call = CALL_CELLS;
+    enum work_call call = run->root ? CALL_ROOT : CALL_CELLS;
     struct simplify_options options = *run->options;
     uint32_t *order = (uint32_t *)(uintptr_t)run->order, count = run->cell_count; // read only, where they are sent
     TETLOD_TRY(run->share->call(run->share->opaque, &call, run->error));

@@ -19,7 +19,6 @@
 #include "format/fail.h"
 #include "src/cells/cell_run.h"
 #include "src/simplify/ladder.h"
-#include "src/simplify/rounds/rounds.h"
 #include "src/util/array.h"
 
 /* The root has at most so many cells' tetrahedra. */
@@ -402,12 +401,6 @@ static bool report_root(void *opaque, double done)
     return options->progress(options->progress_opaque, progress->begun + (1 - progress->begun) * done);
 }
 
-static enum tetlod_status contract_rest(struct cell_run *run, struct cell *root, const struct simplify_options *options)
-{
-    double from = run->from > 0 ? run->from : FIRST_LIMIT;
-    return rounds_contract(&root->logs[CELL_GO_ON], &run->state, from, options, run->error);
-}
-
 /* The root's log for the others, with what is left, which is not much. */
 static enum tetlod_status give_root(const struct cell_run *run, const struct cell *root)
 {
@@ -435,7 +428,7 @@ static enum tetlod_status take_root(void *opaque)
     uint32_t part;
     if (!share->take(share->opaque, &part, NULL))
         return TETLOD_OK;
-    TETLOD_TRY(contract_rest(work->run, work->root, work->options));
+    TETLOD_TRY(cells_contract_rest(work->run, work->root, &work->run->state, work->options, work->run->error));
     return give_root(work->run, work->root);
 }
 
@@ -452,6 +445,30 @@ static enum tetlod_status share_root(struct cell_run *run, struct cell *root, co
     return status;
 }
 
+/* A helper contracts the root, where the one that leads has enough to do. */
+static enum tetlod_status pass_root(struct cell_run *run, struct cell *root)
+{
+    const uint32_t order = 0;
+    run->root = true;
+    enum tetlod_status status = cells_contract(run, &order, 1);
+    if (status == TETLOD_OK)
+        status = cells_bring_back(run, root, 0);
+    cells_leave_store(run);
+    cells_free(run);
+    run->root = false;
+    return status;
+}
+
+static enum tetlod_status contract_as_one(struct cell_run *run, struct cell *root,
+                                          const struct simplify_options *options)
+{
+    if (run->share && run->share->keeps_parts)
+        return share_root(run, root, options);
+    if (run->share && run->share->serves)
+        return pass_root(run, root);
+    return cells_contract_rest(run, root, &run->state, options, run->error);
+}
+
 /* What is left, as one piece: its levels are those of a stream without pages. */
 static enum tetlod_status contract_root(struct cell_run *run)
 {
@@ -465,8 +482,7 @@ static enum tetlod_status contract_root(struct cell_run *run)
     }
     if (run->state.fresh)
         TETLOD_TRY(piece_own(&run->state, run->error));
-    bool shares = run->share && run->share->keeps_parts;
-    enum tetlod_status status = shares ? share_root(run, &root, &options) : contract_rest(run, &root, &options);
+    enum tetlod_status status = contract_as_one(run, &root, &options);
     if (status == TETLOD_OK)
         status = take_components(run, log);
     for (uint32_t mark = 1; status == TETLOD_OK && mark < log->mark_count; mark++) {

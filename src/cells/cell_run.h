@@ -32,6 +32,7 @@ struct cell_run {
     struct cell_store store; /* zeros: cells wait in memory */
     bool spools;           /* they wait in a temporary file */
     const struct work_share *share; /* of the cells, or NULL */
+    bool root;             /* the only cell is what is left, to be contracted to the end */
     bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
     double from, to;       /* the last limit, 0 before the first; the next one */
     double left;           /* of the tetrahedra, by the last limit */
@@ -52,6 +53,11 @@ TETLOD_CHECKED enum tetlod_status cells_contract(struct cell_run *run, const uin
 
 /* The cells of a stage that other programs have not taken: `opaque` is the run. */
 TETLOD_CHECKED enum tetlod_status cells_take(void *opaque);
+
+/* Contracts what is left, from the last limit on. */
+TETLOD_CHECKED enum tetlod_status cells_contract_rest(const struct cell_run *run, struct cell *root, struct piece *rest,
+                                                      const struct simplify_options *options,
+                                                      struct tetlod_error *error);
 
 /* A cell that waited elsewhere is here again. */
 TETLOD_CHECKED enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cell, uint32_t number);

@@ -92,9 +92,18 @@ static uint32_t number_of(const struct cell_run *run, uint32_t part)
     return run->tries ? run->order[part] : part;
 }
 
+enum tetlod_status cells_contract_rest(const struct cell_run *run, struct cell *root, struct piece *rest,
+                                       const struct simplify_options *options, struct tetlod_error *error)
+{
+    double from = run->from > 0 ? run->from : FIRST_LIMIT;
+    return rounds_contract(&root->logs[CELL_GO_ON], rest, from, options, error);
+}
+
 static enum tetlod_status contract_cell(const struct cell_run *run, struct cell *cell, uint32_t number)
 {
     bool named;
+    if (run->root)
+        return cells_contract_rest(run, cell, &cell->piece, run->options, &cell->error);
     struct simplify_options options = options_of(run, cell, &run->partition.boxes[number]);
     double from = run->from > 0 ? run->from : FIRST_LIMIT;
     if (run->tries)
@@ -132,8 +141,23 @@ static enum tetlod_status check(const struct cell_run *run, bool same)
 
 static enum tetlod_status check_head(const struct cell_run *run, const struct cell *cell)
 {
+    const bool catches_up = run->from > 0 && !run->root && !run->tries;
+    bool same = true;
+    for (int stage = catches_up ? CELL_CATCH_UP : CELL_GO_ON; stage < CELL_STAGES; stage++)
+        same &= cell->logs[stage].mark_count && cell->logs[stage].component_count == run->whole.component_count;
+    return check(run, same);
+}
+
+/* Is it the cell that the head was of? What is known of it places what comes. */
+static bool is_same(const struct cell *head, const struct cell *cell)
+{
     const struct contraction_log *log = &cell->logs[CELL_GO_ON];
-    return check(run, log->mark_count && log->component_count == run->whole.component_count);
+    bool same = log->mark_count && cell->piece.mesh.tet_count == log->marks[log->mark_count - 1].tets;
+    for (int stage = 0; stage < CELL_STAGES; stage++)
+        same &= cell->logs[stage].count == head->logs[stage].count &&
+                cell->logs[stage].mark_count == head->logs[stage].mark_count;
+    const struct contraction_log *known = &head->logs[CELL_GO_ON];
+    return same && known->marks[known->mark_count - 1].tets == cell->piece.mesh.tet_count;
 }
 
 static enum tetlod_status check_bounds(const struct cell_run *run, const struct cell *cell)
@@ -152,6 +176,8 @@ enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cel
     struct cell back;
     enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
     memcpy(back.firsts, cell->firsts, sizeof back.firsts);
+    if (status == TETLOD_OK && cell->logs[CELL_GO_ON].mark_count)
+        status = check(run, is_same(cell, &back));
     cell_fini(cell);
     *cell = back;
     free(bytes);
@@ -207,6 +233,8 @@ static enum tetlod_status pack_input(void *opaque, uint32_t part, struct buffer 
 {
     const struct cell_run *run = opaque;
     struct cell cell = {0};
+    if (run->root)
+        return cell_pack_start(&(struct cell){.piece = run->state, .tets = run->state.mesh.tet_count}, out, error);
     enum tetlod_status status = cut_cell(run, &cell, number_of(run, part), run->numbers[pool_size(run->pool)]);
     if (status == TETLOD_OK)
         status = cell_pack_start(&cell, out, error);

@@ -9,7 +9,7 @@
  * not. A handler takes the table's lock, so it never interrupts a thread that has it, and no call that waits for a disk
  * is made under it.
  * Each region in a file has a file for itself, with blocks for all of it: a folder that is full is found here, not
- * where the array is written; and what is freed is gone.
+ * where the array is written. The files of what is freed serve what comes, or are gone where blocks are short.
  */
 #define _GNU_SOURCE // mremap
 #include "src/cli/scratch_memory.h"
@@ -32,6 +32,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "src/cli/spare_files.h"
 #include "src/util/spool.h"
 
 /* Arrays from this share of the limit on are regions, and from MIN_REGION bytes on. Regions are memory as long as they
@@ -65,15 +66,7 @@ struct region {
     size_t size; /* in bytes, whole pages */
     int file;    /* -1: memory */
     uint8_t turns[PIECES];  /* [piece] it is passed over */
-    uint8_t around[PIECES]; /* [piece] */
-};
-
-/* Files of arrays that were freed, for those that come: their pages are there already. */
-enum { SPARE_FILES = 32 };
-
-struct spare_file {
-    int file;
-    size_t size;
+    uint8_t around[PIECES]; /* [piece] those around a page come too, until it was taken so many times */
 };
 
 /* malloc has no context: the program's only state that is not passed on. */
@@ -85,16 +78,12 @@ static struct {
     atomic_ullong limit;
     uint64_t libraries, in_memory, in_files, peak, given_back;
     bool roomy; /* little but regions takes memory */
-    bool forked; /* what is freed here may be a file that the parent goes on with */
     int statm; /* file of the system that says what is resident */
     int single; /* userfaultfd that keeps faults to single pages, or -1 */
     atomic_flag lock;
     struct region regions[MAX_REGIONS];
     unsigned count, hand; /* hand: the region whose pages are taken next */
     size_t taken;         /* bytes of it */
-    struct spare_file spare[SPARE_FILES];
-    unsigned spare_count;
-    uint64_t in_spare;    /* bytes of these; with those in use they are no more than those have been */
     unsigned made;        /* regions that there are, also those not in the table */
     int failed;           /* errno of the last file that there could not be */
     size_t wanted;        /* bytes of it */
@@ -209,6 +198,7 @@ static struct piece next_piece(void)
 {
     struct region *region = &memory.regions[memory.hand % memory.count];
     size_t size = whole_pages(region->size / PIECES > MIN_PIECE ? region->size / PIECES : MIN_PIECE);
+    memory.taken -= memory.taken % size; // another region may have been there
     size_t left = region->size > memory.taken ? region->size - memory.taken : 0;
     struct piece piece = {.region = region,
                           .number = (unsigned)(memory.taken / size),
@@ -375,11 +365,8 @@ static bool watch_process(uint64_t limit)
  * holds what the child has sent: it gets half of the limit. */
 static void begin_in_child(void)
 {
-    memory.forked = true;
-    while (memory.spare_count)
-        close(memory.spare[--memory.spare_count].file);
-    memory.in_spare = 0;
     unlock();
+    spare_files_leave();
     atomic_store(&memory.watched, 0);
     close(memory.statm);
     if (memory.single >= 0)
@@ -414,11 +401,6 @@ void scratch_memory_allow(uint64_t limit)
     if (atomic_load(&memory.on) && limit > atomic_load(&memory.limit))
         set_limit(limit);
     unlock();
-}
-
-void scratch_memory_stay(void)
-{
-    atomic_store(&memory.stays, true);
 }
 
 enum tetlod_status scratch_memory_failure(struct tetlod_error *error)
@@ -496,8 +478,8 @@ static void note_failure(int failed, size_t size)
     unlock();
 }
 
-/* Blocks for that much of a file: a signal would make it begin anew. */
-static bool reserve_blocks(int file, size_t size)
+/* Blocks for that much of a file: a signal would make it begin anew. 0 or an errno. */
+static int allocate_blocks(int file, size_t size)
 {
     sigset_t timer, before;
     sigemptyset(&timer);
@@ -505,104 +487,52 @@ static bool reserve_blocks(int file, size_t size)
     pthread_sigmask(SIG_BLOCK, &timer, &before);
     int failed = posix_fallocate(file, 0, (off_t)size);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return failed;
+}
+
+/* Bytes that spare files may have: with what is in use no more than the most that was. */
+static uint64_t spare_room(void)
+{
+    lock();
+    uint64_t room = memory.peak - memory.in_files;
+    unlock();
+    return room;
+}
+
+/* Blocks for that much of a file, of spare ones if need be. */
+static bool reserve_blocks(int file, size_t size)
+{
+    int failed = allocate_blocks(file, size);
+    if (failed && spare_files_close())
+        failed = allocate_blocks(file, size);
     if (failed)
         note_failure(failed, size);
     return !failed;
 }
 
-/* The lock is held. */
-static struct spare_file remove_spare(unsigned number)
-{
-    const struct spare_file spare = memory.spare[number];
-    memory.spare_count--;
-    memory.in_spare -= spare.size;
-    for (unsigned i = number; i < memory.spare_count; i++)
-        memory.spare[i] = memory.spare[i + 1];
-    return spare;
-}
-
-/* Takes the file that fits best: the smallest that is large enough, or the largest, and the last of these. False: there
- * is none. */
-static bool take_spare(size_t size, struct spare_file *out)
-{
-    lock();
-    const unsigned count = memory.spare_count;
-    unsigned best = 0;
-    for (unsigned i = 1; i < count; i++) {
-        size_t own = memory.spare[i].size, other = memory.spare[best].size;
-        if (own >= size ? other < size || own <= other : own >= other)
-            best = i;
-    }
-    if (count)
-        *out = remove_spare(best);
-    unlock();
-    return count > 0;
-}
-
-/* Is there room for another one of that size? The lock is held. */
-static bool has_room(size_t size)
-{
-    return memory.spare_count < SPARE_FILES && memory.in_files + memory.in_spare + size <= memory.peak;
-}
-
-/* Takes the file that was freed first, where there is no room beside it. */
-static bool take_oldest(size_t size, struct spare_file *out)
-{
-    lock();
-    bool full = memory.spare_count && !has_room(size);
-    if (full)
-        *out = remove_spare(0);
-    unlock();
-    return full;
-}
-
-/* Keeps a file for what comes, or closes it. */
-static void put_spare(int file, size_t size)
-{
-    struct spare_file oldest;
-    while (!memory.forked && take_oldest(size, &oldest))
-        close(oldest.file);
-    lock();
-    bool room = !memory.forked && has_room(size);
-    if (room) {
-        memory.spare[memory.spare_count++] = (struct spare_file){file, size};
-        memory.in_spare += size;
-    }
-    unlock();
-    if (!room)
-        close(file);
-}
-
-/* False: there were none. */
-static bool close_spare(void)
-{
-    struct spare_file spare;
-    bool any = false;
-    while (take_spare(0, &spare)) {
-        close(spare.file);
-        any = true;
-    }
-    return any;
-}
-
 /* A file of that size; of zeros, if they are asked for. */
 static int new_file(size_t size, bool zeros)
 {
-    struct spare_file spare;
-    bool again = !zeros && take_spare(size, &spare);
-    int file = again ? spare.file : spool_file();
-    if (again && spare.size >= size && ftruncate(file, (off_t)size) == 0)
-        return file;
-    if (file < 0)
+    size_t spare_size = 0;
+    int spare = zeros ? -1 : spare_files_take(size, &spare_size), file = spare >= 0 ? spare : spool_file();
+    if (spare >= 0 && spare_size >= size && ftruncate(spare, (off_t)size) == 0)
+        return spare;
+    spare_files_trim(spare_room());
+    if (file < 0 && spare_files_close())
+        file = spool_file();
+    if (file < 0) {
         note_failure(errno, size);
-    bool done = file >= 0 && reserve_blocks(file, size);
-    if (!done && file >= 0 && close_spare()) {
-        done = reserve_blocks(file, size);
-        note_failure(done ? 0 : memory.failed, size);
-    }
-    if (!done && file >= 0)
+    } else if (!reserve_blocks(file, size)) {
         close(file);
-    return done ? file : -1;
+        file = -1;
+    }
+    return file;
+}
+
+void scratch_memory_stay(void)
+{
+    atomic_store(&memory.stays, true);
+    spare_files_close();
 }
 
 /* A place in the table, and a share of the memory if there is one. */
@@ -656,7 +586,7 @@ static void free_region(const struct region *region)
     munmap(region->at, region->size);
     forget_region(region);
     if (region->file >= 0)
-        put_spare(region->file, region->size);
+        spare_files_put(region->file, region->size, spare_room());
 }
 
 /* A file with the bytes of a region of memory, mapped in its place. */
@@ -753,7 +683,10 @@ static void *resize_region(struct region *region, size_t size)
         settle(&old, (int64_t)whole - (int64_t)old.size);
         region->at = at;
         region->size = whole;
+        memset(region->turns, 0, sizeof region->turns);
+        memset(region->around, 0, sizeof region->around);
         bring_single(region);
+        spare_files_trim(spare_room());
     }
     put_in(region);
     return at == MAP_FAILED ? NULL : at;

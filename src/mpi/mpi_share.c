@@ -28,10 +28,10 @@ enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT };
 static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 4e-3;
 
 struct result {
-    unsigned char *bytes; /* NULL: another rank has them */
+    unsigned char *bytes;
     uint64_t size;
-    int owner;            /* on rank 0, of a stage that is settled */
-    double begun;         /* processor seconds of its thread */
+    double begun; /* processor seconds of its thread */
+    bool arrived; /* the bytes are in mpi_share.arrived */
 };
 
 /* What a stage costs this rank. */
@@ -60,7 +60,7 @@ struct mpi_share {
     enum tetlod_status served; /* what it has come to, and why */
     struct tetlod_error why;
     struct result *results; /* [part] */
-    bool gives;          /* the stage is settled: the other ranks give rank 0 what it asks for, until it ends */
+    unsigned char *arrived; /* on rank 0: all that others have done, in one array, which may be in a file */
     bool over, told;     /* a rank has failed, as all know; it was another one */
     bool ended;          /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
@@ -142,11 +142,13 @@ static enum tetlod_status other_failed(struct tetlod_error *error)
 static void drop_results(struct mpi_share *share)
 {
     for (uint32_t part = 0; part < share->parts && share->results; part++)
-        free(share->results[part].bytes);
+        if (!share->results[part].arrived)
+            free(share->results[part].bytes);
     free(share->results);
+    free(share->arrived);
     share->results = NULL;
+    share->arrived = NULL;
     share->parts = 0;
-    share->gives = false;
 }
 
 /* ---- parts */
@@ -158,10 +160,11 @@ static bool only_serves(int ranks, bool few)
     return ranks >= (few ? WORK_FEW + 1 : MANY);
 }
 
-/* Does a rank leave pages to the others, as it has measured? Where they are many rank 0 cuts no more than they code. */
+/* Does a rank leave pages and the root to the others, as it measures? Where they are many rank 0 cuts no more than they
+ * code. */
 static bool is_spared(int rank, int ranks, enum work_call stage)
 {
-    return stage == CALL_PAGES && ranks >= MANY && rank > 0 && rank < WORK_FEW;
+    return (stage == CALL_PAGES || stage == CALL_ROOT) && ranks >= MANY && rank > 0 && rank < WORK_FEW;
 }
 
 /* The next part, on rank 0; false if there is none. */
@@ -320,7 +323,7 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
 /* ---- exchange */
 
 /* Which rank has each part, and of what size it is. */
-static bool list_results(const struct mpi_share *share, uint64_t **out)
+static bool list_results(struct mpi_share *share, uint64_t **out)
 {
     uint64_t *own = array_zero(2 * (size_t)share->parts, sizeof *own);
     *out = array_zero(2 * (size_t)share->parts, sizeof **out);
@@ -329,21 +332,57 @@ static bool list_results(const struct mpi_share *share, uint64_t **out)
             own[2 * (size_t)part] = (uint64_t)share->rank;
             own[2 * (size_t)part + 1] = share->results[part].size;
         }
-    bool room = own && *out;
+    bool room = agree(share, own && *out);
     if (room)
         MPI_Allreduce(own, *out, (int)(2 * share->parts), MPI_UINT64_T, MPI_MAX, share->comm);
     free(own);
     return room;
 }
 
-/* Where rank 0 finds them. */
-static void note_owners(struct mpi_share *share, const uint64_t *list)
+/* Room for what others have done, on rank 0. */
+static bool make_room(struct mpi_share *share, const uint64_t *list)
 {
+    uint64_t all = 0, at = 0;
     for (uint32_t part = 0; part < share->parts && share->rank == 0; part++) {
-        share->results[part].owner = (int)list[2 * (size_t)part];
-        share->results[part].size = list[2 * (size_t)part + 1];
-        this_stage(share)->results += share->results[part].size;
+        this_stage(share)->results += list[2 * (size_t)part + 1];
+        all += share->results[part].bytes ? 0 : list[2 * (size_t)part + 1];
     }
+    if (share->rank)
+        return true;
+    share->arrived = array_new(all, 1);
+    for (uint32_t part = 0; part < share->parts && share->arrived; part++) {
+        struct result *result = &share->results[part];
+        if (result->bytes)
+            continue;
+        *result = (struct result){share->arrived + at, list[2 * (size_t)part + 1], 0, true};
+        at += result->size;
+    }
+    share->moved += all;
+    return share->arrived != NULL;
+}
+
+/* Rank 0 is the other one, or the owner. */
+static void move_part(struct mpi_share *share, struct result *result, int owner)
+{
+    for (uint64_t at = 0; at < result->size; at += PIECE) {
+        uint64_t size = result->size - at < PIECE ? result->size - at : PIECE;
+        if (share->rank == 0)
+            receive_from(share, result->bytes + at, size, owner, TAG_PART);
+        else
+            send_to(share, result->bytes + at, size, 0, TAG_PART);
+    }
+}
+
+/* The parts of a rank come to rank 0 when it asks for them: until then the other one sleeps. */
+static void move_parts(struct mpi_share *share, const uint64_t *list, int owner)
+{
+    if (share->rank == 0)
+        send_to(share, NULL, 0, owner, TAG_ASK);
+    else
+        receive_from(share, NULL, 0, 0, TAG_ASK);
+    for (uint32_t part = 0; part < share->parts; part++)
+        if (list[2 * (size_t)part] == (uint64_t)owner)
+            move_part(share, &share->results[part], owner);
 }
 
 static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error)
@@ -356,10 +395,12 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     stop_serving(share);
     if (!good)
         return status == TETLOD_OK ? other_failed(error) : status;
-    bool room = list_results(share, &list) && share->served == TETLOD_OK;
-    share->gives = agree(share, room);
-    if (share->gives)
-        note_owners(share, list);
+    bool room = list_results(share, &list) && make_room(share, list) && share->served == TETLOD_OK;
+    if (agree(share, room))
+        for (int owner = 1; owner < share->ranks; owner++) {
+            if (share->rank == 0 || share->rank == owner)
+                move_parts(share, list, owner);
+        }
     else if (share->served != TETLOD_OK)
         status = tetlodi_fail(error, share->served, "%s", share->why.message);
     else
@@ -368,64 +409,23 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     return status;
 }
 
-/* What rank 0 asks for: the first bytes of a part; NOTHING: no more. */
-struct asked {
-    uint64_t part, size;
-};
-
-static const uint64_t NOTHING = UINT64_MAX;
-
-/* Rank 0 is the other one, or has the part. */
-static void move_part(struct mpi_share *share, unsigned char *bytes, uint64_t size, int owner)
-{
-    for (uint64_t at = 0; at < size; at += PIECE) {
-        uint64_t piece = size - at < PIECE ? size - at : PIECE;
-        if (share->rank == 0)
-            receive_from(share, bytes + at, piece, owner, TAG_PART);
-        else
-            send_to(share, bytes + at, piece, 0, TAG_PART);
-    }
-}
-
 static enum tetlod_status get(void *opaque, uint32_t part, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error)
 {
-    struct mpi_share *share = opaque;
+    const struct mpi_share *share = opaque;
     const struct result *result = &share->results[part];
     *size = result->size < enough ? result->size : enough;
     *out = array_new(*size, 1);
     if (!*out)
         return tetlodi_fail_nomem(error, "a part", *size);
-    if (result->owner == share->rank) {
+    if (*size)
         memcpy(*out, result->bytes, *size);
-        return TETLOD_OK;
-    }
-    const struct asked asked = {part, *size};
-    send_to(share, &asked, sizeof asked, result->owner, TAG_ASK);
-    move_part(share, *out, *size, result->owner);
-    share->moved += *size;
     return TETLOD_OK;
-}
-
-/* Gives rank 0 what it asks for. Between two parts this rank sleeps. */
-static void give_parts(struct mpi_share *share)
-{
-    for (struct asked asked = {0}; asked.part != NOTHING;) {
-        receive_from(share, &asked, sizeof asked, 0, TAG_ASK);
-        if (asked.part != NOTHING)
-            move_part(share, share->results[asked.part].bytes, asked.size, 0);
-    }
 }
 
 static void end(void *opaque)
 {
-    struct mpi_share *share = opaque;
-    const struct asked nothing = {NOTHING, 0};
-    if (share->gives && share->rank)
-        give_parts(share);
-    for (int rank = 1; rank < share->ranks && share->gives && share->rank == 0; rank++)
-        send_to(share, &nothing, sizeof nothing, rank, TAG_ASK);
-    drop_results(share);
+    drop_results(opaque);
 }
 
 /* ---- helpers */
@@ -492,9 +492,10 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     share->begun = process_seconds();
     const uint32_t few = share->ranks < WORK_FEW ? (uint32_t)share->ranks : WORK_FEW;
     *out = (struct work_share){.members = (uint32_t)share->ranks, .few = few - only_serves(share->ranks, true),
-                               .leads = share->rank == 0, .writes = share->rank == 0, .begin = begin, .take = take,
-                               .put = put, .settle = settle, .get = get, .end = end, .spent_alone = spent_alone,
-                               .call = call, .pass = pass, .opaque = share};
+                               .leads = share->rank == 0, .writes = share->rank == 0,
+                               .serves = share->rank == 0 && only_serves(share->ranks, false), .begin = begin,
+                               .take = take, .put = put, .settle = settle, .get = get, .end = end,
+                               .spent_alone = spent_alone, .call = call, .pass = pass, .opaque = share};
     return TETLOD_OK;
 }
 

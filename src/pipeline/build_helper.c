@@ -18,7 +18,7 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
             return TETLOD_OK;
         if (call == CALL_IDLE)
             TETLOD_TRY(measure_idle(share, error));
-        else if (call == CALL_CELLS)
+        else if (call == CALL_CELLS || call == CALL_ROOT)
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
             TETLOD_TRY(measure_help(share, threads, hooks->settle, error));

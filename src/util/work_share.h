@@ -26,7 +26,7 @@ struct work_input {
 
 /* What a helper is called for; CALL_PIECES: to read some; CALL_MEMORY: to hear how much it may take, an uint64_t, and
  * whether that is less than a build needs, an uint8_t; CALL_IDLE: for what few do, others than this one. */
-enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
+enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
 
 /* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
  * to level, which takes an eighth of the time that all samples take. */
@@ -36,6 +36,7 @@ struct work_share {
     uint32_t few;     /* members that work on a stage which is one of few */
     uint32_t members; /* about: it may be more or fewer that work */
     bool leads;       /* this one has the mesh, and goes on alone when nothing is left to share */
+    bool serves;      /* it takes no parts of stages that all work on: what one can do for all, another one does */
     bool writes;      /* the stream: one that leads */
     bool keeps_parts; /* for members that come later: what one does alone is a part as well */
     /* Of one that has the mesh, before the first stage: do those that led before have the same one, and options that
@@ -53,11 +54,11 @@ struct work_share {
     /* Waits until all parts are done. `status` is what this member's have come to, and *error why. *out_again: a member
      * has died, and take() gives what it has left. What one member fails with, all do. */
     enum tetlod_status (*settle)(void *opaque, enum tetlod_status status, bool *out_again, struct tetlod_error *error);
-    /* A part of a stage that is settled, or its first bytes, `enough` at least, until the stage ends; not for helpers,
-     * and not for two threads at once. What another member has done comes only now. The caller frees the block. */
+    /* A part of a stage that is settled, or its first bytes, `enough` at least, until the next one begins; not for
+     * helpers. The caller frees the block. */
     enum tetlod_status (*get)(void *opaque, uint32_t part, size_t enough, unsigned char **out, size_t *size,
                               struct tetlod_error *error);
-    /* The stage is over: its parts may go. A helper waits until the one that leads ends it, too. */
+    /* The stage is over: its parts may go. */
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);

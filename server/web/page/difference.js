@@ -41,6 +41,16 @@ export class Difference {
     return { ...state, volume: false, smooth: false, cells: '', refine: null, warp: '' };
   }
 
+  // What pictures are coloured by: others may be asked for already.
+  #stateOf({ field, component, formula }) {
+    const {
+      store: { state },
+      info,
+    } = this.#viewer;
+    if (!formula) return { ...state, formula: '', field, component };
+    return colouredOf(info, state).formula?.text === field ? state : { ...state, formula: field };
+  }
+
   // Of the other stream's index when it is here; a series is one a little later.
   async #steps(stream, signal) {
     if (!stream.info.time) throw new RangeError('the other stream has no steps in time');
@@ -110,7 +120,7 @@ export class Difference {
 
   async #make(pictures, ofSurface, at) {
     const { info } = this.#viewer;
-    const state = this.plain(this.#viewer.stateOf(pictures.shade)); // others may be asked for already
+    const state = this.plain(this.#stateOf(pictures.shade));
     const coloured = colouredOf(info, state);
     await this.#arrive(coloured.formula?.fields ?? [coloured.field.name], at);
     const quantity = this.#quantity(coloured);

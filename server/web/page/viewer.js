@@ -342,11 +342,7 @@ export class Viewer extends EventTarget {
 
   // What the picture is coloured by: until a field has come, the one before.
   get coloredState() {
-    return this.stateOf(this.shade);
-  }
-
-  stateOf(shade) {
-    const { state } = this.store;
+    const { store: { state }, shade } = this;
     const text = colouredOf(this.info, state).formula?.text ?? null;
     const here = state.cells ? shade?.cells && shade.field === state.cells
       : this.stream.fields.includes(state.field) && text === (shade?.formula ? shade.field : null);
