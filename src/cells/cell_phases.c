@@ -449,13 +449,11 @@ static enum tetlod_status share_root(struct cell_run *run, struct cell *root, co
 static enum tetlod_status pass_root(struct cell_run *run, struct cell *root)
 {
     const uint32_t order = 0;
-    run->root = true;
     enum tetlod_status status = cells_contract(run, &order, 1);
     if (status == TETLOD_OK)
         status = cells_bring_back(run, root, 0);
     cells_leave_store(run);
     cells_free(run);
-    run->root = false;
     return status;
 }
 
@@ -482,6 +480,7 @@ static enum tetlod_status contract_root(struct cell_run *run)
     }
     if (run->state.fresh)
         TETLOD_TRY(piece_own(&run->state, run->error));
+    run->root = true;
     enum tetlod_status status = contract_as_one(run, &root, &options);
     if (status == TETLOD_OK)
         status = take_components(run, log);
