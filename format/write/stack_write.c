@@ -641,7 +641,7 @@ static void keep_corners(const struct keeper *keeper, uint32_t tet)
     const struct page_lists *lists = &keeper->lists;
     const uint32_t *nodes = s->end.corners + 4 * (size_t)s->original_of[tet];
     uint32_t *to = s->begin.corners + 4 * (size_t)tet;
-    for (int c = 0; c < 4 && keeper->vertices; c++)
+    for (int c = 0; c < 4; c++)
         to[c] = keeper->vertices[tetlodi_page_part_number(&lists->end, &s->shares, nodes[s->places[tet] >> 2 * c & 3])];
 }
 
@@ -650,7 +650,8 @@ static void keep_tet(const struct keeper *keeper, uint32_t tet, uint32_t number)
     struct tetlodi_stacks *s = keeper->s;
     s->original_of[tet] = keeper->lists.end.tets[keeper->result->numbers[number]];
     s->places[tet] = keeper->result->places[number];
-    keep_corners(keeper, tet);
+    if (keeper->vertices)
+        keep_corners(keeper, tet);
 }
 
 /* A page's mesh at the end becomes part of the whole. */
@@ -667,7 +668,7 @@ static int keep_page(struct tetlodi_stacks *s, uint32_t page, bool more, const s
     for (uint32_t level = 0; room && level < s->level_count; level++)
         for (uint32_t i = 0; i < keeper.result->levels[level].vertices; i++, v++)
             keep_vertex(&keeper, arrivals->vertices[level * (size_t)s->page_count + page] + i, v);
-    for (uint32_t i = 0; room && i < begin->tet_count; i++)
+    for (uint32_t i = 0; keeper.vertices && i < begin->tet_count; i++)
         keep_corners(&keeper, begin->tets[i]);
     for (uint32_t level = 0; room && level < s->level_count; level++)
         for (uint32_t i = 0; i < keeper.result->levels[level].tets; i++, t++)

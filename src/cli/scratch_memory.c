@@ -167,17 +167,27 @@ static int open_single(void)
     return file;
 }
 
-/* Nothing is read ahead of what is written for the first time: the system would keep what it reads together, and look
- * at all of it again for each page that is touched. */
-static void bring_single(const struct region *region)
+/* From now on a touch brings in one page there, or those around it, too. Where it cannot be said more is read. */
+static void set_single(char *at, size_t size, bool single)
 {
-    struct uffdio_register pages = {{(uintptr_t)region->at, region->size}, UFFDIO_REGISTER_MODE_WP, 0};
+    struct uffdio_register pages = {{(uintptr_t)at, size}, UFFDIO_REGISTER_MODE_WP, 0};
+    if (memory.single >= 0 && single)
+        ioctl(memory.single, UFFDIO_REGISTER, &pages);
+    else if (memory.single >= 0)
+        ioctl(memory.single, UFFDIO_UNREGISTER, &pages.range);
+}
+
+/* Of a region that is new or another one. Nothing is read ahead of what is written for the first time: the system would
+ * keep what it reads together, and look at all of it again for each page that is touched. */
+static void bring_single(struct region *region)
+{
+    memset(region->turns, 0, sizeof region->turns);
+    memset(region->around, 0, sizeof region->around);
     if (region->file < 0)
         return;
     madvise(region->at, region->size, MADV_NOHUGEPAGE); // of files, too: a touch would bring in 2 MB
     madvise(region->at, region->size, MADV_RANDOM);
-    if (memory.single >= 0)
-        ioctl(memory.single, UFFDIO_REGISTER, &pages); // where it fails more is read
+    set_single(region->at, region->size, true);
 }
 
 static size_t whole_pages(size_t size)
@@ -217,16 +227,13 @@ static struct piece next_piece(void)
     return piece;
 }
 
-/* Does a touch of the piece bring in one page, or those around it as well? Where it cannot be said more is read. */
+/* Do the pages around come with one of the piece? */
 static void choose_around(const struct piece *piece, bool in_order)
 {
-    struct uffdio_register pages = {{(uintptr_t)piece->at, piece->size}, UFFDIO_REGISTER_MODE_WP, 0};
     uint8_t *around = &piece->region->around[piece->number], before = *around;
     *around = before ? before - 1 : in_order ? AROUND_TURNS : 0;
-    if (memory.single >= 0 && *around && !before)
-        ioctl(memory.single, UFFDIO_UNREGISTER, &pages.range);
-    else if (memory.single >= 0 && !*around && before)
-        ioctl(memory.single, UFFDIO_REGISTER, &pages);
+    if (!*around != !before)
+        set_single(piece->at, piece->size, !*around);
 }
 
 /* Takes pieces until what is resident is no more than that. What is written there stays in the file, and what may come
@@ -403,6 +410,12 @@ void scratch_memory_allow(uint64_t limit)
     unlock();
 }
 
+void scratch_memory_stay(void)
+{
+    atomic_store(&memory.stays, true);
+    spare_files_close();
+}
+
 enum tetlod_status scratch_memory_failure(struct tetlod_error *error)
 {
     if (!memory.failed)
@@ -527,12 +540,6 @@ static int new_file(size_t size, bool zeros)
         file = -1;
     }
     return file;
-}
-
-void scratch_memory_stay(void)
-{
-    atomic_store(&memory.stays, true);
-    spare_files_close();
 }
 
 /* A place in the table, and a share of the memory if there is one. */
@@ -683,8 +690,6 @@ static void *resize_region(struct region *region, size_t size)
         settle(&old, (int64_t)whole - (int64_t)old.size);
         region->at = at;
         region->size = whole;
-        memset(region->turns, 0, sizeof region->turns);
-        memset(region->around, 0, sizeof region->around);
         bring_single(region);
         spare_files_trim(spare_room());
     }

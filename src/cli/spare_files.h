@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Files of arrays that were freed (scratch_memory.c), for those that come: their pages are there already. Any thread may
- * call these, but for signal handlers. */
+/* Files of arrays that were freed (scratch_memory.c), for those that come: their pages are there already. Any thread
+ * may call these, but for signal handlers. */
 #ifndef TETLOD_SPARE_FILES_H
 #define TETLOD_SPARE_FILES_H
 
