@@ -120,18 +120,33 @@ static void receive_from(struct mpi_share *share, void *bytes, size_t size, int 
     wait_for(share, &request, SERVE_WAIT);
 }
 
-/* Have all ranks done well? */
-static bool agree(struct mpi_share *share, bool good)
+/* The largest of all ranks' numbers comes to all. */
+static void largest(struct mpi_share *share, const uint64_t *own, uint64_t *out, uint32_t count)
 {
-    int bad = !good, any = 0;
     MPI_Request request;
     pthread_mutex_lock(&share->lock);
-    MPI_Iallreduce(&bad, &any, 1, MPI_INT, MPI_MAX, share->comm, &request);
+    MPI_Iallreduce(own, out, (int)count, MPI_UINT64_T, MPI_MAX, share->comm, &request);
     pthread_mutex_unlock(&share->lock);
     wait_for(share, &request, LONGEST_WAIT);
+}
+
+/* Have all ranks done well? Then *io_word is the largest of theirs. */
+static bool agree_on(struct mpi_share *share, bool good, uint64_t *io_word)
+{
+    const uint64_t own[2] = {!good, *io_word};
+    uint64_t all[2];
+    largest(share, own, all, 2);
+    bool any = all[0] != 0;
     share->over |= any;
     share->told |= good && any;
+    *io_word = any ? *io_word : all[1];
     return !any;
+}
+
+static bool agree(struct mpi_share *share, bool good)
+{
+    uint64_t none = 0;
+    return agree_on(share, good, &none);
 }
 
 static enum tetlod_status other_failed(struct tetlod_error *error)
@@ -334,7 +349,7 @@ static bool list_results(struct mpi_share *share, uint64_t **out)
         }
     bool room = agree(share, own && *out);
     if (room)
-        MPI_Allreduce(own, *out, (int)(2 * share->parts), MPI_UINT64_T, MPI_MAX, share->comm);
+        largest(share, own, *out, 2 * share->parts);
     free(own);
     return room;
 }
@@ -433,14 +448,13 @@ static void end(void *opaque)
 /* What rank 0 says comes to all, if all have done well. */
 static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call)
 {
-    int word = (int)*io_call;
-    if (!agree(share, good))
+    uint64_t word = share->rank ? 0 : *io_call;
+    if (!agree_on(share, good, &word))
         return false;
-    MPI_Bcast(&word, 1, MPI_INT, 0, share->comm);
     share->ended = word == CALL_OVER;
     share->called = (enum work_call)word;
     share->hears = word == CALL_SAMPLES ? share->few : share->comm;
-    *io_call = share->hears == MPI_COMM_NULL ? CALL_IDLE : (enum work_call)word;
+    *io_call = share->hears == MPI_COMM_NULL ? CALL_IDLE : share->called;
     return true;
 }
 
