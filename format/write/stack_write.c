@@ -24,6 +24,11 @@ static enum tetlod_status wrong_page(struct tetlod_error *error)
                         "the sequence cannot be written: a contraction is in the wrong page");
 }
 
+static enum tetlod_status wrong_result(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_IO, "pages that another program has coded are not those that it was given");
+}
+
 /* ---- an input of some of the nodes */
 
 /* A column of so many nodes; NULL: out of memory. */
@@ -589,7 +594,11 @@ static enum tetlod_status code_levels(struct tetlodi_stacks *s, uint32_t level)
         return no_memory(s);
     TETLOD_TRY(set_end(s));
     const struct tetlodi_stack_work work = {s->page_count, cut, s, s->results};
-    return in->share(in->share_opaque, &work, s->error);
+    TETLOD_TRY(in->share(in->share_opaque, &work, s->error));
+    for (uint32_t page = 0; page < s->page_count; page++)
+        if (s->results[page].level_count != s->level_count || s->results[page].parts != 1 + in->field_count)
+            return wrong_result(s->error);
+    return TETLOD_OK;
 }
 
 /* ---- what they have come to */
@@ -615,24 +624,41 @@ static int count_arrivals(const struct tetlodi_stacks *s, struct arrivals *arriv
     return arrivals->vertices && arrivals->tets;
 }
 
-/* A page's vertices and tetrahedra as the levels that follow ask for them. */
+/* A page's vertices and tetrahedra as the levels that follow ask for them. Another program may have coded it: what does
+ * not fit is refused. */
 struct keeper {
     struct tetlodi_stacks *s;
     const struct tetlodi_stack_result *result;
     struct page_lists lists;
-    uint32_t *vertices; /* [vertex of the stack] in order of arrival; NULL: no levels in pages follow */
+    uint32_t *vertices; /* [vertex of the stack] in order of arrival; TETLOD_NONE: it has not come */
+    bool more;          /* levels in pages follow */
 };
 
-static void keep_vertex(const struct keeper *keeper, uint32_t vertex, uint32_t number)
+static bool sizes_fit(const struct keeper *keeper)
+{
+    const struct tetlodi_stack_result *result = keeper->result;
+    const struct page_lists *lists = &keeper->lists;
+    uint64_t vertices = lists->begin.listed_count, tets = lists->begin.tet_count;
+    for (uint32_t level = 0; level < keeper->s->level_count; level++) {
+        vertices += result->levels[level].vertices;
+        tets += result->levels[level].tets;
+    }
+    return vertices == lists->leaf_count && vertices == result->vertices && tets == lists->end.tet_count &&
+           result->tets == tets - lists->begin.tet_count;
+}
+
+static bool keep_vertex(const struct keeper *keeper, uint32_t vertex, uint32_t number)
 {
     struct tetlodi_stacks *s = keeper->s;
-    uint32_t leaf = keeper->result->nodes[number], node = keeper->lists.leaves[leaf];
-    s->node_at[vertex] = node;
-    s->leaves[vertex] = keeper->result->leaves[number];
-    if (!keeper->vertices)
-        return;
+    uint32_t leaf = keeper->result->nodes[number];
+    if (leaf >= keeper->lists.leaf_count || keeper->vertices[leaf] != TETLOD_NONE)
+        return false;
     keeper->vertices[leaf] = vertex;
-    place_node(s, &s->begin, vertex, node);
+    s->node_at[vertex] = keeper->lists.leaves[leaf];
+    s->leaves[vertex] = keeper->result->leaves[number];
+    if (keeper->more)
+        place_node(s, &s->begin, vertex, s->node_at[vertex]);
+    return true;
 }
 
 static void keep_corners(const struct keeper *keeper, uint32_t tet)
@@ -645,37 +671,56 @@ static void keep_corners(const struct keeper *keeper, uint32_t tet)
         to[c] = keeper->vertices[tetlodi_page_part_number(&lists->end, &s->shares, nodes[s->places[tet] >> 2 * c & 3])];
 }
 
-static void keep_tet(const struct keeper *keeper, uint32_t tet, uint32_t number)
+static bool keep_tet(const struct keeper *keeper, uint32_t tet, uint32_t number)
 {
     struct tetlodi_stacks *s = keeper->s;
-    s->original_of[tet] = keeper->lists.end.tets[keeper->result->numbers[number]];
+    uint32_t original = keeper->result->numbers[number];
+    if (original >= keeper->lists.end.tet_count)
+        return false;
+    s->original_of[tet] = keeper->lists.end.tets[original];
     s->places[tet] = keeper->result->places[number];
-    if (keeper->vertices)
+    if (keeper->more)
         keep_corners(keeper, tet);
+    return true;
 }
 
-/* A page's mesh at the end becomes part of the whole. */
-static int keep_page(struct tetlodi_stacks *s, uint32_t page, bool more, const struct arrivals *arrivals)
+/* The page's mesh at the end becomes part of the whole. False: it is not what the page has come to. */
+static bool keep_all(const struct keeper *keeper, const struct arrivals *arrivals)
 {
-    struct keeper keeper = {.s = s, .result = &s->results[page]};
-    int room = list_page(s, page, &keeper.lists);
-    const struct tetlodi_page_part *begin = &keeper.lists.begin;
+    const struct tetlodi_stacks *s = keeper->s;
+    const struct tetlodi_page_part *begin = &keeper->lists.begin;
+    const size_t pages = s->page_count;
+    bool good = sizes_fit(keeper);
     uint32_t v = 0, t = 0;
-    keeper.vertices = room && more ? malloc((keeper.lists.leaf_count + (size_t)1) * sizeof *keeper.vertices) : NULL;
-    room = room && (keeper.vertices || !more);
-    for (; room && v < begin->listed_count; v++)
-        keep_vertex(&keeper, begin->listed[v], v);
-    for (uint32_t level = 0; room && level < s->level_count; level++)
-        for (uint32_t i = 0; i < keeper.result->levels[level].vertices; i++, v++)
-            keep_vertex(&keeper, arrivals->vertices[level * (size_t)s->page_count + page] + i, v);
-    for (uint32_t i = 0; keeper.vertices && i < begin->tet_count; i++)
-        keep_corners(&keeper, begin->tets[i]);
-    for (uint32_t level = 0; room && level < s->level_count; level++)
-        for (uint32_t i = 0; i < keeper.result->levels[level].tets; i++, t++)
-            keep_tet(&keeper, arrivals->tets[level * (size_t)s->page_count + page] + i, t);
+    for (; good && v < begin->listed_count; v++)
+        good = keep_vertex(keeper, begin->listed[v], v);
+    for (uint32_t level = 0; level < s->level_count; level++)
+        for (uint32_t i = 0; good && i < keeper->result->levels[level].vertices; i++, v++)
+            good = keep_vertex(keeper, arrivals->vertices[level * pages + keeper->lists.page] + i, v);
+    for (uint32_t i = 0; good && keeper->more && i < begin->tet_count; i++)
+        keep_corners(keeper, begin->tets[i]);
+    for (uint32_t level = 0; level < s->level_count; level++)
+        for (uint32_t i = 0; good && i < keeper->result->levels[level].tets; i++, t++)
+            good = keep_tet(keeper, arrivals->tets[level * pages + keeper->lists.page] + i, t);
+    return good;
+}
+
+static enum tetlod_status keep_page(struct tetlodi_stacks *s, uint32_t page, bool more,
+                                    const struct arrivals *arrivals)
+{
+    struct keeper keeper = {.s = s, .result = &s->results[page], .more = more};
+    enum tetlod_status status = no_memory(s);
+    if (list_page(s, page, &keeper.lists)) {
+        size_t size = (keeper.lists.leaf_count + (size_t)1) * sizeof *keeper.vertices;
+        keeper.vertices = malloc(size);
+        if (keeper.vertices) {
+            memset(keeper.vertices, 0xff, size); // TETLOD_NONE
+            status = keep_all(&keeper, arrivals) ? TETLOD_OK : wrong_result(s->error);
+        }
+    }
     free(keeper.vertices);
     free_lists(&keeper.lists);
-    return room;
+    return status;
 }
 
 /* Room for the mesh that the levels which follow begin with. Page by page it takes the place of the one before. */
@@ -692,12 +737,16 @@ static enum tetlod_status keep_mesh(struct tetlodi_stacks *s)
     struct arrivals arrivals;
     const struct tetlodi_write_input *in = s->whole.in;
     const bool more = s->first_level + s->level_count < root_level_count(in) + in->group_count;
-    int room = count_arrivals(s, &arrivals) && (!more || grow_begin(s));
-    for (uint32_t page = 0; page < s->page_count && room; page++)
-        room = keep_page(s, page, more, &arrivals);
+    enum tetlod_status status = TETLOD_OK;
+    if (s->vertices > in->vertices || s->tets > in->tets)
+        return wrong_result(s->error);
+    if (!count_arrivals(s, &arrivals) || (more && !grow_begin(s)))
+        status = no_memory(s);
+    for (uint32_t page = 0; page < s->page_count && status == TETLOD_OK; page++)
+        status = keep_page(s, page, more, &arrivals);
     free(arrivals.vertices);
     free(arrivals.tets);
-    return room ? TETLOD_OK : no_memory(s);
+    return status;
 }
 
 /* Tetrahedra of all pages before the level. */

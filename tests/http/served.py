@@ -185,6 +185,14 @@ def eventually(condition):
         time.sleep(0.02)
 
 
+def open_files(process):
+    """What each of its file descriptors is of, but for those that are closed meanwhile."""
+    folder = '/proc/%d/fd' % process
+    for fd in os.listdir(folder):
+        with contextlib.suppress(FileNotFoundError):
+            yield int(fd), os.readlink(os.path.join(folder, fd))
+
+
 def answers(received):
     """Status, headers and body of the answers that a client would find in these bytes. The body of every refusal is
     checked."""

@@ -13,7 +13,7 @@ import threading
 import time
 import urllib.parse
 
-from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, run
+from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, open_files, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 PATHS = ('/', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/prefix?level=0', '/nothing', '/metrics')
@@ -99,9 +99,7 @@ def write_token(name, secret):
 
 def listening(server):
     """The ports that a server listens on, beside the first."""
-    inodes = {os.readlink('/proc/%d/fd/%s' % (server.process.pid,
-                                              fd))[8:-1] for fd in os.listdir('/proc/%d/fd' % server.process.pid)
-              if os.path.lexists('/proc/%d/fd/%s' % (server.process.pid, fd))}
+    inodes = {what[len('socket:['):-1] for _, what in open_files(server.process.pid)}
     with open('/proc/net/tcp') as table:
         rows = [line.split() for line in table][1:]
     ports = [int(row[1].split(':')[1], 16) for row in rows if row[3] == '0A' and row[9] in inodes]

@@ -25,7 +25,7 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
-from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, run
+from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, open_files, run
 from tap import SANITIZED
 
 FOLDER = os.path.join(SCRATCH, 'streams')
@@ -808,10 +808,9 @@ def test_overload():
 def test_writes_nothing():
     """No file is open for writing, but what it was given for its messages; streams are open for reading."""
     process, streams = server.process.pid, 0
-    for fd in os.listdir('/proc/%d/fd' % process):
-        path = os.readlink('/proc/%d/fd/%s' % (process, fd))
-        if path.startswith('/') and int(fd) > 2:
-            with open('/proc/%d/fdinfo/%s' % (process, fd)) as about:
+    for fd, path in open_files(process):
+        if path.startswith('/') and fd > 2:
+            with open('/proc/%d/fdinfo/%d' % (process, fd)) as about:
                 assert int(re.search(r'flags:\s*([0-7]+)', about.read())[1], 8) & 3 == os.O_RDONLY, path
             streams += path.endswith('.tetlod')
     assert streams == 2
