@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/write/stack_nodes.h"
 #include "format/write/write_check.h"
 
 static enum tetlod_status no_memory(const struct tetlodi_stacks *s)
@@ -27,73 +28,6 @@ static enum tetlod_status wrong_page(struct tetlod_error *error)
 static enum tetlod_status wrong_result(struct tetlod_error *error)
 {
     return tetlodi_fail(error, TETLOD_ERR_IO, "pages that another program has coded are not those that it was given");
-}
-
-/* ---- an input of some of the nodes */
-
-/* A column of so many nodes; NULL: out of memory. */
-static double *numbers_of(const struct tetlodi_record_writer *whole, uint32_t column, const uint32_t *nodes,
-                          uint32_t count)
-{
-    const struct tetlodi_column *about = &whole->replay->columns[column];
-    size_t n = about->components;
-    double *out = malloc((count * n + 1) * sizeof *out);
-    for (size_t i = 0; i < count && out; i++)
-        for (size_t k = 0; k < n; k++)
-            out[i * n + k] = tetlodi_node_is_rounded(whole, column, nodes[i])
-                                 ? scale_value(&about->scale, 0, tetlodi_node_code(whole, column, nodes[i], k))
-                                 : tetlodi_node_value(whole, column, nodes[i], k);
-    return out;
-}
-
-static bool copy_fields(const struct tetlodi_record_writer *whole, struct tetlodi_page_stack *out,
-                        const uint32_t *leaves, const uint32_t *contracted)
-{
-    const struct tetlodi_write_input *in = whole->in;
-    out->in.fields = out->fields = calloc(in->field_count + (size_t)1, sizeof *out->fields);
-    bool good = out->fields;
-    for (uint32_t f = 0; f < in->field_count && good; f++) {
-        const struct tetlodi_write_field *from = &in->fields[f];
-        out->fields[f] = (struct tetlodi_write_field){.components = from->components,
-                                                      .type = from->type,
-                                                      .was_float64 = from->was_float64,
-                                                      .values = numbers_of(whole, 1 + f, leaves, out->in.vertices),
-                                                      .node_values = numbers_of(whole, 1 + f, contracted,
-                                                                                out->in.contractions),
-                                                      .bits = from->bits,
-                                                      .origin = from->origin,
-                                                      .step = from->step,
-                                                      .most = from->most};
-        good = out->fields[f].values && out->fields[f].node_values;
-    }
-    return good;
-}
-
-/* The input of these vertices, which are nodes of the whole, and of nodes that contractions make. Corners and children
- * are to be filled in. */
-static bool copy_nodes(const struct tetlodi_record_writer *whole, struct tetlodi_page_stack *out,
-                       const uint32_t *leaves, const uint32_t *contracted, uint32_t **out_corners,
-                       uint32_t **out_children)
-{
-    const struct tetlodi_write_input *in = whole->in;
-    uint8_t *later = malloc(out->in.vertices + (size_t)1);
-    *out_corners = malloc((4 * (size_t)out->in.tets + 1) * sizeof **out_corners);
-    *out_children = malloc((4 * (size_t)out->in.contractions + 1) * sizeof **out_children);
-    for (uint32_t v = 0; v < out->in.vertices && later; v++)
-        later[v] = leaves[v] >= in->vertices;
-    out->in.position_type = in->position_type;
-    out->in.positions_were_float64 = in->positions_were_float64;
-    out->in.position_bits = in->position_bits;
-    memcpy(out->in.position_origin, in->position_origin, sizeof in->position_origin);
-    memcpy(out->in.position_step, in->position_step, sizeof in->position_step);
-    out->in.positions = numbers_of(whole, 0, leaves, out->in.vertices);
-    out->in.node_positions = numbers_of(whole, 0, contracted, out->in.contractions);
-    out->in.corners = *out_corners;
-    out->in.children = *out_children;
-    out->in.later = later;
-    out->in.field_count = in->field_count;
-    return copy_fields(whole, out, leaves, contracted) && later && *out_corners && *out_children &&
-           out->in.positions && out->in.node_positions;
 }
 
 /* ---- the root */
@@ -158,7 +92,8 @@ static enum tetlod_status fill_root(struct tetlodi_stacks *s, uint32_t contracti
         s->place[first + c] = root->vertices + c;
         contracted[c] = first + c;
     }
-    bool good = contracted && copy_nodes(&s->whole, &s->root, s->root_nodes, contracted, &corners, &children);
+    bool good = contracted && tetlodi_stack_copy_nodes(&s->whole, &s->root, s->root_nodes, contracted, &corners,
+                                                       &children);
     free(contracted);
     if (!good)
         return no_memory(s);
@@ -213,6 +148,10 @@ static void end_levels(struct tetlodi_stacks *s)
 {
     tetlodi_page_shares_fini(&s->shares);
     free_mesh(s, 1);
+    free(s->at_end);
+    free(s->original_at_end);
+    s->at_end = NULL;
+    s->original_at_end = NULL;
     for (uint32_t page = 0; page < s->page_count && s->results; page++)
         tetlodi_stack_result_fini(&s->results[page]);
     for (uint32_t i = 0; i < 2 * s->page_count && s->seams; i++)
@@ -373,6 +312,17 @@ static uint32_t number_of(const struct tetlodi_stacks *s, const struct page_list
 
 /* ---- a stack */
 
+/* Of a tetrahedron of the input; TETLOD_NONE: it is not there at the end. */
+static uint32_t number_at_end(const struct tetlodi_stacks *s, uint32_t original)
+{
+    const struct tetlodi_at_end *word = s->at_end + original / 64;
+    if (!s->at_end)
+        return original;
+    uint64_t below = ((uint64_t)1 << original % 64) - 1;
+    return word->there >> original % 64 & 1 ? word->before + (uint32_t)__builtin_popcountll(word->there & below)
+                                            : TETLOD_NONE;
+}
+
 /* The mesh at the begin in numbers of the stack. False: it is not all of this page. */
 static bool fill_begin(const struct tetlodi_stacks *s, const struct page_lists *lists, struct tetlodi_page_stack *out)
 {
@@ -388,10 +338,10 @@ static bool fill_begin(const struct tetlodi_stacks *s, const struct page_lists *
     for (uint32_t t = 0; t < lists->end.tet_count; t++)
         places[lists->end.tets[t]] = t;
     for (uint32_t t = 0; t < out->tets; t++) {
-        uint32_t tet = lists->begin.tets[t], original = s->original_of[tet];
-        out->numbers[t] = places[original];
+        uint32_t tet = lists->begin.tets[t], at_end = number_at_end(s, s->original_of[tet]);
+        out->numbers[t] = at_end == TETLOD_NONE ? TETLOD_NONE : places[at_end];
         out->places[t] = s->places[tet];
-        good &= out->numbers[t] < lists->end.tet_count && lists->end.tets[out->numbers[t]] == original;
+        good &= out->numbers[t] < lists->end.tet_count && lists->end.tets[out->numbers[t]] == at_end;
     }
     return good;
 }
@@ -461,7 +411,7 @@ static enum tetlod_status cut(void *opaque, uint32_t page, struct tetlodi_page_s
     out->in.contractions = lists.contracted_count;
     out->vertices = lists.begin.listed_count;
     out->tets = lists.begin.tet_count;
-    room = room && copy_nodes(&s->whole, out, lists.leaves, lists.contracted, &corners, &children) &&
+    room = room && tetlodi_stack_copy_nodes(&s->whole, out, lists.leaves, lists.contracted, &corners, &children) &&
            allocate_begin(out);
     if (!room)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a page", (uint64_t)lists.end.tet_count * 64));
@@ -523,53 +473,115 @@ static enum tetlod_status set_begin(struct tetlodi_stacks *s)
     return TETLOD_OK;
 }
 
-enum { TETS_A_TASK = 1 << 14 };
+enum { TETS_A_TASK = 1 << 14 }; /* of whole words of bits */
 
+static uint32_t task_end(uint32_t task, uint32_t tets)
+{
+    uint32_t begin = task * (uint32_t)TETS_A_TASK;
+    return tets - begin < TETS_A_TASK ? tets : begin + TETS_A_TASK;
+}
+
+static void do_all(const struct tetlodi_stacks *s, tetlodi_task *task)
+{
+    tetlodi_helpers_start(s->helpers, task, (void *)(uintptr_t)s, (s->whole.in->tets + TETS_A_TASK - 1) / TETS_A_TASK);
+    tetlodi_helpers_wait(s->helpers);
+}
+
+/* The finest level's tetrahedra are the input's. */
 static int find_pages(void *opaque, uint32_t task)
 {
     const struct tetlodi_stacks *s = opaque;
     struct tetlodi_page_finder finder = tetlodi_page_finder(group_of(s, 0)->tree);
-    uint32_t begin = task * (uint32_t)TETS_A_TASK, left = s->end.tets - begin, corners[4];
-    for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++) {
-        bool there = heirs_of(s, t, corners);
-        if (s->end.corners_capacity) // else they are the input's
-            memcpy(s->end.corners + 4 * (size_t)t, corners, sizeof corners);
+    for (uint32_t t = task * (uint32_t)TETS_A_TASK, end = task_end(task, s->end.tets); t < end; t++)
         s->shares.page_of[t] =
-            there ? tetlodi_page_at_corners(&finder, s->end.columns[0].values, corners) : NOT_THERE;
+            tetlodi_page_at_corners(&finder, s->end.columns[0].values, s->end.corners + 4 * (size_t)t);
+    return 1;
+}
+
+static int find_there(void *opaque, uint32_t task)
+{
+    const struct tetlodi_stacks *s = opaque;
+    uint32_t corners[4], end = task_end(task, s->whole.in->tets);
+    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++)
+        s->at_end[t / 64].there |= (uint64_t)heirs_of(s, t, corners) << t % 64;
+    return 1;
+}
+
+/* Corners and pages of those that are there. */
+static int fill_pages(void *opaque, uint32_t task)
+{
+    const struct tetlodi_stacks *s = opaque;
+    struct tetlodi_page_finder finder = tetlodi_page_finder(group_of(s, 0)->tree);
+    const uint32_t end = task_end(task, s->whole.in->tets);
+    uint32_t number = s->at_end[task * (uint32_t)TETS_A_TASK / 64].before;
+    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++) {
+        uint32_t *corners = s->end.corners + 4 * (size_t)number;
+        if (!(s->at_end[t / 64].there >> t % 64 & 1))
+            continue;
+        heirs_of(s, t, corners);
+        s->original_at_end[number] = t;
+        s->shares.page_of[number++] = tetlodi_page_at_corners(&finder, s->end.columns[0].values, corners);
     }
     return 1;
 }
 
-/* Of the finest level the input has them. */
-static enum tetlod_status make_end(struct tetlodi_stacks *s, bool finest)
+/* Of a coarser level than the finest. */
+static enum tetlod_status make_end(struct tetlodi_stacks *s)
 {
-    const struct tetlodi_write_input *in = s->whole.in;
-    if (finest) {
-        s->end.corners = (uint32_t *)(uintptr_t)in->corners; // read only, where they are not made here
-        s->positions[1].values = (double *)(uintptr_t)in->positions;
-        return TETLOD_OK;
+    const size_t words = s->whole.in->tets / 64 + (size_t)1;
+    uint32_t count = 0;
+    s->at_end = calloc(words, sizeof *s->at_end);
+    if (!s->at_end)
+        return no_memory(s);
+    do_all(s, find_there);
+    for (size_t w = 0; w < words; w++) {
+        s->at_end[w].before = count;
+        count += (uint32_t)__builtin_popcountll(s->at_end[w].there);
     }
-    if (!mesh_room(s, &s->end, &s->positions[1]))
+    s->end.tets = count;
+    s->original_at_end = malloc((count + (size_t)1) * sizeof *s->original_at_end);
+    if (!s->original_at_end || !mesh_room(s, &s->end, &s->positions[1]))
         return no_memory(s);
     for (uint32_t node = 0; node < s->end.vertices; node++)
         place_node(s, &s->end, node, node);
     return TETLOD_OK;
 }
 
-/* The mesh at the end, as the input numbers it. */
+/* The mesh at the end: vertices are nodes, and tetrahedra are in the input's order. */
 static enum tetlod_status set_end(struct tetlodi_stacks *s)
 {
     const struct tetlodi_write_input *in = s->whole.in;
     const uint32_t contractions = in->levels[s->first_level + s->level_count - 1].contractions;
     set_counts(s, 1, in->vertices + contractions, in->tets);
-    TETLOD_TRY(make_end(s, !contractions));
+    find_heirs(s, contractions);
+    if (contractions) {
+        TETLOD_TRY(make_end(s));
+    } else {
+        s->end.corners = (uint32_t *)(uintptr_t)in->corners; // read only, where they are not made here
+        s->positions[1].values = (double *)(uintptr_t)in->positions;
+    }
     if (!tetlodi_page_shares_init(&s->shares, &s->end, s->page_count))
         return no_memory(s);
-    find_heirs(s, contractions);
-    tetlodi_helpers_start(s->helpers, find_pages, s, (in->tets + TETS_A_TASK - 1) / TETS_A_TASK);
-    tetlodi_helpers_wait(s->helpers);
+    do_all(s, contractions ? fill_pages : find_pages);
     tetlodi_page_shares_sort(&s->shares, s->helpers);
     return TETLOD_OK;
+}
+
+/* Another program may have coded the pages: are there as many levels, parts, vertices and tetrahedra as can be? */
+static bool sizes_fit(const struct tetlodi_stacks *s)
+{
+    const struct tetlodi_write_input *in = s->whole.in;
+    uint64_t vertices = s->vertices, tets = s->tets;
+    for (uint32_t page = 0; page < s->page_count; page++) {
+        const struct tetlodi_stack_result *result = &s->results[page];
+        if (result->level_count != s->level_count || result->parts != 1 + in->field_count)
+            return false;
+        for (uint32_t level = 0; level < s->level_count; level++) {
+            vertices += result->levels[level].vertices;
+            tets += result->levels[level].tets;
+        }
+    }
+    return vertices <= in->vertices && tets <= in->tets;
 }
 
 /* Has the stacks of the levels coded that begin with this one. */
@@ -595,10 +607,7 @@ static enum tetlod_status code_levels(struct tetlodi_stacks *s, uint32_t level)
     TETLOD_TRY(set_end(s));
     const struct tetlodi_stack_work work = {s->page_count, cut, s, s->results};
     TETLOD_TRY(in->share(in->share_opaque, &work, s->error));
-    for (uint32_t page = 0; page < s->page_count; page++)
-        if (s->results[page].level_count != s->level_count || s->results[page].parts != 1 + in->field_count)
-            return wrong_result(s->error);
-    return TETLOD_OK;
+    return sizes_fit(s) ? TETLOD_OK : wrong_result(s->error);
 }
 
 /* ---- what they have come to */
@@ -624,8 +633,7 @@ static int count_arrivals(const struct tetlodi_stacks *s, struct arrivals *arriv
     return arrivals->vertices && arrivals->tets;
 }
 
-/* A page's vertices and tetrahedra as the levels that follow ask for them. Another program may have coded it: what does
- * not fit is refused. */
+/* A page's vertices and tetrahedra as the levels that follow ask for them; what does not fit is refused. */
 struct keeper {
     struct tetlodi_stacks *s;
     const struct tetlodi_stack_result *result;
@@ -634,7 +642,7 @@ struct keeper {
     bool more;          /* levels in pages follow */
 };
 
-static bool sizes_fit(const struct keeper *keeper)
+static bool page_fits(const struct keeper *keeper)
 {
     const struct tetlodi_stack_result *result = keeper->result;
     const struct page_lists *lists = &keeper->lists;
@@ -661,11 +669,11 @@ static bool keep_vertex(const struct keeper *keeper, uint32_t vertex, uint32_t n
     return true;
 }
 
-static void keep_corners(const struct keeper *keeper, uint32_t tet)
+static void keep_corners(const struct keeper *keeper, uint32_t tet, uint32_t at_end)
 {
     const struct tetlodi_stacks *s = keeper->s;
     const struct page_lists *lists = &keeper->lists;
-    const uint32_t *nodes = s->end.corners + 4 * (size_t)s->original_of[tet];
+    const uint32_t *nodes = s->end.corners + 4 * (size_t)at_end;
     uint32_t *to = s->begin.corners + 4 * (size_t)tet;
     for (int c = 0; c < 4; c++)
         to[c] = keeper->vertices[tetlodi_page_part_number(&lists->end, &s->shares, nodes[s->places[tet] >> 2 * c & 3])];
@@ -674,13 +682,14 @@ static void keep_corners(const struct keeper *keeper, uint32_t tet)
 static bool keep_tet(const struct keeper *keeper, uint32_t tet, uint32_t number)
 {
     struct tetlodi_stacks *s = keeper->s;
-    uint32_t original = keeper->result->numbers[number];
-    if (original >= keeper->lists.end.tet_count)
+    uint32_t at_end = keeper->result->numbers[number];
+    if (at_end >= keeper->lists.end.tet_count)
         return false;
-    s->original_of[tet] = keeper->lists.end.tets[original];
+    at_end = keeper->lists.end.tets[at_end];
+    s->original_of[tet] = s->original_at_end ? s->original_at_end[at_end] : at_end;
     s->places[tet] = keeper->result->places[number];
     if (keeper->more)
-        keep_corners(keeper, tet);
+        keep_corners(keeper, tet, at_end);
     return true;
 }
 
@@ -690,7 +699,7 @@ static bool keep_all(const struct keeper *keeper, const struct arrivals *arrival
     const struct tetlodi_stacks *s = keeper->s;
     const struct tetlodi_page_part *begin = &keeper->lists.begin;
     const size_t pages = s->page_count;
-    bool good = sizes_fit(keeper);
+    bool good = page_fits(keeper);
     uint32_t v = 0, t = 0;
     for (; good && v < begin->listed_count; v++)
         good = keep_vertex(keeper, begin->listed[v], v);
@@ -698,7 +707,7 @@ static bool keep_all(const struct keeper *keeper, const struct arrivals *arrival
         for (uint32_t i = 0; good && i < keeper->result->levels[level].vertices; i++, v++)
             good = keep_vertex(keeper, arrivals->vertices[level * pages + keeper->lists.page] + i, v);
     for (uint32_t i = 0; good && keeper->more && i < begin->tet_count; i++)
-        keep_corners(keeper, begin->tets[i]);
+        keep_corners(keeper, begin->tets[i], number_at_end(s, s->original_of[begin->tets[i]]));
     for (uint32_t level = 0; level < s->level_count; level++)
         for (uint32_t i = 0; good && i < keeper->result->levels[level].tets; i++, t++)
             good = keep_tet(keeper, arrivals->tets[level * pages + keeper->lists.page] + i, t);
@@ -738,8 +747,6 @@ static enum tetlod_status keep_mesh(struct tetlodi_stacks *s)
     const struct tetlodi_write_input *in = s->whole.in;
     const bool more = s->first_level + s->level_count < root_level_count(in) + in->group_count;
     enum tetlod_status status = TETLOD_OK;
-    if (s->vertices > in->vertices || s->tets > in->tets)
-        return wrong_result(s->error);
     if (!count_arrivals(s, &arrivals) || (more && !grow_begin(s)))
         status = no_memory(s);
     for (uint32_t page = 0; page < s->page_count && status == TETLOD_OK; page++)

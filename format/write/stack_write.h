@@ -13,6 +13,12 @@ struct tetlodi_page_seams {
     uint32_t *vertices, count;
 };
 
+/* Which of 64 tetrahedra of the input are there at the end, and how many of those before. */
+struct tetlodi_at_end {
+    uint64_t there;
+    uint32_t before;
+};
+
 struct tetlodi_stacks {
     struct tetlodi_record_writer whole; /* numbers of nodes of the whole stream: its input and its columns, borrowed */
     struct tetlodi_page_writer *pages;  /* borrowed, as all up to slowest */
@@ -32,6 +38,8 @@ struct tetlodi_stacks {
     struct tetlodi_column positions[2]; /* of the two that follow */
     struct tetlodi_replay begin, end;   /* the mesh at the levels' begin; at their end, of which vertices are nodes */
     struct tetlodi_page_shares shares;  /* of the end */
+    struct tetlodi_at_end *at_end;      /* [tets of the input / 64 + 1]; NULL: all are there, as at the finest level */
+    uint32_t *original_at_end;          /* [tetrahedron at the end] of the input; NULL as well */
     uint32_t first_level, level_count, taken; /* levels that are coded; of these */
     struct tetlodi_stack_result *results;     /* [page] */
     struct tetlodi_page_seams (*seams)[2];    /* [page] of one that was cut, at the begin and at the end */

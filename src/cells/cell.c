@@ -172,8 +172,17 @@ static void visit_head(struct visit *visit, struct cell *cell, const struct coun
         visit_marks(visit, &cell->logs[stage], counts, stage);
 }
 
+/* Are arrays as long as the logs say? */
+static bool counts_fit(const struct counts *counts)
+{
+    return counts->vertices == counts->log_vertices[counts->has_nodes ? CELL_CATCH_UP : CELL_GO_ON] &&
+           (!counts->has_nodes || counts->nodes == counts->log_vertices[CELL_GO_ON]);
+}
+
 static void visit_cell(struct visit *visit, struct cell *cell, const struct counts *counts)
 {
+    if (!visit->out && !counts_fit(counts))
+        visit->status = TETLOD_ERR_IO;
     visit_head(visit, cell, counts);
     visit_piece(visit, &cell->piece);
     VISIT(visit, cell->piece.nodes, cell->piece.mesh.vertex_count, 1);
@@ -273,4 +282,54 @@ enum tetlod_status cell_unpack_start(struct cell *out, const struct piece *like,
                                      size_t size, struct tetlod_error *error)
 {
     return unpack(out, like, &(struct visit){.from = {bytes, size}}, visit_start, error);
+}
+
+/* ---- numbers */
+
+static bool all_below(const uint32_t *numbers, size_t count, uint64_t end)
+{
+    bool good = true;
+    for (size_t i = 0; i < count; i++)
+        good &= numbers[i] < end;
+    return good;
+}
+
+static uint64_t node_count(const struct contraction_log *log)
+{
+    return log->vertex_count + (uint64_t)log->count;
+}
+
+static bool log_fits(const struct contraction_log *log)
+{
+    bool good = log->count <= log->vertex_count;
+    for (uint32_t m = 0; m < log->mark_count; m++)
+        good &= log->marks[m].contractions >= (m ? log->marks[m - 1].contractions : 0) &&
+                log->marks[m].contractions <= log->count;
+    for (size_t i = 0; i < 4 * (size_t)log->count && good; i++)
+        good = log->children[i] == TETLOD_NONE || log->children[i] < log->vertex_count + i / 4;
+    return good;
+}
+
+static bool piece_fits(const struct cell *cell)
+{
+    const struct tetmesh *mesh = &cell->piece.mesh;
+    const struct contraction_log *log = &cell->logs[CELL_GO_ON];
+    bool good = all_below(cell->piece.nodes, mesh->vertex_count, node_count(log)) &&
+                all_below(mesh->corners, 4 * (size_t)mesh->tet_count, mesh->vertex_count);
+    for (uint32_t v = 0; v < mesh->vertex_count && good; v++)
+        if (cell->piece.frozen[v]) // it is in no contraction
+            good = cell->piece.nodes[v] < log->vertex_count &&
+                   (!cell->nodes || cell->nodes[cell->piece.nodes[v]] < cell->logs[CELL_CATCH_UP].vertex_count);
+    return good;
+}
+
+bool cell_fits(const struct cell *cell, uint32_t vertices)
+{
+    const struct contraction_log *first = &cell->logs[cell->nodes ? CELL_CATCH_UP : CELL_GO_ON];
+    return log_fits(&cell->logs[CELL_CATCH_UP]) && log_fits(&cell->logs[CELL_GO_ON]) &&
+           (cell->vertices ? all_below(cell->vertices, first->vertex_count, vertices)
+                           : first->vertex_count == vertices) &&
+           (!cell->nodes || all_below(cell->nodes, cell->logs[CELL_GO_ON].vertex_count,
+                                      node_count(&cell->logs[CELL_CATCH_UP]))) &&
+           cell->piece.mesh.vertex_count <= vertices && piece_fits(cell);
 }

@@ -44,4 +44,8 @@ TETLOD_CHECKED enum tetlod_status cell_unpack(struct cell *out, const struct pie
 TETLOD_CHECKED enum tetlod_status cell_unpack_head(struct cell *out, const unsigned char *bytes, size_t size,
                                                    struct tetlod_error *error);
 
+/* Does each of its numbers refer to what is there, in a cell of a mesh of so many vertices? One that has been unpacked
+ * may be forged. */
+bool cell_fits(const struct cell *cell, uint32_t vertices);
+
 #endif

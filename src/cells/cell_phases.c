@@ -232,6 +232,10 @@ static enum tetlod_status append_stage(struct cell_run *run, enum cell_stage sta
     for (uint32_t i = 0; i < run->cell_count; i++) {
         struct cell *cell = &run->cells[i];
         const struct contraction_log *from = &cell->logs[stage];
+        if (from->count > log->vertex_count - log->count) {
+            free(ends);
+            return cells_check(run, false);
+        }
         cell->firsts[stage] = log_extend(log, from->count);
         add_refusals(run, from);
         raise_state(&run->state.state, from);
@@ -258,13 +262,15 @@ static uint32_t vertex_of(const struct cell *cell, uint32_t node)
 }
 
 /* Joins the vertices of a cell: those at seams once. numbers[vertex of the piece] are set, joined[vertex of the state]
- * known. */
-static void join_vertices(struct cell_run *run, const struct cell *cell, struct piece *out, uint32_t *joined,
+ * known. False: they are more than there is room for. */
+static bool join_vertices(struct cell_run *run, const struct cell *cell, struct piece *out, uint32_t *joined,
                           uint32_t *numbers, uint32_t *io_count, uint32_t *nodes, uint8_t *was_seam)
 {
     for (uint32_t v = 0; v < cell->piece.mesh.vertex_count; v++) {
         uint32_t frozen = cell->piece.frozen[v],
                  *known = frozen ? &joined[vertex_of(cell, cell->piece.nodes[v])] : NULL;
+        if ((!known || *known == TETLOD_NONE) && *io_count == out->mesh.vertex_count)
+            return false;
         numbers[v] = known && *known != TETLOD_NONE ? *known : (*io_count)++;
         if (known && *known == numbers[v])
             continue;
@@ -275,6 +281,7 @@ static void join_vertices(struct cell_run *run, const struct cell *cell, struct 
         nodes[numbers[v]] = node_of(run, cell, CELL_GO_ON, cell->piece.nodes[v]);
         was_seam[numbers[v]] = frozen != 0;
     }
+    return true;
 }
 
 static void join_tets(const struct cell *cell, struct piece *out, const uint32_t *numbers, uint32_t *io_count)
@@ -303,17 +310,19 @@ static enum tetlod_status join_cells(struct cell_run *run, struct joining *to)
         TETLOD_TRY(cells_bring_back(run, cell, i));
         for (int stage = 0; stage < CELL_STAGES; stage++)
             copy_records(run, cell, stage, 0, cell->logs[stage].count, cell->firsts[stage]);
-        join_vertices(run, cell, &to->piece, to->joined, to->numbers, &to->vertices, to->nodes, to->was_seam);
+        TETLOD_TRY(cells_check(run, join_vertices(run, cell, &to->piece, to->joined, to->numbers, &to->vertices,
+                                                  to->nodes, to->was_seam)));
         join_tets(cell, &to->piece, to->numbers, &to->tets);
         cell_drop(cell);
     }
-    return TETLOD_OK;
+    return cells_check(run, to->vertices == to->piece.mesh.vertex_count && to->tets == to->piece.mesh.tet_count);
 }
 
 /* The state becomes what is left of all cells. */
 static enum tetlod_status join(struct cell_run *run)
 {
-    uint32_t vertices = run->mesh->vertex_count - run->log->count, before = run->state.mesh.vertex_count, tets = 0;
+    uint32_t vertices = run->mesh->vertex_count - run->log->count, before = run->state.mesh.vertex_count;
+    uint64_t tets = 0;
     struct joining to = {.joined = array_new(before, sizeof *to.joined),
                          .numbers = array_new(before, sizeof *to.numbers),
                          .nodes = array_new(vertices, sizeof *to.nodes),
@@ -324,7 +333,9 @@ static enum tetlod_status join(struct cell_run *run)
         tets += log->marks[log->mark_count - 1].tets;
     }
     if (status == TETLOD_OK)
-        status = piece_new(&to.piece, &run->state, vertices, tets, run->error);
+        status = cells_check(run, tets <= run->state.mesh.tet_count);
+    if (status == TETLOD_OK)
+        status = piece_new(&to.piece, &run->state, vertices, (uint32_t)tets, run->error);
     if (status == TETLOD_OK) {
         memset(to.joined, 0xff, before * sizeof *to.joined);
         status = join_cells(run, &to);

@@ -59,6 +59,9 @@ TETLOD_CHECKED enum tetlod_status cells_contract_rest(const struct cell_run *run
                                                       const struct simplify_options *options,
                                                       struct tetlod_error *error);
 
+/* ERR_IO where a cell that another program has contracted is not what this one's options ask for. */
+TETLOD_CHECKED enum tetlod_status cells_check(const struct cell_run *run, bool same);
+
 /* A cell that waited elsewhere is here again. */
 TETLOD_CHECKED enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cell, uint32_t number);
 

@@ -132,8 +132,7 @@ static enum tetlod_status put_away(const struct cell_run *run, struct cell *cell
     return status;
 }
 
-/* A cell that another program has contracted has what this one's options ask for. */
-static enum tetlod_status check(const struct cell_run *run, bool same)
+enum tetlod_status cells_check(const struct cell_run *run, bool same)
 {
     return same ? TETLOD_OK
                 : tetlodi_fail(run->error, TETLOD_ERR_IO, "a cell is of other options, or of another version");
@@ -145,7 +144,7 @@ static enum tetlod_status check_head(const struct cell_run *run, const struct ce
     bool same = true;
     for (int stage = catches_up ? CELL_CATCH_UP : CELL_GO_ON; stage < CELL_STAGES; stage++)
         same &= cell->logs[stage].mark_count && cell->logs[stage].component_count == run->whole.component_count;
-    return check(run, same);
+    return cells_check(run, same);
 }
 
 /* Is it the cell that the head was of? What is known of it places what comes. */
@@ -163,7 +162,7 @@ static bool is_same(const struct cell *head, const struct cell *cell)
 static enum tetlod_status check_bounds(const struct cell_run *run, const struct cell *cell)
 {
     const struct contraction_log *log = &cell->logs[CELL_GO_ON];
-    return check(run, !log->count || run->options->local_bound == (log->components[0].bounds != NULL));
+    return cells_check(run, !log->count || run->options->local_bound == (log->components[0].bounds != NULL));
 }
 
 enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cell, uint32_t number)
@@ -177,10 +176,12 @@ enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cel
     enum tetlod_status status = cell_unpack(&back, &run->state, bytes, size, run->error);
     memcpy(back.firsts, cell->firsts, sizeof back.firsts);
     if (status == TETLOD_OK && cell->logs[CELL_GO_ON].mark_count)
-        status = check(run, is_same(cell, &back));
+        status = cells_check(run, is_same(cell, &back));
     cell_fini(cell);
     *cell = back;
     free(bytes);
+    if (status == TETLOD_OK)
+        status = cells_check(run, cell_fits(cell, run->state.mesh.vertex_count));
     if (status == TETLOD_OK)
         status = check_head(run, cell);
     return status == TETLOD_OK ? check_bounds(run, cell) : status;

@@ -391,7 +391,7 @@ static enum tetlod_status put(void *opaque, uint32_t part, const void *bytes, si
 
 static void wait_a_while(double *io_wait)
 {
-    nanosleep(&(struct timespec){.tv_nsec = (long)(*io_wait * 1e9)}, NULL);
+    sleep_through(*io_wait);
     *io_wait = fmin(2 * *io_wait, LONGEST_WAIT);
 }
 

@@ -225,7 +225,7 @@ static void on_end(int number)
 int main(int argc, char **argv)
 {
     int rank, provided;
-    // Open MPI: ranks that wait sleep between looks, and a look that gave way to all others would last as long as theirs
+    // Open MPI: ranks that wait sleep between looks; one that gave way to all others would last as long as they run
     setenv("OMPI_MCA_mpi_yield_when_idle", "0", 0);
     MPI_Init_thread(&argc, &argv, MPI_THREAD_SERIALIZED, &provided);
     MPI_Comm_rank(MPI_COMM_WORLD, &rank);

@@ -83,11 +83,6 @@ static struct stage_time *this_stage(const struct mpi_share *share)
     return &share->stages[share->stage_count - 1];
 }
 
-static void sleep_for(double seconds)
-{
-    nanosleep(&(struct timespec){.tv_nsec = (long)(seconds * 1e9)}, NULL);
-}
-
 /* Waits without keeping a core busy that another rank may need, nor the lock. */
 static void wait_for(struct mpi_share *share, MPI_Request *request, double longest)
 {
@@ -97,7 +92,7 @@ static void wait_for(struct mpi_share *share, MPI_Request *request, double longe
         MPI_Test(request, &done, MPI_STATUS_IGNORE);
         pthread_mutex_unlock(&share->lock);
         if (!done)
-            sleep_for(wait);
+            sleep_through(wait);
     }
 }
 
@@ -120,14 +115,24 @@ static void receive_from(struct mpi_share *share, void *bytes, size_t size, int 
     wait_for(share, &request, SERVE_WAIT);
 }
 
-/* The largest of all ranks' numbers comes to all. */
-static void largest(struct mpi_share *share, const uint64_t *own, uint64_t *out, uint32_t count)
+/* The sum, the largest or the least of all ranks' numbers comes to all. */
+static void reduce(struct mpi_share *share, const void *own, void *out, uint32_t count, MPI_Datatype type, MPI_Op op)
 {
     MPI_Request request;
     pthread_mutex_lock(&share->lock);
-    MPI_Iallreduce(own, out, (int)count, MPI_UINT64_T, MPI_MAX, share->comm, &request);
+    MPI_Iallreduce(own, out, (int)count, type, op, share->comm, &request);
     pthread_mutex_unlock(&share->lock);
     wait_for(share, &request, LONGEST_WAIT);
+}
+
+/* Bytes of a rank, or of rank 0 to those of `comm`, come to the others. */
+static void broadcast(struct mpi_share *share, void *bytes, size_t size, int from, MPI_Comm comm)
+{
+    MPI_Request request;
+    pthread_mutex_lock(&share->lock);
+    MPI_Ibcast(bytes, (int)size, MPI_BYTE, from, comm, &request);
+    pthread_mutex_unlock(&share->lock);
+    wait_for(share, &request, SERVE_WAIT);
 }
 
 /* Have all ranks done well? Then *io_word is the largest of theirs. */
@@ -135,7 +140,7 @@ static bool agree_on(struct mpi_share *share, bool good, uint64_t *io_word)
 {
     const uint64_t own[2] = {!good, *io_word};
     uint64_t all[2];
-    largest(share, own, all, 2);
+    reduce(share, own, all, 2, MPI_UINT64_T, MPI_MAX);
     bool any = all[0] != 0;
     share->over |= any;
     share->told |= good && any;
@@ -236,7 +241,7 @@ static void *serve(void *opaque)
         if (wanted)
             give_part(share, status.MPI_SOURCE);
         else if (!stops)
-            sleep_for(SERVE_WAIT);
+            sleep_through(SERVE_WAIT);
     }
     return NULL;
 }
@@ -349,7 +354,7 @@ static bool list_results(struct mpi_share *share, uint64_t **out)
         }
     bool room = agree(share, own && *out);
     if (room)
-        largest(share, own, *out, 2 * share->parts);
+        reduce(share, own, *out, 2 * share->parts, MPI_UINT64_T, MPI_MAX);
     free(own);
     return room;
 }
@@ -468,9 +473,7 @@ static void pass(void *opaque, void *bytes, size_t size)
     struct mpi_share *share = opaque;
     for (size_t at = 0; at < size; at += PASS_PIECE) {
         unsigned char *to = bytes ? (unsigned char *)bytes + at : share->dropped;
-        MPI_Request request;
-        MPI_Ibcast(to, (int)(size - at < PASS_PIECE ? size - at : PASS_PIECE), MPI_BYTE, 0, share->hears, &request);
-        wait_for(share, &request, SERVE_WAIT);
+        broadcast(share, to, size - at < PASS_PIECE ? size - at : PASS_PIECE, 0, share->hears);
     }
     share->moved += share->rank ? size : 0;
     share->passed[share->hears == share->few] += size;
@@ -537,27 +540,29 @@ bool mpi_share_finish(struct work_share *share, bool good, const char *text, int
     *out_text = NULL;
     if (mpi->ended || (!mpi->over && call_all(mpi, good, &call)))
         return true;
-    int own = good || mpi->told ? mpi->ranks : mpi->rank, length = (int)strlen(text);
-    MPI_Allreduce(&own, out_rank, 1, MPI_INT, MPI_MIN, mpi->comm);
-    MPI_Bcast(&length, 1, MPI_INT, *out_rank, mpi->comm);
-    *out_text = array_zero((size_t)length + 1, 1);
-    char none[1], *to = *out_text ? *out_text : none;
-    if (*out_text && mpi->rank == *out_rank)
-        memcpy(to, text, (size_t)length);
-    if (*out_text)
-        MPI_Bcast(to, length, MPI_CHAR, *out_rank, mpi->comm);
+    int own = good || mpi->told ? mpi->ranks : mpi->rank;
+    size_t length = strlen(text);
+    reduce(mpi, &own, out_rank, 1, MPI_INT, MPI_MIN);
+    broadcast(mpi, &length, sizeof length, *out_rank, mpi->comm);
+    *out_text = array_zero(length + 1, 1);
+    if (!*out_text)
+        return false;
+    if (mpi->rank == *out_rank)
+        memcpy(*out_text, text, length);
+    broadcast(mpi, *out_text, length, *out_rank, mpi->comm);
     return false;
 }
 
 /* ---- what it has cost */
 
 /* A stage on all ranks. */
-static void sum_stage(const struct mpi_share *share, const struct stage_time *own, struct stage_cost *out)
+static void sum_stage(struct mpi_share *share, const struct stage_time *own, struct stage_cost *out)
 {
-    double sums[2] = {own->all - own->alone, own->given ? (double)own->inputs * own->parts / own->given : 0};
-    double most[3] = {own->longest, own->alone, (double)own->results};
-    MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, share->comm);
-    MPI_Allreduce(MPI_IN_PLACE, most, 3, MPI_DOUBLE, MPI_MAX, share->comm);
+    const double add[2] = {own->all - own->alone, own->given ? (double)own->inputs * own->parts / own->given : 0};
+    const double compare[3] = {own->longest, own->alone, (double)own->results};
+    double sums[2], most[3];
+    reduce(share, add, sums, 2, MPI_DOUBLE, MPI_SUM);
+    reduce(share, compare, most, 3, MPI_DOUBLE, MPI_MAX);
     bool sweeps = own->call == CALL_SAMPLES; // many parts at once: each has its share
     *out = (struct stage_cost){own->call, own->parts, sums[0], most[1], sweeps ? sums[0] / own->parts : most[0],
                                sums[1] + most[2]};
@@ -572,28 +577,28 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
                              .stage_count = mpi->stage_count};
     if (!agree(mpi, out->stages != NULL))
         return mpi->told ? other_failed(error) : tetlodi_fail_nomem(error, "the stages", mpi->stage_count);
-    MPI_Allreduce(&outside, &out->spent[0], 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
-    MPI_Allreduce(&outside, &out->spent[1], 1, MPI_DOUBLE, MPI_SUM, mpi->comm);
+    reduce(mpi, &outside, &out->spent[0], 1, MPI_DOUBLE, MPI_MAX);
+    reduce(mpi, &outside, &out->spent[1], 1, MPI_DOUBLE, MPI_SUM);
     for (uint32_t i = 0; i < mpi->stage_count; i++) {
         sum_stage(mpi, &mpi->stages[i], &out->stages[i]);
         outside -= mpi->stages[i].all;
     }
     least = mpi->rank ? outside : INFINITY;
     most = mpi->rank ? 0 : outside;
-    MPI_Allreduce(&least, &out->alone, 1, MPI_DOUBLE, MPI_MIN, mpi->comm);
+    reduce(mpi, &least, &out->alone, 1, MPI_DOUBLE, MPI_MIN);
+    reduce(mpi, &most, &out->leads, 1, MPI_DOUBLE, MPI_MAX);
     out->alone = mpi->ranks > 1 ? out->alone : 0;
-    MPI_Allreduce(&most, &out->leads, 1, MPI_DOUBLE, MPI_MAX, mpi->comm);
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
-    uint64_t resident = (uint64_t)usage.ru_maxrss << 10;
-    uint64_t bytes[5] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0,
-                         mpi->rank ? 0 : mpi->passed[0], mpi->rank ? 0 : mpi->passed[1]};
-    MPI_Allreduce(MPI_IN_PLACE, bytes, 5, MPI_UINT64_T, MPI_MAX, mpi->comm);
-    MPI_Allreduce(&mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM, mpi->comm);
-    out->moved[0] = bytes[0];
-    memcpy(out->resident, bytes + 1, sizeof out->resident);
-    out->passed[0] = (double)bytes[3];
-    out->passed[1] = (double)bytes[4];
+    uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[5];
+    const uint64_t bytes[5] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0,
+                               mpi->rank ? 0 : mpi->passed[0], mpi->rank ? 0 : mpi->passed[1]};
+    reduce(mpi, bytes, all, 5, MPI_UINT64_T, MPI_MAX);
+    reduce(mpi, &mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM);
+    out->moved[0] = all[0];
+    memcpy(out->resident, all + 1, sizeof out->resident);
+    out->passed[0] = (double)all[3];
+    out->passed[1] = (double)all[4];
     return TETLOD_OK;
 }
 

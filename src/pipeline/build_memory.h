@@ -13,7 +13,7 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
 uint64_t build_spooled_bytes(const struct build_options *options);
 
 /* Bytes that one of several programs which share the work may take: half more than its share of what one takes alone,
- * and two cells; no less than must be resident. `mesh` NULL: it is not known yet, so that alone. */
+ * and two of the largest cells; no less than must be resident. `mesh` NULL: it is not known yet, so that alone. */
 uint64_t build_share_bytes(const struct tetmesh *mesh, const struct build_options *options, uint32_t members);
 
 /* Where a build is to be, so that options->memory (0: no limit) is enough: in memory as it was asked for; else by cells

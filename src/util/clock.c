@@ -2,6 +2,7 @@
 #include "src/util/clock.h"
 
 #include <errno.h>
+#include <signal.h>
 #include <time.h>
 
 double thread_seconds(void)
@@ -16,6 +17,16 @@ double monotonic_seconds(void)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
+}
+
+void sleep_through(double seconds)
+{
+    sigset_t timers, before;
+    sigemptyset(&timers);
+    sigaddset(&timers, SIGPROF);
+    pthread_sigmask(SIG_BLOCK, &timers, &before);
+    nanosleep(&(struct timespec){.tv_nsec = (long)(seconds * 1e9)}, NULL);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
 }
 
 void monotonic_cond_init(pthread_cond_t *condition)

@@ -11,6 +11,9 @@ double monotonic_seconds(void);
 /* Processor seconds of the calling thread. */
 double thread_seconds(void);
 
+/* Waits for less than a second. Timers that look after their thread (SIGPROF) do not wake it. */
+void sleep_through(double seconds);
+
 /* A condition whose waits end by that clock. */
 void monotonic_cond_init(pthread_cond_t *condition);
 

@@ -8,6 +8,7 @@ import random
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import time
 
@@ -213,6 +214,43 @@ def damaged():
     return None if named > 1 and read('many.tetlod') == read('alone.tetlod') else named
 
 
+def hash_of(data):
+    """As parts have it behind them (src/util/hash.h)."""
+    value, prime, mask = len(data), 0x100000001b3, 2 ** 64 - 1
+    for word, in struct.iter_unpack('<Q', data[:len(data) // 8 * 8]):
+        value = (value ^ word) * prime & mask
+        value ^= value >> 32
+    for byte in data[len(data) // 8 * 8:]:
+        value = (value ^ byte) * prime & mask
+    return struct.pack('<Q', value)
+
+
+def forged():
+    """Parts of which some bytes are others, with a hash that fits: they are taken or refused."""
+    plan('fin.vtu', '--paged=1500')
+    must('run', 'work')
+    chance, seen = random.Random(7), set()
+    stages = {}
+    for part in parts():
+        if len(read(part)) > 8:
+            stages.setdefault(os.path.dirname(part), []).append(part)
+    for turn in range(24):
+        part = chance.choice(sorted(stages[sorted(stages)[turn % len(stages)]]))
+        kept = read(part)
+        if hash_of(kept[:-8]) != kept[-8:]:
+            return 'another hash'
+        data = bytearray(kept[:-8])
+        for _ in range(chance.choice((1, 4))): # numbers stand at the begin
+            data[chance.randrange(min(len(data), chance.choice((400, len(data)))))] = chance.choice((0, 1, 128, 255))
+        write(part, bytes(data) + hash_of(data))
+        done = tetlod('merge', 'work', '-o', 'many.tetlod', '--quiet')
+        if done.returncode not in (0, 1, 2) or b'Sanitizer' in done.stderr.replace(b'Sanitizer failed to alloc', b''):
+            return part, done
+        seen.add(done.returncode)
+        write(part, kept)
+    return None if {0, 1} <= seen else seen
+
+
 def full():
     """The folder has no room."""
     def limit():
@@ -247,5 +285,6 @@ if CONFIG == 'release':
     case('parts that are damaged', damaged)
     case('a folder that is full', full)
     refused()
+case('parts that are forged', forged)
 report('no part is left half written', not [file for file in os.listdir(SCRATCH) if 'tmp' in file.lower()])
 finish()
