@@ -22,7 +22,7 @@ enum { PASS_PIECE = 1 << 18 };
 /* So many ranks leave rank 0 to serve them. */
 enum { MANY = 8 };
 
-enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT };
+enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT, TAG_SAY, TAG_SAID };
 
 /* Seconds between looks at whether others have come, or want a part. */
 static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 4e-3;
@@ -135,16 +135,30 @@ static void broadcast(struct mpi_share *share, void *bytes, size_t size, int fro
     wait_for(share, &request, SERVE_WAIT);
 }
 
-/* Have all ranks done well? Then *io_word is the largest of theirs. */
+/* What all ranks agree on: whether one has not done well, and a word of rank 0. */
+struct agreed {
+    uint64_t bad, word;
+};
+
+/* Have all ranks done well? Then *io_word is that of rank 0. Every rank tells rank 0, and hears of it: where those that
+ * wait sleep, each further step between them would take as long as a sleep. */
 static bool agree_on(struct mpi_share *share, bool good, uint64_t *io_word)
 {
-    const uint64_t own[2] = {!good, *io_word};
-    uint64_t all[2];
-    reduce(share, own, all, 2, MPI_UINT64_T, MPI_MAX);
-    bool any = all[0] != 0;
+    struct agreed agreed = {!good, *io_word}, said;
+    if (share->rank) {
+        send_to(share, &agreed, sizeof agreed, 0, TAG_SAY);
+        receive_from(share, &agreed, sizeof agreed, 0, TAG_SAID);
+    }
+    for (int rank = 1; rank < share->ranks && !share->rank; rank++) {
+        receive_from(share, &said, sizeof said, rank, TAG_SAY);
+        agreed.bad |= said.bad;
+    }
+    for (int rank = 1; rank < share->ranks && !share->rank; rank++)
+        send_to(share, &agreed, sizeof agreed, rank, TAG_SAID);
+    bool any = agreed.bad != 0;
     share->over |= any;
     share->told |= good && any;
-    *io_word = any ? *io_word : all[1];
+    *io_word = any ? *io_word : agreed.word;
     return !any;
 }
 
@@ -453,7 +467,7 @@ static void end(void *opaque)
 /* What rank 0 says comes to all, if all have done well. */
 static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call)
 {
-    uint64_t word = share->rank ? 0 : *io_call;
+    uint64_t word = *io_call;
     if (!agree_on(share, good, &word))
         return false;
     share->ended = word == CALL_OVER;
