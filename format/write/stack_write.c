@@ -315,9 +315,9 @@ static uint32_t number_of(const struct tetlodi_stacks *s, const struct page_list
 /* Of a tetrahedron of the input; TETLOD_NONE: it is not there at the end. */
 static uint32_t number_at_end(const struct tetlodi_stacks *s, uint32_t original)
 {
-    const struct tetlodi_at_end *word = s->at_end + original / 64;
     if (!s->at_end)
         return original;
+    const struct tetlodi_at_end *word = &s->at_end[original / 64];
     uint64_t below = ((uint64_t)1 << original % 64) - 1;
     return word->there >> original % 64 & 1 ? word->before + (uint32_t)__builtin_popcountll(word->there & below)
                                             : TETLOD_NONE;

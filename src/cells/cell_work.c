@@ -181,7 +181,7 @@ enum tetlod_status cells_bring_back(const struct cell_run *run, struct cell *cel
     *cell = back;
     free(bytes);
     if (status == TETLOD_OK)
-        status = cells_check(run, cell_fits(cell, run->state.mesh.vertex_count));
+        status = cells_check(run, (run->root || cell->vertices) && cell_fits(cell, run->state.mesh.vertex_count));
     if (status == TETLOD_OK)
         status = check_head(run, cell);
     return status == TETLOD_OK ? check_bounds(run, cell) : status;
