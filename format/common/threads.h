@@ -28,6 +28,29 @@ void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, 
 /* Until all tasks have ended. The caller takes part. */
 void tetlodi_helpers_wait(struct tetlodi_helpers *helpers);
 
+/* Many things are shared out by so many to a task, which are whole words of bits. */
+enum { TETLODI_A_TASK = 1 << 14 };
+
+static inline uint32_t tetlodi_task_begin(uint32_t task)
+{
+    return task * (uint32_t)TETLODI_A_TASK;
+}
+
+/* `things`: of all tasks. */
+static inline uint32_t tetlodi_task_end(uint32_t task, uint32_t things)
+{
+    uint32_t begin = tetlodi_task_begin(task);
+    return things - begin < TETLODI_A_TASK ? things : begin + TETLODI_A_TASK;
+}
+
+/* Does the tasks of so many things. */
+static inline void tetlodi_helpers_share(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context,
+                                         uint32_t things)
+{
+    tetlodi_helpers_start(helpers, task, context, (things + TETLODI_A_TASK - 1) / TETLODI_A_TASK);
+    tetlodi_helpers_wait(helpers);
+}
+
 /* Does task(context, 0 ... count - 1) and, in the order of numbers and on the caller's thread, commit(context, number)
  * behind each: few tasks are ever ahead of what is committed. A commit that fails, which that of a task that failed has
  * to, ends it: 0. */

@@ -41,8 +41,6 @@ struct level {
 
 /* ---- what pages have */
 
-enum { TETS_A_TASK = 1 << 14 };
-
 /* The page of a tetrahedron that is in one of this level: the level before has the last one that it was in. */
 static uint32_t page_of_tet(const struct level *level, struct tetlodi_page_finder *finder, uint32_t t)
 {
@@ -64,9 +62,7 @@ static int find_some(void *opaque, uint32_t task)
 {
     const struct level *level = opaque;
     struct tetlodi_page_finder finder = tetlodi_page_finder(level->cursor->group->tree);
-    uint32_t end = level->shares.tets - task * (uint32_t)TETS_A_TASK;
-    end = task * (uint32_t)TETS_A_TASK + (end < TETS_A_TASK ? end : TETS_A_TASK);
-    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++)
+    for (uint32_t t = tetlodi_task_begin(task), end = tetlodi_task_end(task, level->shares.tets); t < end; t++)
         level->shares.page_of[t] = page_of_tet(level, &finder, t);
     return 1;
 }
@@ -317,8 +313,7 @@ static void list_parts(struct level *level)
 static void share_out(struct level *level)
 {
     struct tetlodi_helpers *helpers = level->cursor->helpers;
-    tetlodi_helpers_start(helpers, find_some, level, (level->shares.tets + TETS_A_TASK - 1) / TETS_A_TASK);
-    tetlodi_helpers_wait(helpers);
+    tetlodi_helpers_share(helpers, find_some, level, level->shares.tets);
     tetlodi_page_shares_sort(&level->shares, helpers);
 }
 

@@ -90,26 +90,11 @@ static uint32_t meetings(const struct lineage *l, uint32_t tet, uint32_t out[3])
     return count;
 }
 
-enum { A_TASK = 1 << 14 };
-
-/* Tetrahedra or contractions of a task. */
-static uint32_t task_end(uint32_t task, uint32_t count)
-{
-    uint32_t begin = task * (uint32_t)A_TASK;
-    return count - begin < A_TASK ? count : begin + A_TASK;
-}
-
-static void do_all(struct tetlodi_helpers *helpers, tetlodi_task *task, struct lineage *l, uint32_t count)
-{
-    tetlodi_helpers_start(helpers, task, l, (count + A_TASK - 1) / A_TASK);
-    tetlodi_helpers_wait(helpers);
-}
-
 static int count_meetings(void *opaque, uint32_t task)
 {
     const struct lineage *l = opaque;
     uint32_t out[3];
-    for (uint32_t t = task * (uint32_t)A_TASK, end = task_end(task, l->in->tets); t < end; t++) {
+    for (uint32_t t = tetlodi_task_begin(task), end = tetlodi_task_end(task, l->in->tets); t < end; t++) {
         l->waiting[t] = (uint8_t)meetings(l, t, out);
         for (uint32_t i = 0; i < l->waiting[t]; i++)
             atomic_fetch_add_explicit((_Atomic uint32_t *)&l->meeting_begin[out[i] - l->in->vertices + 1], 1,
@@ -123,7 +108,7 @@ static int fill_meetings(void *opaque, uint32_t task)
 {
     const struct lineage *l = opaque;
     uint32_t out[3];
-    for (uint32_t t = task * (uint32_t)A_TASK, end = task_end(task, l->in->tets); t < end; t++)
+    for (uint32_t t = tetlodi_task_begin(task), end = tetlodi_task_end(task, l->in->tets); t < end; t++)
         for (uint32_t i = 0, count = meetings(l, t, out); i < count; i++)
             l->meeting[atomic_fetch_add_explicit((_Atomic uint32_t *)&l->meeting_begin[out[i] - l->in->vertices + 1],
                                                  1, memory_order_relaxed)] = t;
@@ -134,7 +119,7 @@ static int fill_meetings(void *opaque, uint32_t task)
 static int sort_meetings(void *opaque, uint32_t task)
 {
     const struct lineage *l = opaque;
-    for (uint32_t c = task * (uint32_t)A_TASK, end = task_end(task, l->in->contractions); c < end; c++) {
+    for (uint32_t c = tetlodi_task_begin(task), end = tetlodi_task_end(task, l->in->contractions); c < end; c++) {
         uint32_t *first = l->meeting + l->meeting_begin[c], count = l->meeting_begin[c + 1] - l->meeting_begin[c];
         bool sorted = true;
         for (uint32_t i = 1; i < count && sorted; i++)
@@ -149,7 +134,7 @@ static enum tetlod_status list_meetings(struct lineage *l, struct tetlodi_helper
 {
     uint32_t contractions = l->in->contractions, *begin = l->meeting_begin;
     uint64_t total = 0;
-    do_all(helpers, count_meetings, l, l->in->tets);
+    tetlodi_helpers_share(helpers, count_meetings, l, l->in->tets);
     for (uint32_t c = 0; c < contractions; c++) { // from counts, one place on, to where they begin
         uint32_t count = begin[c + 1];
         begin[c + 1] = (uint32_t)total;
@@ -160,8 +145,8 @@ static enum tetlod_status list_meetings(struct lineage *l, struct tetlodi_helper
     l->meeting = malloc((total ? total : 1) * sizeof *l->meeting);
     if (!l->meeting)
         return out_of_memory(l, error);
-    do_all(helpers, fill_meetings, l, l->in->tets);
-    do_all(helpers, sort_meetings, l, contractions);
+    tetlodi_helpers_share(helpers, fill_meetings, l, l->in->tets);
+    tetlodi_helpers_share(helpers, sort_meetings, l, contractions);
     return TETLOD_OK;
 }
 

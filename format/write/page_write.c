@@ -160,20 +160,27 @@ static int keep_former(struct tetlodi_page_writer *pages)
     return 1;
 }
 
-enum { TETS_A_TASK = 1 << 14 };
+struct finding {
+    const struct tetlodi_page_shares *shares;
+    const struct tetlodi_cut *tree;
+};
 
-static int find_pages(void *opaque, uint32_t task)
+static int find_some(void *opaque, uint32_t task)
 {
-    const struct tetlodi_page_writer *pages = opaque;
-    const struct tetlodi_page_shares *shares = &pages->shares;
+    const struct finding *finding = opaque;
+    const struct tetlodi_page_shares *shares = finding->shares;
     const struct tetlodi_replay *replay = shares->whole;
-    const struct tetlodi_cut *tree = pages->table.groups[pages->table.group_count - 1].tree;
-    struct tetlodi_page_finder finder = tetlodi_page_finder(tree);
-    uint32_t begin = task * (uint32_t)TETS_A_TASK, left = shares->tets - begin;
-    for (uint32_t t = begin; t < begin + (left < TETS_A_TASK ? left : TETS_A_TASK); t++)
+    struct tetlodi_page_finder finder = tetlodi_page_finder(finding->tree);
+    for (uint32_t t = tetlodi_task_begin(task), end = tetlodi_task_end(task, shares->tets); t < end; t++)
         shares->page_of[t] =
             tetlodi_page_at_corners(&finder, replay->columns[0].values, replay->corners + 4 * (size_t)t);
     return 1;
+}
+
+void tetlodi_find_pages(const struct tetlodi_page_shares *shares, const struct tetlodi_cut *tree,
+                        struct tetlodi_helpers *helpers)
+{
+    tetlodi_helpers_share(helpers, find_some, &(struct finding){shares, tree}, shares->tets);
 }
 
 static void add_group(struct tetlodi_page_writer *pages, const struct tetlodi_write_group *group, bool same)
@@ -202,8 +209,7 @@ int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_
     if (!tetlodi_page_shares_init(shares, replay, group->pages) ||
         !TETLODI_ROOM(pages->memory, pages->added, pages->added_capacity, group->pages + (size_t)1))
         return 0;
-    tetlodi_helpers_start(helpers, find_pages, pages, (replay->tets + TETS_A_TASK - 1) / TETS_A_TASK);
-    tetlodi_helpers_wait(helpers);
+    tetlodi_find_pages(shares, group->tree, helpers);
     shares->seams = pages->seams;
     shares->seams_known = pages->seams_known;
     tetlodi_page_shares_sort(shares, helpers);

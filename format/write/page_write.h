@@ -31,6 +31,10 @@ void tetlodi_page_writer_fini(struct tetlodi_page_writer *pages);
 /* Do two groups have the same pages? */
 bool tetlodi_same_tree(const struct tetlodi_write_group *group, const struct tetlodi_write_group *before);
 
+/* Sets the page of every tetrahedron that pages of a tree are to share. */
+void tetlodi_find_pages(const struct tetlodi_page_shares *shares, const struct tetlodi_cut *tree,
+                        struct tetlodi_helpers *helpers);
+
 /* Before a group, which is that level: finds what its pages have. 0 if out of memory. */
 int tetlodi_page_writer_begin(struct tetlodi_page_writer *pages, struct tetlodi_helpers *helpers,
                               struct tetlodi_replay *replay, const struct tetlodi_write_group *group, uint32_t level);

@@ -473,67 +473,41 @@ static enum tetlod_status set_begin(struct tetlodi_stacks *s)
     return TETLOD_OK;
 }
 
-enum { TETS_A_TASK = 1 << 14 }; /* of whole words of bits */
-
-static uint32_t task_end(uint32_t task, uint32_t tets)
-{
-    uint32_t begin = task * (uint32_t)TETS_A_TASK;
-    return tets - begin < TETS_A_TASK ? tets : begin + TETS_A_TASK;
-}
-
-static void do_all(const struct tetlodi_stacks *s, tetlodi_task *task)
-{
-    tetlodi_helpers_start(s->helpers, task, (void *)(uintptr_t)s, (s->whole.in->tets + TETS_A_TASK - 1) / TETS_A_TASK);
-    tetlodi_helpers_wait(s->helpers);
-}
-
-/* The finest level's tetrahedra are the input's. */
-static int find_pages(void *opaque, uint32_t task)
-{
-    const struct tetlodi_stacks *s = opaque;
-    struct tetlodi_page_finder finder = tetlodi_page_finder(group_of(s, 0)->tree);
-    for (uint32_t t = task * (uint32_t)TETS_A_TASK, end = task_end(task, s->end.tets); t < end; t++)
-        s->shares.page_of[t] =
-            tetlodi_page_at_corners(&finder, s->end.columns[0].values, s->end.corners + 4 * (size_t)t);
-    return 1;
-}
-
 static int find_there(void *opaque, uint32_t task)
 {
     const struct tetlodi_stacks *s = opaque;
-    uint32_t corners[4], end = task_end(task, s->whole.in->tets);
-    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++)
+    uint32_t corners[4], end = tetlodi_task_end(task, s->whole.in->tets);
+    for (uint32_t t = tetlodi_task_begin(task); t < end; t++)
         s->at_end[t / 64].there |= (uint64_t)heirs_of(s, t, corners) << t % 64;
     return 1;
 }
 
-/* Corners and pages of those that are there. */
-static int fill_pages(void *opaque, uint32_t task)
+/* Those that are there. */
+static int fill_corners(void *opaque, uint32_t task)
 {
     const struct tetlodi_stacks *s = opaque;
-    struct tetlodi_page_finder finder = tetlodi_page_finder(group_of(s, 0)->tree);
-    const uint32_t end = task_end(task, s->whole.in->tets);
-    uint32_t number = s->at_end[task * (uint32_t)TETS_A_TASK / 64].before;
-    for (uint32_t t = task * (uint32_t)TETS_A_TASK; t < end; t++) {
-        uint32_t *corners = s->end.corners + 4 * (size_t)number;
+    const uint32_t begin = tetlodi_task_begin(task), end = tetlodi_task_end(task, s->whole.in->tets);
+    uint32_t number = s->at_end[begin / 64].before;
+    for (uint32_t t = begin; t < end; t++) {
         if (!(s->at_end[t / 64].there >> t % 64 & 1))
             continue;
-        heirs_of(s, t, corners);
-        s->original_at_end[number] = t;
-        s->shares.page_of[number++] = tetlodi_page_at_corners(&finder, s->end.columns[0].values, corners);
+        heirs_of(s, t, s->end.corners + 4 * (size_t)number);
+        s->original_at_end[number++] = t;
     }
     return 1;
 }
 
 /* Of a coarser level than the finest. */
-static enum tetlod_status make_end(struct tetlodi_stacks *s)
+static enum tetlod_status make_end(struct tetlodi_stacks *s, uint32_t contractions)
 {
-    const size_t words = s->whole.in->tets / 64 + (size_t)1;
+    const uint32_t tets = s->whole.in->tets;
+    const size_t words = tets / 64 + (size_t)1;
     uint32_t count = 0;
     s->at_end = calloc(words, sizeof *s->at_end);
     if (!s->at_end)
         return no_memory(s);
-    do_all(s, find_there);
+    find_heirs(s, contractions);
+    tetlodi_helpers_share(s->helpers, find_there, s, tets);
     for (size_t w = 0; w < words; w++) {
         s->at_end[w].before = count;
         count += (uint32_t)__builtin_popcountll(s->at_end[w].there);
@@ -542,6 +516,7 @@ static enum tetlod_status make_end(struct tetlodi_stacks *s)
     s->original_at_end = malloc((count + (size_t)1) * sizeof *s->original_at_end);
     if (!s->original_at_end || !mesh_room(s, &s->end, &s->positions[1]))
         return no_memory(s);
+    tetlodi_helpers_share(s->helpers, fill_corners, s, tets);
     for (uint32_t node = 0; node < s->end.vertices; node++)
         place_node(s, &s->end, node, node);
     return TETLOD_OK;
@@ -553,16 +528,15 @@ static enum tetlod_status set_end(struct tetlodi_stacks *s)
     const struct tetlodi_write_input *in = s->whole.in;
     const uint32_t contractions = in->levels[s->first_level + s->level_count - 1].contractions;
     set_counts(s, 1, in->vertices + contractions, in->tets);
-    find_heirs(s, contractions);
     if (contractions) {
-        TETLOD_TRY(make_end(s));
+        TETLOD_TRY(make_end(s, contractions));
     } else {
         s->end.corners = (uint32_t *)(uintptr_t)in->corners; // read only, where they are not made here
         s->positions[1].values = (double *)(uintptr_t)in->positions;
     }
     if (!tetlodi_page_shares_init(&s->shares, &s->end, s->page_count))
         return no_memory(s);
-    do_all(s, contractions ? fill_pages : find_pages);
+    tetlodi_find_pages(&s->shares, group_of(s, 0)->tree, s->helpers);
     tetlodi_page_shares_sort(&s->shares, s->helpers);
     return TETLOD_OK;
 }

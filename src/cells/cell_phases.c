@@ -269,10 +269,11 @@ static bool join_vertices(struct cell_run *run, const struct cell *cell, struct 
     for (uint32_t v = 0; v < cell->piece.mesh.vertex_count; v++) {
         uint32_t frozen = cell->piece.frozen[v],
                  *known = frozen ? &joined[vertex_of(cell, cell->piece.nodes[v])] : NULL;
-        if ((!known || *known == TETLOD_NONE) && *io_count == out->mesh.vertex_count)
+        const bool there = known && *known != TETLOD_NONE;
+        if (!there && *io_count == out->mesh.vertex_count)
             return false;
-        numbers[v] = known && *known != TETLOD_NONE ? *known : (*io_count)++;
-        if (known && *known == numbers[v])
+        numbers[v] = there ? *known : (*io_count)++;
+        if (there)
             continue;
         if (known)
             *known = numbers[v];

@@ -25,7 +25,7 @@ enum { MANY = 8 };
 enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT, TAG_SAY, TAG_SAID };
 
 /* Seconds between looks at whether others have come, or want a part. */
-static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 0.02, SERVE_WAIT = 4e-3;
+static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 4e-3;
 
 struct result {
     unsigned char *bytes;
@@ -84,10 +84,10 @@ static struct stage_time *this_stage(const struct mpi_share *share)
 }
 
 /* Waits without keeping a core busy that another rank may need, nor the lock. */
-static void wait_for(struct mpi_share *share, MPI_Request *request, double longest)
+static void wait_for(struct mpi_share *share, MPI_Request *request)
 {
     int done = 0;
-    for (double wait = FIRST_WAIT; !done; wait = fmin(2 * wait, longest)) {
+    for (double wait = FIRST_WAIT; !done; wait = fmin(2 * wait, LONGEST_WAIT)) {
         pthread_mutex_lock(&share->lock);
         MPI_Test(request, &done, MPI_STATUS_IGNORE);
         pthread_mutex_unlock(&share->lock);
@@ -103,7 +103,7 @@ static void send_to(struct mpi_share *share, const void *bytes, size_t size, int
     pthread_mutex_lock(&share->lock);
     MPI_Isend(bytes, (int)size, MPI_BYTE, rank, tag, share->comm, &request);
     pthread_mutex_unlock(&share->lock);
-    wait_for(share, &request, SERVE_WAIT);
+    wait_for(share, &request);
 }
 
 static void receive_from(struct mpi_share *share, void *bytes, size_t size, int rank, int tag)
@@ -112,7 +112,7 @@ static void receive_from(struct mpi_share *share, void *bytes, size_t size, int 
     pthread_mutex_lock(&share->lock);
     MPI_Irecv(bytes, (int)size, MPI_BYTE, rank, tag, share->comm, &request);
     pthread_mutex_unlock(&share->lock);
-    wait_for(share, &request, SERVE_WAIT);
+    wait_for(share, &request);
 }
 
 /* The sum, the largest or the least of all ranks' numbers comes to all. */
@@ -122,7 +122,7 @@ static void reduce(struct mpi_share *share, const void *own, void *out, uint32_t
     pthread_mutex_lock(&share->lock);
     MPI_Iallreduce(own, out, (int)count, type, op, share->comm, &request);
     pthread_mutex_unlock(&share->lock);
-    wait_for(share, &request, LONGEST_WAIT);
+    wait_for(share, &request);
 }
 
 /* Bytes of a rank, or of rank 0 to those of `comm`, come to the others. */
@@ -132,7 +132,7 @@ static void broadcast(struct mpi_share *share, void *bytes, size_t size, int fro
     pthread_mutex_lock(&share->lock);
     MPI_Ibcast(bytes, (int)size, MPI_BYTE, from, comm, &request);
     pthread_mutex_unlock(&share->lock);
-    wait_for(share, &request, SERVE_WAIT);
+    wait_for(share, &request);
 }
 
 /* What all ranks agree on: whether one has not done well, and a word of rank 0. */
@@ -255,7 +255,7 @@ static void *serve(void *opaque)
         if (wanted)
             give_part(share, status.MPI_SOURCE);
         else if (!stops)
-            sleep_through(SERVE_WAIT);
+            sleep_through(LONGEST_WAIT);
     }
     return NULL;
 }
