@@ -251,6 +251,8 @@ static enum tetlod_status begin(struct against *a)
     if (has_tail(info))
         find_rounding(a, &coded);
     enum tetlod_status status = coarsening_init(&a->coarsening, &coded, NULL, a->error);
+    if (status == TETLOD_OK)
+        coarsening_adopt_corners(&a->coarsening, &coded);
     tetmesh_fini(&coded);
     TETLOD_TRY(status);
     return measure_levels_new(&a->measure_levels, a->original, &a->coarsening, a->options->threads, a->error);
@@ -286,8 +288,7 @@ static enum tetlod_status step(struct against *a, const struct tetmesh *from)
             a->touched[v] = 1;
         }
     free(values);
-    coarsening_step(&a->coarsening, a->options->threads);
-    return TETLOD_OK;
+    return coarsening_step(&a->coarsening, a->options->threads, a->error);
 }
 
 /* The tail: of a lossless stream mesh_same has found it to be the input. */

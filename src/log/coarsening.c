@@ -22,12 +22,24 @@ uint64_t coarsening_bytes(const struct tetmesh *mesh)
     return (uint64_t)mesh->vertex_count * (24 + 8 * components + 1 + 4 * 4) + (uint64_t)mesh->tet_count * (16 + 16 + 1);
 }
 
+/* Numbers of before the last step are no longer known. */
+static void forget_last(struct coarsening *coarsening)
+{
+    struct coarse_before *last = &coarsening->last;
+    free(last->numbers.living);
+    free(last->numbers.before);
+    free(last->own_corners);
+    free(last->states);
+    *last = (struct coarse_before){0};
+}
+
 void coarsening_fini(struct coarsening *coarsening)
 {
     for (uint32_t f = 0; f < coarsening->field_count; f++)
         free(coarsening->fields[f].values);
-    void *const owned[] = {coarsening->positions, coarsening->fields,  coarsening->corners, coarsening->neighbours,
-                           coarsening->states,    coarsening->slots,   coarsening->into,    coarsening->touched,
+    forget_last(coarsening);
+    void *const owned[] = {coarsening->positions, coarsening->fields,  coarsening->own_corners, coarsening->neighbours,
+                           coarsening->states,    coarsening->slots,   coarsening->into,        coarsening->touched,
                            coarsening->slot_of,   coarsening->tet_of,  (void *)coarsening->log_values};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -60,8 +72,7 @@ enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct t
                                       .stored = mesh->tet_count,
                                       .tets = mesh->tet_count,
                                       .positions = array_new(n, 3 * sizeof(double)),
-                                      .corners = array_new(m, 4 * sizeof(uint32_t)),
-                                      .neighbours = array_new(m, 4 * sizeof(uint32_t)),
+                                      .corners = mesh->corners,
                                       .states = array_zero(m, 1),
                                       .slots = array_zero(n, 1),
                                       .into = array_new(n, sizeof(uint32_t)),
@@ -69,25 +80,42 @@ enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct t
                                       .tet_of = array_new(n, sizeof(uint32_t)),
                                       .slot_of = array_new(log ? log->count : 0, sizeof(uint32_t)),
                                       .log_values = array_new(mesh->field_count, sizeof(double *))};
-    bool room = coarsening->positions && coarsening->corners && coarsening->neighbours && coarsening->states &&
-                coarsening->slots && coarsening->into && coarsening->touched && coarsening->tet_of &&
-                coarsening->slot_of && coarsening->log_values && copy_fields(coarsening, mesh);
-    enum tetlod_status status = TETLOD_OK;
-    if (!room)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the levels' mesh", coarsening_bytes(mesh)));
+    bool room = coarsening->positions && coarsening->states && coarsening->slots && coarsening->into &&
+                coarsening->touched && coarsening->tet_of && coarsening->slot_of && coarsening->log_values &&
+                copy_fields(coarsening, mesh);
+    if (!room) {
+        coarsening_fini(coarsening);
+        return tetlodi_fail_nomem(error, "the levels' mesh", coarsening_bytes(mesh));
+    }
     memcpy(coarsening->positions, mesh->positions, n * 3 * sizeof(double));
-    memcpy(coarsening->corners, mesh->corners, m * 4 * sizeof(uint32_t));
     for (size_t v = 0; v < n; v++)
         coarsening->tet_of[v] = TETLOD_NONE;
     for (size_t i = 4 * m; i-- > 0;)
         coarsening->tet_of[mesh->corners[i]] = (uint32_t)(i / 4);
     for (uint32_t f = 0; f < mesh->field_count && log; f++)
         coarsening->log_values[f] = log->fields[f].values;
-    status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, coarsening->neighbours, NULL, error);
-done:
-    if (status != TETLOD_OK)
-        coarsening_fini(coarsening);
-    return status;
+    return TETLOD_OK;
+}
+
+void coarsening_adopt_corners(struct coarsening *coarsening, struct tetmesh *mesh)
+{
+    coarsening->own_corners = mesh->corners;
+    mesh->corners = NULL;
+}
+
+static enum tetlod_status no_memory(const struct coarsening *coarsening, struct tetlod_error *error)
+{
+    return tetlodi_fail_nomem(error, "the levels' mesh", 32 * (uint64_t)coarsening->stored);
+}
+
+enum tetlod_status coarsening_need_neighbours(struct coarsening *coarsening, struct tetlod_error *error)
+{
+    if (coarsening->neighbours)
+        return TETLOD_OK;
+    coarsening->neighbours = array_new(coarsening->stored, 4 * sizeof *coarsening->neighbours);
+    return coarsening->neighbours ? adjacency_build(coarsening->corners, coarsening->stored, coarsening->slot_count,
+                                                    coarsening->neighbours, NULL, error)
+                                  : no_memory(coarsening, error);
 }
 
 /* ---- what a step consists of */
@@ -142,24 +170,52 @@ static bool four_different(const uint32_t c[4])
     return c[0] != c[1] && c[0] != c[2] && c[0] != c[3] && c[1] != c[2] && c[1] != c[3] && c[2] != c[3];
 }
 
-static void update_corners(void *context, unsigned worker, size_t begin, size_t end)
+/* Where a corner is after the step. */
+static inline uint32_t slot_now(const struct coarsening *coarsening, uint32_t slot)
+{
+    return coarsening->slots[slot] & SLOT_MERGED ? coarsening->into[slot] : slot;
+}
+
+static void corners_now(const struct coarsening *coarsening, const uint32_t *corners, uint32_t out[4])
+{
+    for (int i = 0; i < 4; i++)
+        out[i] = slot_now(coarsening, corners[i]);
+}
+
+/* What the step does to each tetrahedron; its corners are still those of before. */
+static void find_states(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct coarsening *coarsening = context;
     const uint8_t *slots = coarsening->slots;
+    uint8_t *states = coarsening->states;
     (void)worker;
     for (size_t t = begin; t < end; t++) {
-        uint32_t *c = coarsening->corners + 4 * t;
-        if (coarsening->states[t] >= COARSE_DIED) {
-            coarsening->states[t] = COARSE_GONE;
+        const uint32_t *c = coarsening->corners + 4 * t;
+        uint32_t now[4];
+        if (states[t] >= COARSE_DIED) {
+            states[t] = COARSE_GONE;
             continue;
         }
-        coarsening->states[t] = COARSE_SAME;
+        states[t] = COARSE_SAME;
         if (!((slots[c[0]] | slots[c[1]] | slots[c[2]] | slots[c[3]]) & SLOT_IN_STEP))
             continue;
-        for (int i = 0; i < 4; i++)
-            c[i] = slots[c[i]] & SLOT_MERGED ? coarsening->into[c[i]] : c[i];
-        coarsening->states[t] = four_different(c) ? COARSE_CHANGED : COARSE_DIED;
+        corners_now(coarsening, c, now);
+        states[t] = four_different(now) ? COARSE_CHANGED : COARSE_DIED;
     }
+}
+
+static bool is_of_step(const struct coarsening *coarsening, size_t tet)
+{
+    return coarsening->states[tet] == COARSE_CHANGED || coarsening->states[tet] == COARSE_DIED;
+}
+
+static void update_corners(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct coarsening *coarsening = context;
+    (void)worker;
+    for (size_t t = begin; t < end; t++)
+        if (is_of_step(coarsening, t))
+            corners_now(coarsening, coarsening->own_corners + 4 * t, coarsening->own_corners + 4 * t);
 }
 
 /* Through a tetrahedron that died: by the face `slot` one comes in and, as that face has three different corners,
@@ -217,19 +273,105 @@ static void offer_changed(void *context, unsigned worker, size_t begin, size_t e
         }
 }
 
-void coarsening_step(struct coarsening *coarsening, unsigned threads)
+/* Tetrahedra keep their numbers: what has changed is changed in place. */
+static enum tetlod_status step_in_place(struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
 {
     void (*const passes[])(void *, unsigned, size_t, size_t) = {update_corners, join_neighbours, forget_dead,
                                                                 offer_changed};
-    coarsening->touched_count = coarsening->in_step ? coarsening->touched_count : 0;
-    follow_merges(coarsening);
+    TETLOD_TRY(coarsening_need_neighbours(coarsening, error));
+    if (!coarsening->own_corners) {
+        coarsening->own_corners = array_new(coarsening->stored, 4 * sizeof(uint32_t));
+        if (!coarsening->own_corners)
+            return no_memory(coarsening, error);
+        memcpy(coarsening->own_corners, coarsening->corners, coarsening->stored * 4 * sizeof(uint32_t));
+        coarsening->corners = coarsening->own_corners;
+    }
     for (int pass = 0; pass < 4; pass++)
         parallel_for(threads, coarsening->stored, TETS_A_CHUNK, passes[pass], coarsening);
+    return TETLOD_OK;
+}
+
+static bool number_living(const struct coarsening *coarsening, struct coarse_numbers *out)
+{
+    size_t words = ((size_t)coarsening->stored + 63) / 64;
+    uint32_t count = 0;
+    *out = (struct coarse_numbers){array_zero(words, sizeof *out->living), array_new(words, sizeof *out->before)};
+    for (size_t t = 0; t < coarsening->stored && out->living && out->before; t++) {
+        if (t % 64 == 0)
+            out->before[t / 64] = count;
+        bool living = coarsening->states[t] < COARSE_DIED;
+        out->living[t / 64] |= (uint64_t)living << t % 64;
+        count += living;
+    }
+    return out->living && out->before;
+}
+
+/* The living of before, by their new numbers. */
+static void list_living(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct coarsening *coarsening = context;
+    const struct coarse_before *last = &coarsening->last;
+    (void)worker;
+    for (size_t t = begin; t < end; t++) {
+        if (last->states[t] >= COARSE_DIED)
+            continue;
+        uint32_t number = coarsening_number(coarsening, (uint32_t)t);
+        corners_now(coarsening, last->corners + 4 * t, coarsening->own_corners + 4 * (size_t)number);
+        coarsening->states[number] = last->states[t];
+    }
+}
+
+static void renumber_slots(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct coarsening *coarsening = context;
+    (void)worker;
+    for (size_t slot = begin; slot < end; slot++) {
+        uint32_t tet = atomic_load_explicit(&coarsening->tet_of[slot], memory_order_relaxed);
+        if (tet != TETLOD_NONE && !(coarsening->slots[slot] & SLOT_MERGED))
+            atomic_store_explicit(&coarsening->tet_of[slot], coarsening_number(coarsening, tet), memory_order_relaxed);
+    }
+}
+
+/* The living are listed anew, and get their neighbours then: of those that died nothing more is looked at. */
+static enum tetlod_status step_anew(struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
+{
+    const uint32_t stored = coarsening->stored;
+    struct coarse_before *last = &coarsening->last;
+    uint32_t *corners = array_new(coarsening->tets, 4 * sizeof *corners);
+    uint8_t *states = array_new(coarsening->tets, 1);
+    if (!corners || !states || !number_living(coarsening, &last->numbers)) {
+        free(corners);
+        free(states);
+        return no_memory(coarsening, error);
+    }
+    last->corners = coarsening->corners;
+    last->own_corners = coarsening->own_corners;
+    last->states = coarsening->states;
+    free(coarsening->neighbours);
+    coarsening->neighbours = NULL;
+    coarsening->corners = coarsening->own_corners = corners;
+    coarsening->states = states;
+    coarsening->stored = coarsening->tets;
+    parallel_for(threads, stored, TETS_A_CHUNK, list_living, coarsening);
+    parallel_for(threads, coarsening->slot_count, TETS_A_CHUNK, renumber_slots, coarsening);
+    parallel_for(threads, coarsening->stored, TETS_A_CHUNK, offer_changed, coarsening);
+    return coarsening_need_neighbours(coarsening, error);
+}
+
+enum tetlod_status coarsening_step(struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
+{
+    coarsening->touched_count = coarsening->in_step ? coarsening->touched_count : 0;
+    coarsening->in_step = false;
+    forget_last(coarsening);
+    follow_merges(coarsening);
+    parallel_for(threads, coarsening->stored, TETS_A_CHUNK, find_states, coarsening);
     for (size_t t = 0; t < coarsening->stored; t++)
         coarsening->tets -= coarsening->states[t] == COARSE_DIED;
+    bool anew = coarsening->tets <= coarsening->stored / 2;
+    TETLOD_TRY(anew ? step_anew(coarsening, threads, error) : step_in_place(coarsening, threads, error));
     for (size_t i = 0; i < coarsening->touched_count; i++)
         coarsening->slots[coarsening->touched[i]] &= (uint8_t)~SLOT_IN_STEP;
-    coarsening->in_step = false;
+    return TETLOD_OK;
 }
 
 static uint32_t slot_of_node(const struct coarsening *coarsening, uint32_t node)
@@ -237,8 +379,8 @@ static uint32_t slot_of_node(const struct coarsening *coarsening, uint32_t node)
     return node < coarsening->slot_count ? node : coarsening->slot_of[node - coarsening->slot_count];
 }
 
-void coarsening_advance(struct coarsening *coarsening, const struct contraction_log *log, uint32_t contractions,
-                        unsigned threads)
+enum tetlod_status coarsening_advance(struct coarsening *coarsening, const struct contraction_log *log,
+                                      uint32_t contractions, unsigned threads, struct tetlod_error *error)
 {
     for (uint32_t c = coarsening->contractions; c < contractions; c++) {
         const uint32_t *children = log->children + 4 * (size_t)c;
@@ -248,75 +390,27 @@ void coarsening_advance(struct coarsening *coarsening, const struct contraction_
         coarsening_move(coarsening, slot, log->positions, coarsening->log_values, c);
     }
     coarsening->contractions = contractions;
-    coarsening_step(coarsening, threads);
+    return coarsening_step(coarsening, threads, error);
 }
 
-uint32_t coarsening_heir(const struct coarsening *coarsening, uint32_t tet)
+uint32_t coarsening_heir(const struct coarsening *coarsening, uint32_t before)
 {
-    return coarsening->states[tet] < COARSE_DIED ? tet : coarsening->tet_of[coarsening->corners[4 * (size_t)tet]];
+    const struct coarse_before *last = &coarsening->last;
+    if (coarsening_state_of(coarsening, before) < COARSE_DIED)
+        return coarsening_number(coarsening, before);
+    const uint32_t *corners = last->numbers.living ? last->corners : coarsening->corners;
+    return coarsening->tet_of[slot_now(coarsening, corners[4 * (size_t)before])];
 }
 
 uint32_t coarsening_heir_face(const struct coarsening *coarsening, uint32_t face)
 {
+    if (coarsening->last.numbers.living)
+        return coarsening_state_of(coarsening, face / 4) == COARSE_SAME
+                   ? 4 * coarsening_number(coarsening, face / 4) + face % 4
+                   : TETLOD_NONE;
     const uint32_t *corners = coarsening->corners + (face & ~(size_t)3);
     uint32_t a = corners[(face + 1) % 4], b = corners[(face + 2) % 4], c = corners[(face + 3) % 4];
     if (a == b || a == c || b == c)
         return TETLOD_NONE;
     return pass_dead(coarsening, face);
-}
-
-/* ---- numbers */
-
-void coarse_numbers_fini(struct coarse_numbers *numbers)
-{
-    free(numbers->living);
-    free(numbers->before);
-    *numbers = (struct coarse_numbers){0};
-}
-
-static enum tetlod_status number_living(const struct coarsening *coarsening, struct coarse_numbers *out,
-                                        struct tetlod_error *error)
-{
-    size_t words = ((size_t)coarsening->stored + 63) / 64;
-    uint32_t count = 0;
-    *out = (struct coarse_numbers){array_zero(words, sizeof *out->living), array_new(words, sizeof *out->before)};
-    if (!out->living || !out->before) {
-        coarse_numbers_fini(out);
-        return tetlodi_fail_nomem(error, "the levels' mesh", 12 * (uint64_t)words);
-    }
-    for (size_t t = 0; t < coarsening->stored; t++) {
-        if (t % 64 == 0)
-            out->before[t / 64] = count;
-        bool living = coarsening->states[t] < COARSE_DIED;
-        out->living[t / 64] |= (uint64_t)living << t % 64;
-        count += living;
-    }
-    return TETLOD_OK;
-}
-
-enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out,
-                                      struct tetlod_error *error)
-{
-    size_t count = 0;
-    TETLOD_TRY(number_living(coarsening, out, error));
-    for (size_t t = 0; t < coarsening->stored; t++) {
-        if (coarse_number(out, (uint32_t)t) == TETLOD_NONE)
-            continue;
-        memmove(coarsening->corners + 4 * count, coarsening->corners + 4 * t, 4 * sizeof(uint32_t));
-        coarsening->states[count] = coarsening->states[t];
-        for (int i = 0; i < 4; i++) {
-            uint32_t across = coarsening->neighbours[4 * t + i];
-            coarsening->neighbours[4 * count + i] =
-                across == TETLOD_NONE ? across : 4 * coarse_number(out, across / 4) + across % 4;
-        }
-        count++;
-    }
-    for (size_t v = 0; v < coarsening->slot_count; v++)
-        if (!(coarsening->slots[v] & SLOT_MERGED) && coarsening->tet_of[v] != TETLOD_NONE)
-            coarsening->tet_of[v] = coarse_number(out, coarsening->tet_of[v]);
-    coarsening->stored = coarsening->tets = (uint32_t)count;
-    coarsening->corners = array_shrink(coarsening->corners, count, 4 * sizeof(uint32_t));
-    coarsening->neighbours = array_shrink(coarsening->neighbours, count, 4 * sizeof(uint32_t));
-    coarsening->states = array_shrink(coarsening->states, count, 1);
-    return TETLOD_OK;
 }

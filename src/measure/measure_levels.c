@@ -84,7 +84,6 @@ struct measure_levels {
     size_t counted;         /* samples that count */
     uint32_t *bodies;       /* [slot] each body is compared with itself */
     uint32_t *hosts;        /* [sample] */
-    struct coarse_numbers numbers; /* what hosts are to become where they are looked at next; zeros: what they are */
     float *errors;          /* [field][sample], as tally_keep makes them */
     uint64_t *hashes;       /* [vertex] of positions */
     size_t samples, chunks;
@@ -233,7 +232,7 @@ static uint32_t begin_at(const struct measure_levels *m, size_t sample)
     const struct coarsening *mesh = m->mesh;
     uint32_t host = m->hosts[sample];
     if (host < HOST_SPECIAL)
-        return mesh->states[host] == COARSE_SAME ? TETLOD_NONE : coarsening_heir(mesh, host);
+        return coarsening_state_of(mesh, host) == COARSE_SAME ? TETLOD_NONE : coarsening_heir(mesh, host);
     if (host != HOST_VERTEX || mesh->slots[sample] == SLOT_ORIGINAL)
         return TETLOD_NONE;
     return mesh->tet_of[mesh->slots[sample] & SLOT_MERGED ? mesh->into[sample] : sample];
@@ -267,8 +266,9 @@ static void file_rounding(struct measure_levels *m, struct worker *worker, size_
     file_error(m, sample, worker->batch.own, worker->values, own_weights);
 }
 
-/* Lists samples to be looked for, from `sample` on, until the batch is full. Returns the first that it has not seen. */
-static size_t list_batch(const struct measure_levels *m, struct worker *worker, size_t sample, size_t end)
+/* Lists samples to be looked for, from `sample` on, until the batch is full; those that are where they were may have
+ * another number there. Returns the first that it has not seen. */
+static size_t list_batch(struct measure_levels *m, struct worker *worker, size_t sample, size_t end)
 {
     struct batch *batch = &worker->batch;
     for (batch->count = 0; sample < end && batch->count < BATCH; sample++) {
@@ -278,6 +278,8 @@ static size_t list_batch(const struct measure_levels *m, struct worker *worker, 
         batch->count += begin != TETLOD_NONE;
         if (begin != TETLOD_NONE)
             walk_expect(&worker->walker, begin);
+        else if (m->started && m->hosts[sample] < HOST_SPECIAL)
+            m->hosts[sample] = coarsening_number(m->mesh, m->hosts[sample]);
     }
     return sample;
 }
@@ -292,14 +294,6 @@ static void find_points(const struct measure_levels *m, struct worker *worker)
     }
 }
 
-/* After a compaction hosts get their new numbers here, where all of them are looked at in any case. */
-static void renumber_hosts(struct measure_levels *m, size_t begin, size_t end)
-{
-    for (size_t sample = begin; sample < end && m->numbers.living; sample++)
-        if (m->hosts[sample] < HOST_SPECIAL)
-            m->hosts[sample] = coarse_number(&m->numbers, m->hosts[sample]);
-}
-
 /* What held a sample and its predecessor holds them close together: the second is looked for where the first was
  * found. */
 static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
@@ -308,7 +302,6 @@ static void update_chunk(struct measure_levels *m, struct worker *worker, size_t
     size_t end = (chunk + 1) * TALLY_CHUNK < m->samples ? (chunk + 1) * TALLY_CHUNK : m->samples;
     uint32_t last_begun = TETLOD_NONE, last_found = TETLOD_NONE;
     bool first_rounded = !m->started && m->rounded, any = first_rounded;
-    renumber_hosts(m, chunk * TALLY_CHUNK, end);
     for (size_t sample = chunk * TALLY_CHUNK; sample < end && first_rounded; sample++)
         if (m->hosts[sample] != HOST_NONE)
             file_rounding(m, worker, sample);
@@ -395,8 +388,10 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
         struct stray *stray = &m->strays[i];
         double p[3];
         uint32_t face;
-        if (stray->face != TETLOD_NONE && m->mesh->states[stray->face / 4] != COARSE_SAME)
-            stray->face = TETLOD_NONE;
+        if (stray->face != TETLOD_NONE)
+            stray->face = coarsening_state_of(m->mesh, stray->face / 4) == COARSE_SAME
+                              ? coarsening_heir_face(m->mesh, stray->face)
+                              : TETLOD_NONE;
         if (stray->face == TETLOD_NONE)
             continue;
         find_point(m, &m->workers[number], stray->sample, p);
@@ -482,9 +477,10 @@ static void guess_distances(void *context, unsigned worker, size_t begin, size_t
         m->distances[i] = 0;
         if (!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL)
             continue;
-        if (face != TETLOD_NONE && m->mesh->states[face / 4] == COARSE_SAME)
-            continue; // or what it was at the last level
+        bool same = face != TETLOD_NONE && coarsening_state_of(m->mesh, face / 4) == COARSE_SAME;
         m->nearest[i] = face = face == TETLOD_NONE ? face : coarsening_heir_face(m->mesh, face);
+        if (same)
+            continue; // or what it was at the last level
         m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, m->original->positions + 3 * (size_t)v,
                                                                          face);
     }
@@ -515,6 +511,7 @@ static void made_distances(void *context, unsigned worker, size_t begin, size_t 
 static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_error *error)
 {
     const struct mesh_surface *boundary = &m->boundary;
+    TETLOD_TRY(coarsening_need_neighbours(m->mesh, error));
     TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
                             m->original->tet_count, NULL, 0, 0, error));
     m->boundary.bodies = m->bodies;
@@ -535,7 +532,8 @@ static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_
     return TETLOD_OK;
 }
 
-/* The vertices of the level's boundary that the last step made or moved; at first, where it is displaced, all. */
+/* The vertices of the level's boundary that the last step made or moved; at first all where it is displaced, else
+ * none. */
 static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_error *error)
 {
     const struct coarsening *mesh = m->mesh;
@@ -545,7 +543,7 @@ static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_erro
     for (uint32_t i = 0; i < mesh->touched_count && m->started; i++)
         m->made[mesh->touched[i]] = MADE;
     m->list_count = 0;
-    for (size_t s = 0; s < 4 * (size_t)mesh->stored; s++) {
+    for (size_t s = 0; s < 4 * (size_t)mesh->stored && (m->started || m->displaced); s++) {
         if (mesh->states[s / 4] != (m->started ? COARSE_CHANGED : COARSE_SAME) || mesh->neighbours[s] != TETLOD_NONE)
             continue;
         if (!ARRAY_RESERVE(m->list, m->list_capacity, m->list_count + 3))
@@ -596,35 +594,17 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
     return TETLOD_OK;
 }
 
-/* ---- compaction */
-
-static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error *error)
-{
-    const struct coarse_numbers *numbers = &m->numbers;
-    if (m->mesh->tets > m->mesh->stored / 2)
-        return TETLOD_OK;
-    TETLOD_TRY(coarsening_compact(m->mesh, &m->numbers, error));
-    for (size_t i = 0; i < m->bound_count; i++) {
-        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : coarse_number(numbers, face / 4);
-        m->nearest[i] = tet == TETLOD_NONE ? TETLOD_NONE : 4 * tet + face % 4;
-    }
-    for (size_t i = 0; i < m->stray_count; i++) {
-        uint32_t face = m->strays[i].face;
-        m->strays[i].face = face == TETLOD_NONE ? face : 4 * coarse_number(numbers, face / 4) + face % 4;
-    }
-    return TETLOD_OK;
-}
-
 /* ---- the whole */
 
 enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured *out, double *io_domain,
                                        struct tetlod_error *error)
 {
     enum tetlod_status status = TETLOD_OK;
+    if (m->displaced)
+        TETLOD_TRY(coarsening_need_neighbours(m->mesh, error));
     for (unsigned i = 0; i < m->threads; i++)
         walker_reset(&m->workers[i].walker);
     parallel_for(m->threads, m->chunks, 1, update_samples, m);
-    coarse_numbers_fini(&m->numbers);
     TETLOD_TRY_DONE(update_strays(m, error));
     measure_levels_result(m, out);
     TETLOD_TRY_DONE(update_domain(m, io_domain, error));
@@ -632,7 +612,7 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
 done:
     mesh_surface_fini(&m->surface);
     mesh_surface_fini(&m->changed);
-    return status == TETLOD_OK ? compact(m, error) : status;
+    return status;
 }
 
 /* Which samples count, and where they are at first. */
@@ -836,7 +816,6 @@ void measure_levels_free(struct measure_levels *m)
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
-    coarse_numbers_fini(&m->numbers);
     void *const owned[] = {m->components, m->bodies, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers,
                            m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};

@@ -26,8 +26,8 @@ uint64_t measure_levels_bytes(const struct tetmesh *original);
 
 /* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count].
  * *io_domain comes in as what the domain error is known to be at least (0: nothing), which spares the search for
- * boundary points that are nearer, and is raised to the largest of this and all finer levels. May compact the
- * coarsening. ERR_NOMEM. */
+ * boundary points that are nearer, and is raised to the largest of this and all finer levels. ERR_NOMEM,
+ * ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out,
                                                       double *io_domain,
                                                       struct tetlod_error *error);

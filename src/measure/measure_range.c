@@ -442,6 +442,7 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
                                  error));
     r.locator.surface.bodies = bodies;
     TETLOD_TRY_DONE(coarsening_init(&r.mesh, level, NULL, error));
+    TETLOD_TRY_DONE(coarsening_need_neighbours(&r.mesh, error));
     for (unsigned i = 0; i < threads; i++)
         TETLOD_TRY_DONE(walker_init(&r.workers[i].walker, &r.mesh, error));
     parallel_for(threads, samples, CHUNK, sum_chunk, &r);

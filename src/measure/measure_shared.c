@@ -70,13 +70,16 @@ static enum tetlod_status keep_level(struct sweep *sweep, double domain)
 }
 
 /* The next level, at which every program has to come by itself. */
-static void advance(struct sweep *sweep, uint32_t mark)
+static enum tetlod_status advance(struct sweep *sweep, uint32_t mark)
 {
     const struct shared_levels *levels = sweep->levels;
+    enum tetlod_status status = TETLOD_OK;
     double begun = thread_seconds();
     if (mark)
-        coarsening_advance(&sweep->coarsening, levels->log, levels->log->marks[mark].contractions, levels->threads);
+        status = coarsening_advance(&sweep->coarsening, levels->log, levels->log->marks[mark].contractions,
+                                    levels->threads, sweep->error);
     sweep->alone += thread_seconds() - begun;
+    return status;
 }
 
 static enum tetlod_status measure_parts(struct sweep *sweep)
@@ -88,7 +91,7 @@ static enum tetlod_status measure_parts(struct sweep *sweep)
         double domain = levels->domains[mark];
         if (!levels->asked[mark])
             continue;
-        advance(sweep, mark);
+        TETLOD_TRY(advance(sweep, mark));
         TETLOD_TRY(measure_levels_next(sweep->measure, sweep->scratch, &domain, sweep->error));
         TETLOD_TRY(keep_level(sweep, domain));
         if (levels->progress && !levels->progress(levels->progress_opaque, (mark + 1.0) / log->mark_count))

@@ -58,11 +58,12 @@ void overlay_levels_free(struct overlay_levels *levels)
 }
 
 enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct tetmesh *original,
-                                      const struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
+                                      struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
 {
     uint32_t fields = original->field_count;
     size_t tets = original->tet_count;
     struct overlay_levels *levels = array_zero(1, sizeof *levels);
+    enum tetlod_status status = TETLOD_OK;
     *out = NULL;
     if (!levels)
         return tetlodi_fail_nomem(error, "the overlay", sizeof *levels);
@@ -77,24 +78,21 @@ enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct 
                                       .numbers = array_new(fields, sizeof(uint32_t)),
                                       .most = array_new(fields, sizeof(double))};
     if (!levels->bodies || !levels->promised || !levels->corners || !levels->usable || !levels->wanted ||
-        !levels->fields ||
-        !levels->numbers || !levels->most) {
-        overlay_levels_free(levels);
-        return tetlodi_fail_nomem(error, "the overlay", overlay_levels_bytes(original));
-    }
+        !levels->fields || !levels->numbers || !levels->most)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the overlay", overlay_levels_bytes(original)));
+    TETLOD_TRY_DONE(coarsening_need_neighbours(coarsening, error));
     sheets_bodies(original->corners, original->tet_count, original->vertex_count, levels->bodies);
     levels->orientation = sheets_promised(original->positions, original->corners, coarsening->neighbours,
                                           original->tet_count,
                                           levels->promised);
     for (uint32_t f = 0; f < fields; f++)
         levels->numbers[f] = f;
-    enum tetlod_status status = clusters_build(&levels->clusters, original, error);
-    if (status != TETLOD_OK) {
-        overlay_levels_free(levels);
-        return status;
-    }
+    TETLOD_TRY_DONE(clusters_build(&levels->clusters, original, error));
     *out = levels;
-    return TETLOD_OK;
+done:
+    if (status != TETLOD_OK)
+        overlay_levels_free(levels);
+    return status;
 }
 
 /* The tetrahedra that are there, and which of them changed: at first all may be other than the original's. */

@@ -12,7 +12,7 @@ struct overlay_levels;
 /* Prepares to compare levels with `original` (borrowed): at first `coarsening` holds its vertices and tetrahedra, with
  * positions and values that may be rounded. Each body is compared with itself. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct tetmesh *original,
-                                                     const struct coarsening *coarsening, unsigned threads,
+                                                     struct coarsening *coarsening, unsigned threads,
                                                      struct tetlod_error *error);
 void overlay_levels_free(struct overlay_levels *levels);
 

@@ -337,7 +337,8 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     const struct log_mark *at = &build->log.marks[mark];
     double domain = at->moved + build->rounded_by;
     if (mark)
-        coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads);
+        TETLOD_TRY(coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads,
+                                      build->error));
     if (build->overlay)
         TETLOD_TRY(find_exact(build, coarsening, mark));
     TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));

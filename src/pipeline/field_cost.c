@@ -81,11 +81,12 @@ static enum tetlod_status fill_level(struct cost_search *search, const uint32_t 
 {
     const struct coarsening *coarse = &search->coarsening;
     struct tetmesh *level = &search->level;
-    for (uint32_t t = 0, to = 0; t < coarse->stored; t++) {
-        if (coarse->states[t] == COARSE_DIED || coarse->states[t] == COARSE_GONE)
+    for (uint32_t t = 0, to = 0; t < search->mesh->tet_count; t++) {
+        uint32_t now = coarsening_number(coarse, t);
+        if (now == TETLOD_NONE)
             continue;
         for (size_t c = 0; c < 4; c++)
-            level->corners[4 * (size_t)to + c] = number[coarse->corners[4 * (size_t)t + c]];
+            level->corners[4 * (size_t)to + c] = number[coarse->corners[4 * (size_t)now + c]];
         if (search->regions)
             search->regions[to] = search->options->regions[t];
         to++;
@@ -114,8 +115,10 @@ static enum tetlod_status make_level(struct cost_search *search, const struct lo
     enum tetlod_status status = number && search->node
                                     ? coarsening_init(&search->coarsening, search->mesh, search->log, search->error)
                                     : no_memory(search);
+    if (status == TETLOD_OK)
+        status = coarsening_advance(&search->coarsening, search->log, mark->contractions, search->options->threads,
+                                    search->error);
     if (status == TETLOD_OK) {
-        coarsening_advance(&search->coarsening, search->log, mark->contractions, search->options->threads);
         *level = (struct tetmesh){.position_type = search->mesh->position_type,
                                   .vertex_count = number_slots(search, mark->contractions, number),
                                   .tet_count = search->coarsening.tets};

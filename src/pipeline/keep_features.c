@@ -112,7 +112,8 @@ static enum tetlod_status filter(const struct kept_features *kept, struct coarse
     for (uint32_t mark = 0; mark < log->mark_count; mark++) {
         bool same;
         if (mark)
-            coarsening_advance(coarsening, log, log->marks[mark].contractions, kept->options->threads);
+            TETLOD_TRY(coarsening_advance(coarsening, log, log->marks[mark].contractions, kept->options->threads,
+                                          error));
         TETLOD_TRY(compare(kept, coarsening, corners, &same, error));
         if (!same && mark == 0)
             return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,

@@ -267,7 +267,8 @@ static void check_marks(struct proof *p)
         exit(2);
     take_original(p);
     for (uint32_t mark = (marks - 1) % stride; mark < marks; mark += stride) {
-        coarsening_advance(&p->coarsening, &p->log, p->log.marks[mark].contractions, 1);
+        if (coarsening_advance(&p->coarsening, &p->log, p->log.marks[mark].contractions, 1, NULL) != TETLOD_OK)
+            exit(2);
         check_mark(p, mark);
     }
     oracle_finish(&p->original);

@@ -190,7 +190,7 @@ static void check_topology(const struct tetmesh *mesh, const struct contraction_
     struct coarsening coarsening;
     uint32_t *corners = array_new(mesh->tet_count, 4 * sizeof *corners), left = 0;
     REQUIRE(corners && coarsening_init(&coarsening, mesh, log, NULL) == TETLOD_OK);
-    coarsening_advance(&coarsening, log, log->count, 1);
+    REQUIRE(coarsening_advance(&coarsening, log, log->count, 1, NULL) == TETLOD_OK);
     for (size_t t = 0; t < coarsening.stored; t++)
         if (coarsening.states[t] < COARSE_DIED)
             memcpy(corners + 4 * (size_t)left++, coarsening.corners + 4 * t, 4 * sizeof *corners);

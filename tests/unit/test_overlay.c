@@ -376,7 +376,7 @@ static void test_rounding(void)
 }
 
 /* What the finest level of a mesh, as `coarsening` has it, is found to differ by near its boundary. */
-static double finest_within(const struct tetmesh *original, const struct coarsening *coarsening, double reach)
+static double finest_within(const struct tetmesh *original, struct coarsening *coarsening, double reach)
 {
     struct overlay_levels *levels;
     double most = 0;
@@ -387,7 +387,7 @@ static double finest_within(const struct tetmesh *original, const struct coarsen
     return most;
 }
 
-static double finest(const struct tetmesh *original, const struct coarsening *coarsening)
+static double finest(const struct tetmesh *original, struct coarsening *coarsening)
 {
     return finest_within(original, coarsening, INFINITY);
 }
