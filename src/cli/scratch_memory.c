@@ -16,7 +16,9 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <linux/userfaultfd.h>
+#include <malloc.h>
 #include <math.h>
 #include <pthread.h>
 #include <sched.h>
@@ -39,6 +41,10 @@
  * take no more than MEMORY_SHARE of the limit or, where little else takes memory, ROOMY_SHARE of what it leaves beside
  * the program. The table is short: it lists large arrays only. */
 enum { REGION_SHARE = 128, MIN_REGION = 1 << 16, MAX_REGIONS = 400, PROGRAM = 28 << 20 };
+
+/* The C library keeps so much of the limit when it is free: a cell takes what the one before has left, where the system
+ * would have to make each page anew. */
+enum { KEPT_SHARE = 8 };
 static const double MEMORY_SHARE = 0.25, ROOMY_SHARE = 0.6;
 
 /* Pages are taken from a share of the limit on, piece by piece, until the share GIVEN_BACK is free again. What is left
@@ -355,8 +361,13 @@ int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void
 
 static void set_limit(uint64_t limit)
 {
+    const uint64_t smallest = limit / REGION_SHARE > MIN_REGION ? limit / REGION_SHARE : MIN_REGION;
     atomic_store(&memory.limit, limit);
-    atomic_store(&memory.smallest, limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION);
+    atomic_store(&memory.smallest, (size_t)smallest);
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, (int)fmin((double)smallest, INT_MAX));
+    mallopt(M_TRIM_THRESHOLD, (int)fmin((double)limit / KEPT_SHARE, INT_MAX));
+#endif
 }
 
 /* Of this process: a child's are its own. */
@@ -636,6 +647,9 @@ void scratch_memory_settle(bool roomy)
     lock();
     memory.roomy = roomy;
     unlock();
+#ifdef __GLIBC__
+    malloc_trim(0); // what follows is of other sizes
+#endif
     while (done && take_memory(&region)) {
         settle(&region, -(int64_t)region.size);
         done = to_file(&region);

@@ -82,7 +82,7 @@ struct measure_levels {
     size_t width;           /* components of all fields */
     struct walk_component *components; /* [width] the original's */
     size_t counted;         /* samples that count */
-    uint32_t *bodies;       /* [slot] each body is compared with itself */
+    uint32_t *bodies;       /* [slot] each body is compared with itself; NULL until it is asked for */
     uint32_t *hosts;        /* [sample] */
     float *errors;          /* [field][sample], as tally_keep makes them */
     uint64_t *hashes;       /* [vertex] of positions */
@@ -108,13 +108,9 @@ struct measure_levels {
     double rounding;         /* of a distance */
     bool displaced, rounded; /* the finest level is not the original itself: other positions; or other values only */
     bool started;
-    bool mine[MEASURE_PARTS], bounds_are_mine;
+    uint8_t *mine;           /* [chunk] it is measured here */
+    bool bounds_are_mine;
 };
-
-static bool is_mine(const struct measure_levels *m, size_t chunk)
-{
-    return m->mine[chunk * MEASURE_PARTS / m->chunks];
-}
 
 /* ---- a sample's error */
 
@@ -324,7 +320,7 @@ static void update_samples(void *context, unsigned number, size_t begin, size_t 
 {
     struct measure_levels *m = context;
     for (size_t chunk = begin; chunk < end; chunk++)
-        if (is_mine(m, chunk))
+        if (m->mine[chunk])
             update_chunk(m, &m->workers[number], chunk);
 }
 
@@ -339,6 +335,18 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
                                  mesh->states, COARSE_SAME,
                                  COARSE_CHANGED, error));
     m->surface.bodies = m->bodies;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status need_bodies(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct tetmesh *mesh = m->original;
+    if (m->bodies)
+        return TETLOD_OK;
+    m->bodies = array_new(mesh->vertex_count, sizeof *m->bodies);
+    if (!m->bodies)
+        return tetlodi_fail_nomem(error, "the samples", mesh->vertex_count * sizeof *m->bodies);
+    sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, m->bodies);
     return TETLOD_OK;
 }
 
@@ -441,6 +449,7 @@ static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_
     }
     if (!m->stray_count)
         return TETLOD_OK;
+    TETLOD_TRY(need_bodies(m, error));
     TETLOD_TRY(need_changed(m, error));
     parallel_for(m->threads, m->stray_count, 64, check_strays, m);
     for (size_t i = 0; i < m->stray_count; i++)
@@ -573,6 +582,7 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
     bool any = false;
     if (!m->bounds_are_mine)
         return TETLOD_OK;
+    TETLOD_TRY(need_bodies(m, error));
     if (!m->started)
         TETLOD_TRY(list_boundary(m, error));
     TETLOD_TRY(list_made(m, error));
@@ -594,12 +604,50 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
     return TETLOD_OK;
 }
 
+/* ---- the beginning */
+
+/* A tetrahedron's samples, and its corners, which are samples as well, as far as they are measured here. */
+static void place_tet(struct measure_levels *m, size_t tet, size_t vertices)
+{
+    const size_t first = m->original->vertex_count + SAMPLES_PER_TET * tet;
+    bool counts = !sample_tet_is_degenerate(m->original, tet);
+    for (size_t sample = first; sample < first + SAMPLES_PER_TET; sample++)
+        if (m->mine[sample / TALLY_CHUNK])
+            m->hosts[sample] = counts ? (uint32_t)tet : HOST_NONE;
+    for (size_t i = 4 * tet; i < 4 * tet + 4 && counts && vertices; i++)
+        m->hosts[m->original->corners[i]] = HOST_VERTEX;
+    m->counted += counts ? SAMPLES_PER_TET : 0;
+}
+
+/* Which samples count, and where they are at first. How many that are is known who looks at all of them. */
+static void place_samples(struct measure_levels *m)
+{
+    const struct tetmesh *mesh = m->original;
+    const size_t n = mesh->vertex_count;
+    size_t vertices = m->bounds_are_mine ? n : 0;
+    for (size_t v = 0; v < n; v += TALLY_CHUNK)
+        vertices = m->mine[v / TALLY_CHUNK] ? n : vertices;
+    for (size_t v = 0; v < n; v++)
+        m->hashes[v] = sample_hash(mesh->positions + 3 * v);
+    for (size_t v = 0; v < vertices; v++)
+        m->hosts[v] = HOST_NONE;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        const size_t first = n + SAMPLES_PER_TET * t, last = first + SAMPLES_PER_TET - 1;
+        if (vertices || m->mine[first / TALLY_CHUNK] || m->mine[last / TALLY_CHUNK])
+            place_tet(m, t, vertices);
+    }
+    for (size_t v = 0; v < vertices; v++)
+        m->counted += m->hosts[v] == HOST_VERTEX;
+}
+
 /* ---- the whole */
 
 enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured *out, double *io_domain,
                                        struct tetlod_error *error)
 {
     enum tetlod_status status = TETLOD_OK;
+    if (!m->started)
+        place_samples(m);
     if (m->displaced)
         TETLOD_TRY(coarsening_need_neighbours(m->mesh, error));
     for (unsigned i = 0; i < m->threads; i++)
@@ -613,26 +661,6 @@ done:
     mesh_surface_fini(&m->surface);
     mesh_surface_fini(&m->changed);
     return status;
-}
-
-/* Which samples count, and where they are at first. */
-static void place_samples(struct measure_levels *m)
-{
-    const struct tetmesh *mesh = m->original;
-    size_t n = mesh->vertex_count;
-    for (size_t v = 0; v < n; v++) {
-        m->hosts[v] = HOST_NONE;
-        m->hashes[v] = sample_hash(mesh->positions + 3 * v);
-    }
-    for (size_t t = 0; t < mesh->tet_count; t++) {
-        bool counts = !sample_tet_is_degenerate(mesh, t);
-        for (size_t i = 0; i < SAMPLES_PER_TET; i++)
-            m->hosts[n + SAMPLES_PER_TET * t + i] = counts ? (uint32_t)t : HOST_NONE;
-        for (size_t i = 4 * t; i < 4 * t + 4 && counts; i++)
-            m->hosts[mesh->corners[i]] = HOST_VERTEX;
-    }
-    for (size_t sample = 0; sample < m->samples; sample++)
-        m->counted += m->hosts[sample] != HOST_NONE;
 }
 
 static bool is_displaced(const struct tetmesh *original, const struct coarsening *mesh)
@@ -705,7 +733,6 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .mesh = coarsening,
                                  .threads = threads,
                                  .field_count = original->field_count,
-                                 .bodies = array_new(original->vertex_count, sizeof(uint32_t)),
                                  .hosts = array_new(samples, sizeof(uint32_t)),
                                  .errors = array_zero(samples * fields, sizeof(float)),
                                  .hashes = array_new(original->vertex_count, sizeof(uint64_t)),
@@ -714,17 +741,16 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .chunks = chunks,
                                  .tallies = array_zero(chunks * fields, sizeof(struct tally)),
                                  .dirty = array_new(chunks, 1),
+                                 .mine = array_new(chunks, 1),
                                  .made = array_zero(original->vertex_count, 1),
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
-    memset(m->mine, true, sizeof m->mine);
     m->bounds_are_mine = true;
     m->rounded = !m->displaced && is_rounded(original, coarsening);
-    if (!m->bodies || !m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
+    if (!m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->mine || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     set_scales(m);
-    sheets_bodies(original->corners, original->tet_count, original->vertex_count, m->bodies);
-    place_samples(m);
+    memset(m->mine, true, chunks);
     TETLOD_TRY_DONE(make_workers(m, error));
     *out = m;
 done:
@@ -759,7 +785,8 @@ enum tetlod_status measure_levels_of_sums(struct measure_levels **out, const str
 
 void measure_levels_restrict(struct measure_levels *m, const bool mine[MEASURE_PARTS], bool bounds)
 {
-    memcpy(m->mine, mine, sizeof m->mine);
+    for (size_t chunk = 0; chunk < m->chunks; chunk++)
+        m->mine[chunk] = mine[chunk * MEASURE_PARTS / m->chunks];
     m->bounds_are_mine = bounds;
 }
 
@@ -817,8 +844,7 @@ void measure_levels_free(struct measure_levels *m)
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
     void *const owned[] = {m->components, m->bodies, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers,
-                           m->strays, m->dirty,
-                           m->bound, m->nearest, m->distances, m->made, m->list, m};
+                           m->strays, m->dirty, m->mine, m->bound, m->nearest, m->distances, m->made, m->list, m};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
 }
