@@ -332,8 +332,7 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
     if (m->surface.triangles)
         return TETLOD_OK;
     TETLOD_TRY(mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored,
-                                 mesh->states, COARSE_SAME,
-                                 COARSE_CHANGED, error));
+                                 mesh->states, COARSE_SAME, COARSE_CHANGED, error));
     m->surface.bodies = m->bodies;
     return TETLOD_OK;
 }
@@ -396,11 +395,9 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
         struct stray *stray = &m->strays[i];
         double p[3];
         uint32_t face;
-        if (stray->face != TETLOD_NONE)
-            stray->face = coarsening_state_of(m->mesh, stray->face / 4) == COARSE_SAME
-                              ? coarsening_heir_face(m->mesh, stray->face)
-                              : TETLOD_NONE;
-        if (stray->face == TETLOD_NONE)
+        bool same = stray->face != TETLOD_NONE && coarsening_state_of(m->mesh, stray->face / 4) == COARSE_SAME;
+        stray->face = same ? coarsening_heir_face(m->mesh, stray->face) : TETLOD_NONE;
+        if (!same)
             continue;
         find_point(m, &m->workers[number], stray->sample, p);
         if (mesh_surface_distance(&m->changed, body_of(m, stray->sample), p, stray->distance,
@@ -413,8 +410,7 @@ static enum tetlod_status need_changed(struct measure_levels *m, struct tetlod_e
 {
     const struct coarsening *mesh = m->mesh;
     TETLOD_TRY(mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored,
-                                 mesh->states,
-                                 COARSE_CHANGED, COARSE_CHANGED, error));
+                                 mesh->states, COARSE_CHANGED, COARSE_CHANGED, error));
     m->changed.bodies = m->bodies;
     return TETLOD_OK;
 }
@@ -490,8 +486,8 @@ static void guess_distances(void *context, unsigned worker, size_t begin, size_t
         m->nearest[i] = face = face == TETLOD_NONE ? face : coarsening_heir_face(m->mesh, face);
         if (same)
             continue; // or what it was at the last level
-        m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, m->original->positions + 3 * (size_t)v,
-                                                                         face);
+        const double *p = m->original->positions + 3 * (size_t)v;
+        m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, p, face);
     }
 }
 
@@ -719,8 +715,7 @@ static void set_scales(struct measure_levels *m)
 }
 
 enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original,
-                                      struct coarsening *coarsening,
-                                      unsigned threads, struct tetlod_error *error)
+                                      struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
 {
     size_t samples = sample_count(original), chunks = tally_chunks(samples), fields = original->field_count;
     struct measure_levels *m = array_zero(1, sizeof *m);

@@ -162,8 +162,7 @@ static enum tetlod_status contract(struct build *build)
                                  build->error);
     else
         status = simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
-                          &simplify_options,
-                          build->error);
+                          &simplify_options, build->error);
     if (status == TETLOD_OK && finds_cost(options))
         status = field_cost_find(&build->cost, build->mesh, &build->log, limits.fields, options->control_count,
                                  &simplify_options, build->error);

@@ -162,6 +162,23 @@ def own_numbers_case():
     return None if found == wanted and 'by itself' in said and 'GlobalPointIds' in said else said
 
 
+def unmarked_case(numbers):
+    """Copies of a neighbour's cells that are not marked: refused by one program and by ranks, with how many there are,
+    whether the points are joined by numbers or by places. Cells of which a piece has three points of another are none."""
+    points, tets, fields, cells = numbered_mesh()
+    if not numbers:
+        del fields['GlobalPointIds'], cells['GlobalCellIds']
+    pieces = cut(points, tets)
+    save_pvtu(points, tets, fields, cells, [np.concatenate([p, pieces[(i + 1) % PIECES][:7]])
+                                            for i, p in enumerate(pieces)])
+    programs = [tetlod('build', path('all.pvtu'), '-o', path('no.tetlod'))]
+    if not NO_RANKS:
+        programs.append(mpi_job.mpi(2, 'build', path('all.pvtu'), '-o', path('no.tetlod')))
+    wanted = '%d cells are in several pieces' % (7 * PIECES)
+    good = [done.returncode and wanted in done.stderr.decode() for done in programs]
+    return None if all(good) and not os.path.exists(path('no.tetlod')) else programs
+
+
 def other_values_case():
     """Points of one number with other values in another piece: the first piece's are kept, and they are counted."""
     points, tets, fields, cells = numbered_mesh()
@@ -230,10 +247,10 @@ def missing_piece_case():
     return None if done.returncode and b'piece 2 of 3' in done.stderr and done.stderr.count(b'\n') == 1 else done
 
 
+NO_RANKS = mpi_job.missing()
 case('VTK: numbers of points and cells, with ghosts', vtk_case)
 if CONFIG == 'release':
     case('VTK: the same levels', stream_case)
-NO_RANKS = mpi_job.missing()
 if not NO_RANKS:
     case('VTK: pieces and their ghosts, by ranks', ranks_case, 'all.pvtu', 'heat')
     case('VTK: a piece without points, by ranks', empty_piece_case)
@@ -241,6 +258,8 @@ case('VTK: a crack is not glued', crack_case)
 case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
+case('VTK: copies that are not marked', unmarked_case, True)
+case('VTK: copies that are not marked, without numbers', unmarked_case, False)
 case('VTK: a piece of wrong corners, and one that is not there', damaged_piece_case)
 try:
     import exodus_file

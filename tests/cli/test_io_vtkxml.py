@@ -164,7 +164,8 @@ def nested_case():
     writer.SetInputData(outer)
     writer.SetFileName(path('nested.vtm'))
     assert writer.Write()
-    save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, masks[0]), 'first.vtu')
+    beside = (mesh[0] + 2, *mesh[1:])
+    save(vtk.vtkXMLUnstructuredGridWriter(), part_of(beside, masks[0]), 'first.vtu')
     write(
         'nested.pvd', '<VTKFile type="Collection"><Collection><DataSet timestep="0" part="0" file="first.vtu"/>'
         '<DataSet timestep="1e-1" group="" part="0" file="nested.vtm"/><DataSet timestep="0.1" part="1" file="%s"/>'

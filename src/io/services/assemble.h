@@ -155,6 +155,10 @@ TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double toleran
 /* Cells refer to target[point] in place of the point. */
 void block_redirect(struct block *block, const uint32_t *target);
 
+/* Refuses cells that several pieces have. They refer to target[point] in place of each point. ERR_MESH, ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status block_check_twice(const struct block *block, const uint32_t *target,
+                                                    struct tetlod_error *error);
+
 /* Whether two points have the same values in all fields. */
 bool mesh_same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b);
 

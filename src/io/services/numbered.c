@@ -148,7 +148,9 @@ static enum tetlod_status join_points(struct block *block, struct numbered *orde
         target[order[i].row] = kept - 1;
     }
     block_redirect(block, target);
+    enum tetlod_status status = block_check_twice(block, target, error);
     free(target);
+    TETLOD_TRY(status);
     report->welded_points += count - kept;
     mesh->positions = arrange(mesh->positions, order, kept, 3 * sizeof *mesh->positions);
     bool good = arrange_fields(mesh->fields, mesh->field_count, order, kept) && mesh->positions;

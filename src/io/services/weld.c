@@ -160,6 +160,11 @@ enum tetlod_status block_weld(struct block *block, double tolerance, const uint3
     for (uint32_t v = 0; v < count; v++)
         report->welded_points += w.target[v] != v;
     block_redirect(block, w.target);
+    free(w.first);
+    free(w.next);
+    w.first = w.next = NULL;
+    if (origins)
+        status = block_check_twice(block, w.target, error);
 done:
     free(w.first);
     free(w.next);
