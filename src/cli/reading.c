@@ -65,6 +65,9 @@ void reading_notes(const char *command, const struct io_report *report, const st
                  {report->hidden_cells, "ghost or blanked cells left out"},
                  {report->welded_points, "points welded to others at the same place, or of the same number"},
                  {report->other_values, "of these have other values in another piece; those of the first are kept"},
+                 {report->apart_points,
+                  "points of pieces have other values than another piece at the same place, and stay apart; numbers of "
+                  "points, as GlobalPointIds, would join them"},
                  {report->dropped_tets, "degenerate or duplicate tetrahedra dropped"},
                  {report->skipped_arrays, "arrays left out: not numbers, or of a kind that is not read"},
                  {report->partial_arrays, "arrays left out: not all blocks have them"},

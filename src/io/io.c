@@ -160,7 +160,7 @@ enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const st
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no volume in it");
         goto done;
     }
-    TETLOD_TRY_DONE(blocks_merge(&blocks, options->welds ? options->weld : -1, &block, report, error));
+    TETLOD_TRY_DONE(blocks_merge(&blocks, options, &block, report, error));
     if (block.mesh.vertex_count == 0) {
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no point in it");
         goto done;

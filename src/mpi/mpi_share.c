@@ -24,8 +24,9 @@ enum { MANY = 8 };
 
 enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT, TAG_SAY, TAG_SAID };
 
-/* Seconds between looks at whether others have come, or want a part. */
-static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 4e-3;
+/* Seconds between looks at whether others have come, or want a part. Who has waited long looks late by a share of that:
+ * a look costs as much as a fault. */
+static const double FIRST_WAIT = 1e-4, LONGEST_WAIT = 4e-3, LATE = 0.01, LATEST = 0.1;
 
 struct result {
     unsigned char *bytes;
@@ -87,12 +88,15 @@ static struct stage_time *this_stage(const struct mpi_share *share)
 static void wait_for(struct mpi_share *share, MPI_Request *request)
 {
     int done = 0;
-    for (double wait = FIRST_WAIT; !done; wait = fmin(2 * wait, LONGEST_WAIT)) {
+    for (double wait = FIRST_WAIT, waited = 0; !done;) {
         pthread_mutex_lock(&share->lock);
         MPI_Test(request, &done, MPI_STATUS_IGNORE);
         pthread_mutex_unlock(&share->lock);
-        if (!done)
-            sleep_through(wait);
+        if (done)
+            return;
+        sleep_through(wait);
+        waited += wait;
+        wait = fmin(2 * wait, fmax(LONGEST_WAIT, fmin(LATE * waited, LATEST)));
     }
 }
 

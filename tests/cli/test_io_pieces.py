@@ -176,7 +176,12 @@ def unmarked_case(numbers):
         programs.append(mpi_job.mpi(2, 'build', path('all.pvtu'), '-o', path('no.tetlod')))
     wanted = '%d cells are in several pieces' % (7 * PIECES)
     good = [done.returncode and wanted in done.stderr.decode() for done in programs]
-    return None if all(good) and not os.path.exists(path('no.tetlod')) else programs
+    if not all(good) or os.path.exists(path('no.tetlod')):
+        return programs
+    wanted = len(tets), '%d degenerate or duplicate tetrahedra dropped' % (7 * PIECES)
+    must('convert', path('all.pvtu'), '-o', path('once.vtu'), '--drop-degenerate')
+    found = len(converted(path('once.vtu'))[1]), as_vtu('all.pvtu', '--drop-degenerate')[1]
+    return None if found[0] == wanted[0] and wanted[1] in found[1] else found
 
 
 def other_values_case():
@@ -191,6 +196,21 @@ def other_values_case():
         first[np.unique(tets[pieces[p]])] = p
     good = np.array_equal(found[0], points) and np.array_equal(found[2]['heat'], heat + first / 8)
     return None if good and 'have other values' in said else said
+
+
+def apart_case():
+    """Without numbers, points with other values in another piece stay apart, and are counted; those with the same are
+    joined."""
+    points, tets, fields, cells = numbered_mesh()
+    pieces = cut(points, tets)
+    users = [np.unique(tets[p]) for p in pieces]
+    heat, more = fields['heat'], np.bincount(np.concatenate(users), minlength=len(points)) - 1
+    warm = points[:, 0] < 0.5
+    save_pvtu(points, tets, {'heat': [heat + warm * p / 8 for p in range(PIECES)]}, {}, pieces)
+    found, said = converted(path('all.pvtu')), as_vtu('all.pvtu')[1]
+    apart = more[warm].sum()
+    good = apart and len(found[0]) == len(points) + apart and '%d points of pieces have other values' % apart in said
+    return None if good and more[~warm].sum() else (apart, len(found[0]) - len(points), said)
 
 
 def damaged_piece_case():
@@ -258,6 +278,7 @@ case('VTK: a crack is not glued', crack_case)
 case('VTK: a crack through pieces without numbers', unnumbered_crack_case)
 case('VTK: numbers that are no numbers of the whole', own_numbers_case)
 case('VTK: other values', other_values_case)
+case('VTK: other values, without numbers', apart_case)
 case('VTK: copies that are not marked', unmarked_case, True)
 case('VTK: copies that are not marked, without numbers', unmarked_case, False)
 case('VTK: a piece of wrong corners, and one that is not there', damaged_piece_case)

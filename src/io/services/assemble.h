@@ -138,9 +138,10 @@ void block_note_others(struct block *first, struct block *block, bool cell, stru
 
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Points of several
  * blocks become one by their numbers in the whole mesh where all blocks know them, else they are welded; those of one
- * block are welded if it is a grid, or the tolerance `weld` is not negative. */
-TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out,
-                                               struct io_report *report,
+ * block are welded if it is a grid, or the options say so. Cells of several blocks are refused, unless they are to be
+ * dropped later. */
+TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, const struct io_read_options *options,
+                                               struct block *out, struct io_report *report,
                                                struct tetlod_error *error);
 
 /* Makes one block of each that comes in ranges. ERR_NOMEM, ERR_MESH. */
@@ -148,8 +149,9 @@ TETLOD_CHECKED enum tetlod_status blocks_join_ranges(struct blocks *blocks, stru
                                                      struct tetlod_error *error);
 
 /* Makes one of points that are no further apart than the tolerance and have the same values in all fields. Of pieces
- * origins[point] tells them apart (weld_pieces.h); NULL: it is one. */
-TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins,
+ * origins[point] tells them apart (weld_pieces.h); NULL: it is one. Cells of several pieces are refused, unless `drops`
+ * says that they will be dropped. */
+TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins, bool drops,
                                              struct io_report *report, struct tetlod_error *error);
 
 /* Cells refer to target[point] in place of the point. */
@@ -168,10 +170,11 @@ TETLOD_CHECKED enum tetlod_status blocks_numbers(struct blocks *blocks, bool cel
                                                  struct tetlod_error *error);
 
 /* Points of one number become one, in the order of their numbers; so do cells get into order, if they have numbers and
- * each is another one's. *fits: points of one number are at one place; else only the field of these numbers goes. */
+ * each is another one's. *fits: points of one number are at one place; else only the field of these numbers goes. Cells of
+ * several pieces are refused, unless `drops` says that they will be dropped. */
 TETLOD_CHECKED enum tetlod_status block_join_numbered(struct block *block, const uint64_t *points,
-                                                      const uint64_t *cells, bool *fits, struct io_report *report,
-                                                      struct tetlod_error *error);
+                                                      const uint64_t *cells, bool drops, bool *fits,
+                                                      struct io_report *report, struct tetlod_error *error);
 
 /* The hexahedra of a structured grid, in the order of its cells. */
 TETLOD_CHECKED enum tetlod_status cells_of_grid(const uint32_t dims[3], struct cells *out, struct tetlod_error *error);

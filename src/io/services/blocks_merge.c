@@ -306,14 +306,16 @@ static uint32_t *list_origins(const struct blocks *blocks)
     return origins;
 }
 
-enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
-                                struct tetlod_error *error)
+enum tetlod_status blocks_merge(struct blocks *blocks, const struct io_read_options *options, struct block *out,
+                                struct io_report *report, struct tetlod_error *error)
 {
+    const double weld = options->welds ? options->weld : -1;
+    const bool drops = options->drop_degenerate;
     *out = (struct block){0};
     if (blocks->count == 1 && (weld < 0 || !blocks->at[0].dims[0])) {
         *out = blocks->at[0];
         blocks->count = 0;
-        return weld < 0 ? TETLOD_OK : block_weld(out, weld, NULL, report, error);
+        return weld < 0 ? TETLOD_OK : block_weld(out, weld, NULL, drops, report, error);
     }
     report->blocks = blocks->count;
     uint64_t *points = NULL, *cells = NULL;
@@ -328,11 +330,11 @@ enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block
     if (status == TETLOD_OK)
         blocks_fini(blocks);
     if (status == TETLOD_OK && points)
-        status = block_join_numbered(out, points, cells, &joined, report, error);
+        status = block_join_numbered(out, points, cells, drops, &joined, report, error);
     free(points);
     free(cells);
     if (status == TETLOD_OK && (!joined || weld >= 0))
-        status = block_weld(out, weld < 0 ? 0 : weld, origins, report, error);
+        status = block_weld(out, weld < 0 ? 0 : weld, origins, drops, report, error);
     free(origins);
     return status;
 }

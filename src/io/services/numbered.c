@@ -134,8 +134,8 @@ static bool places_fit(const struct tetmesh *mesh, const struct numbered *order,
 }
 
 /* Keeps the first point of each number. */
-static enum tetlod_status join_points(struct block *block, struct numbered *order, struct io_report *report,
-                                      struct tetlod_error *error)
+static enum tetlod_status join_points(struct block *block, struct numbered *order, bool drops,
+                                      struct io_report *report, struct tetlod_error *error)
 {
     struct tetmesh *mesh = &block->mesh;
     uint32_t count = mesh->vertex_count, kept = 0;
@@ -148,7 +148,7 @@ static enum tetlod_status join_points(struct block *block, struct numbered *orde
         target[order[i].row] = kept - 1;
     }
     block_redirect(block, target);
-    enum tetlod_status status = block_check_twice(block, target, error);
+    enum tetlod_status status = drops ? TETLOD_OK : block_check_twice(block, target, error);
     free(target);
     TETLOD_TRY(status);
     report->welded_points += count - kept;
@@ -232,14 +232,14 @@ static void drop_numbers(struct tetmesh *mesh, struct io_report *report)
     memmove(field, field + 1, (size_t)(mesh->fields + mesh->field_count - field) * sizeof *field);
 }
 
-enum tetlod_status block_join_numbered(struct block *block, const uint64_t *points, const uint64_t *cells, bool *fits,
-                                       struct io_report *report, struct tetlod_error *error)
+enum tetlod_status block_join_numbered(struct block *block, const uint64_t *points, const uint64_t *cells, bool drops,
+                                       bool *fits, struct io_report *report, struct tetlod_error *error)
 {
     struct numbered *order = sort(points, block->mesh.vertex_count);
     if (!order)
         return tetlodi_fail_nomem(error, "the points of the pieces", block->mesh.vertex_count * UINT64_C(16));
     *fits = places_fit(&block->mesh, order, report);
-    enum tetlod_status status = *fits ? join_points(block, order, report, error) : TETLOD_OK;
+    enum tetlod_status status = *fits ? join_points(block, order, drops, report, error) : TETLOD_OK;
     if (!*fits)
         drop_numbers(&block->mesh, report);
     free(order);

@@ -42,11 +42,11 @@ void io_report_add(struct io_report *report, const struct io_report *part)
     uint64_t *const counts[] = {&report->split_cells, &report->linearised_cells, &report->higher_cells,
                                 &report->centres, &report->skipped_cells, &report->hidden_cells, &report->nan_filled,
                                 &report->nan_cells, &report->welded_points, &report->other_values,
-                                &report->dropped_tets, &report->blocks, &report->flat_blocks};
+                                &report->apart_points, &report->dropped_tets, &report->blocks, &report->flat_blocks};
     const uint64_t more[] = {part->split_cells, part->linearised_cells, part->higher_cells, part->centres,
                              part->skipped_cells, part->hidden_cells, part->nan_filled, part->nan_cells,
-                             part->welded_points, part->other_values, part->dropped_tets, part->blocks,
-                             part->flat_blocks};
+                             part->welded_points, part->other_values, part->apart_points, part->dropped_tets,
+                             part->blocks, part->flat_blocks};
     for (size_t i = 0; i < sizeof more / sizeof *more; i++)
         *counts[i] += more[i];
     report->names_blocks |= part->names_blocks;

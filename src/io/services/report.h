@@ -48,6 +48,7 @@ struct io_report {
     uint64_t nan_cells;
     uint64_t welded_points;
     uint64_t other_values; /* of those, joined by numbers: have other values in another piece */
+    uint64_t apart_points; /* at a place that another piece has with other values, without numbers: not joined */
     uint64_t dropped_tets; /* degenerate and duplicate tetrahedra that were dropped */
     uint64_t blocks;       /* merged, if there were several */
     bool names_blocks;     /* the file has blocks with names, one of which can be asked for */

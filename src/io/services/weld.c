@@ -137,7 +137,31 @@ void block_redirect(struct block *block, const uint32_t *target)
     }
 }
 
-enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins,
+/* Points at the place of one of another piece, with other values: pieces are often averaged each by itself. */
+static uint64_t count_apart(const struct weld *w, const uint32_t *origins)
+{
+    const struct tetmesh *mesh = w->mesh;
+    uint64_t apart = 0;
+    memset(w->first, 0xff, (w->mask + 1) * sizeof *w->first);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        const double *p = mesh->positions + 3 * (size_t)v;
+        if (w->target[v] != v || isnan(p[0]) || isnan(p[1]) || isnan(p[2]))
+            continue;
+        size_t bucket = bucket_of(w, (const double[3]){p[0] + 0.0, p[1] + 0.0, p[2] + 0.0}, 0);
+        uint32_t u = w->first[bucket];
+        while (u != TETLOD_NONE && !is_near(w, u, v))
+            u = w->next[u];
+        if (u != TETLOD_NONE) {
+            apart += origins[u] != origins[v] && !mesh_same_values(mesh, u, v);
+            continue;
+        }
+        w->next[v] = w->first[bucket];
+        w->first[bucket] = v;
+    }
+    return apart;
+}
+
+enum tetlod_status block_weld(struct block *block, double tolerance, const uint32_t *origins, bool drops,
                               struct io_report *report, struct tetlod_error *error)
 {
     struct weld w = {.mesh = &block->mesh, .tolerance = tolerance, .mask = 1};
@@ -159,11 +183,12 @@ enum tetlod_status block_weld(struct block *block, double tolerance, const uint3
         TETLOD_TRY_DONE(weld_untie(block, origins, w.target, error));
     for (uint32_t v = 0; v < count; v++)
         report->welded_points += w.target[v] != v;
+    report->apart_points += origins ? count_apart(&w, origins) : 0;
     block_redirect(block, w.target);
     free(w.first);
     free(w.next);
     w.first = w.next = NULL;
-    if (origins)
+    if (origins && !drops)
         status = block_check_twice(block, w.target, error);
 done:
     free(w.first);
