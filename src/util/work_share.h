@@ -29,7 +29,7 @@ struct work_input {
 enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
 
 /* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
- * to level, which takes an eighth of the time that all samples take. */
+ * to level, which takes a tenth of the time that all samples take. */
 enum { WORK_FEW = 4 };
 
 struct work_share {
