@@ -164,7 +164,7 @@ def own_numbers_case():
 
 def unmarked_case(numbers):
     """Copies of a neighbour's cells that are not marked: refused by one program and by ranks, with how many there are,
-    whether the points are joined by numbers or by places. Cells of which a piece has three points of another are none."""
+    whether the points are joined by numbers or by places. Cells with a face in another piece are none."""
     points, tets, fields, cells = numbered_mesh()
     if not numbers:
         del fields['GlobalPointIds'], cells['GlobalCellIds']

@@ -92,7 +92,8 @@ static enum tetlod_status fail(struct search *search, uint64_t cell, const uint3
     return tetlodi_fail(error, TETLOD_ERR_MESH,
                         "%llu cells are in several pieces, one of them at (%.9g, %.9g, %.9g): they are copies that are "
                         "not marked. Write the pieces without ghost cells, mark these by vtkGhostType, or drop them by "
-                        "--drop-degenerate; of blocks that repeat others, read one (--block)", (unsigned long long)twice, p[0], p[1], p[2]);
+                        "--drop-degenerate; of blocks that repeat others, read one (--block)",
+                        (unsigned long long)twice, p[0], p[1], p[2]);
 }
 
 /* Cells by their least points: chains of numbers. */
