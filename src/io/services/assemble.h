@@ -170,8 +170,8 @@ TETLOD_CHECKED enum tetlod_status blocks_numbers(struct blocks *blocks, bool cel
                                                  struct tetlod_error *error);
 
 /* Points of one number become one, in the order of their numbers; so do cells get into order, if they have numbers and
- * each is another one's. *fits: points of one number are at one place; else only the field of these numbers goes. Cells of several
- * pieces are refused, unless `drops` says that they will be dropped. */
+ * each is another one's. *fits: points of one number are at one place; else only the field of these numbers goes.
+ * Cells of several pieces are refused, unless `drops` says that they will be dropped. */
 TETLOD_CHECKED enum tetlod_status block_join_numbered(struct block *block, const uint64_t *points,
                                                       const uint64_t *cells, bool drops, bool *fits,
                                                       struct io_report *report, struct tetlod_error *error);
