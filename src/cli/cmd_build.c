@@ -456,6 +456,15 @@ static enum tetlod_status tell_memory(const struct build_options *options, struc
     return TETLOD_OK;
 }
 
+/* Large arrays are in files from now on, or all in memory. */
+static void choose_memory(bool spools)
+{
+    if (spools)
+        scratch_memory_settle(false);
+    else
+        scratch_memory_stay();
+}
+
 /* Chooses between memory and files. */
 static enum tetlod_status fit_memory(struct build_request *request, const struct input *in, struct tetlod_error *error)
 {
@@ -470,10 +479,7 @@ static enum tetlod_status fit_memory(struct build_request *request, const struct
     enum tetlod_status status = options->series ? TETLOD_OK : build_fit_memory(&in->mesh, options, &inner);
     if (status == TETLOD_OK && !options->series)
         TETLOD_TRY(tell_memory(options, error));
-    if (options->spools)
-        scratch_memory_settle(false);
-    else
-        scratch_memory_stay();
+    choose_memory(options->spools);
     if (options->spools && spool_in_memory() && !request->quiet)
         fprintf(stderr, "tetlod build: %s is in memory itself, and what is written there takes some; --scratch names a "
                         "folder on a disk\n", spool_folder());
@@ -516,8 +522,7 @@ static enum tetlod_status help_otherwise(void *opaque, enum work_call call, stru
     share->pass(share->opaque, &bytes, sizeof bytes);
     share->pass(share->opaque, &spools, sizeof spools);
     scratch_memory_allow(bytes);
-    if (!spools)
-        scratch_memory_stay();
+    choose_memory(spools);
     return TETLOD_OK;
 }
 

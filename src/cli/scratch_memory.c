@@ -361,13 +361,8 @@ int __wrap_pthread_create(pthread_t *out, const pthread_attr_t *attributes, void
 
 static void set_limit(uint64_t limit)
 {
-    const uint64_t smallest = limit / REGION_SHARE > MIN_REGION ? limit / REGION_SHARE : MIN_REGION;
     atomic_store(&memory.limit, limit);
-    atomic_store(&memory.smallest, (size_t)smallest);
-#ifdef __GLIBC__
-    mallopt(M_MMAP_THRESHOLD, (int)fmin((double)smallest, INT_MAX));
-    mallopt(M_TRIM_THRESHOLD, (int)fmin((double)limit / KEPT_SHARE, INT_MAX));
-#endif
+    atomic_store(&memory.smallest, limit / REGION_SHARE > MIN_REGION ? (size_t)(limit / REGION_SHARE) : MIN_REGION);
 }
 
 /* Of this process: a child's are its own. */
@@ -640,6 +635,16 @@ static bool take_memory(struct region *out)
     return found;
 }
 
+/* Only where pages can be taken: else what is kept free might be what the limit lacks. */
+static void keep_free(void)
+{
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, (int)fmin((double)atomic_load(&memory.smallest), INT_MAX));
+    mallopt(M_TRIM_THRESHOLD, (int)fmin((double)atomic_load(&memory.limit) / KEPT_SHARE, INT_MAX));
+    malloc_trim(0); // what follows is of other sizes
+#endif
+}
+
 void scratch_memory_settle(bool roomy)
 {
     struct region region;
@@ -647,9 +652,8 @@ void scratch_memory_settle(bool roomy)
     lock();
     memory.roomy = roomy;
     unlock();
-#ifdef __GLIBC__
-    malloc_trim(0); // what follows is of other sizes
-#endif
+    if (done)
+        keep_free();
     while (done && take_memory(&region)) {
         settle(&region, -(int64_t)region.size);
         done = to_file(&region);

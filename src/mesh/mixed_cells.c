@@ -28,9 +28,9 @@ static bool visit_faces(uint32_t *stream, uint64_t size, void (*visit)(void *opa
 bool cells_visit_points(const struct cells *cells, uint64_t cell, void (*visit)(void *opaque, uint32_t *point),
                         void *opaque)
 {
-    uint32_t *points = cells->connectivity + cells->offsets[cell];
-    uint64_t size = cells->offsets[cell + 1] - cells->offsets[cell];
-    if (cells->types[cell] == VTK_TYPE_POLYHEDRON)
+    uint32_t *points = cells->connectivity + (cells->types ? cells->offsets[cell] : 4 * cell);
+    uint64_t size = cells->types ? cells->offsets[cell + 1] - cells->offsets[cell] : 4;
+    if (cells->types && cells->types[cell] == VTK_TYPE_POLYHEDRON)
         return visit_faces(points, size, visit, opaque);
     for (uint64_t i = 0; i < size; i++)
         visit(opaque, &points[i]);

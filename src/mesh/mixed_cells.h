@@ -37,8 +37,8 @@ enum {
 
 void cells_fini(struct cells *cells);
 
-/* Numbers of points among the connectivity of a cell: calls `visit` with each. False: the faces of a polyhedron do not
- * fit its entries. */
+/* Numbers of points among the connectivity of a cell, of types or without: calls `visit` with each. False: the faces of
+ * a polyhedron do not fit its entries. */
 bool cells_visit_points(const struct cells *cells, uint64_t cell, void (*visit)(void *opaque, uint32_t *point),
                         void *opaque);
 

@@ -43,13 +43,10 @@ static int by_number(const void *a, const void *b)
 /* Lists a cell's points, ascending. False: it is of one piece alone, or hidden. */
 static bool list_points(struct search *search, uint64_t cell)
 {
-    const struct cells *cells = &search->block->cells;
     search->count = 0;
     search->all_joined = !search->block->hidden || !search->block->hidden[cell];
-    for (uint64_t i = 4 * cell; i < 4 * cell + 4 && !cells->types && search->all_joined; i++)
-        note_point(search, &cells->connectivity[i]);
-    if (cells->types && search->all_joined)
-        search->all_joined &= cells_visit_points(cells, cell, note_point, search);
+    if (search->all_joined && !cells_visit_points(&search->block->cells, cell, note_point, search))
+        search->all_joined = false;
     if (search->all_joined)
         qsort(search->points, search->count, sizeof *search->points, by_number);
     return search->all_joined && search->count;

@@ -100,13 +100,26 @@ static uint32_t find(const struct weld *w, const double box[3], uint64_t values,
     return found;
 }
 
-/* Chooses what `v` becomes. A point without a place (NaN) is at the place of no other. */
+/* The box of a point. A point without a place (NaN) is at the place of no other: false. */
+static bool find_place(const struct weld *w, uint32_t v, double box[3])
+{
+    for (int d = 0; d < 3; d++)
+        box[d] = box_of(w, w->mesh->positions[3 * (size_t)v + (size_t)d]);
+    return !isnan(box[0]) && !isnan(box[1]) && !isnan(box[2]);
+}
+
+static void enter(const struct weld *w, size_t bucket, uint32_t v)
+{
+    w->next[v] = w->first[bucket];
+    w->first[bucket] = v;
+}
+
+/* Chooses what `v` becomes. */
 static void weld_point(struct weld *w, uint32_t v)
 {
-    const double *p = w->mesh->positions + 3 * (size_t)v;
-    const double box[3] = {box_of(w, p[0]), box_of(w, p[1]), box_of(w, p[2])};
+    double box[3];
     w->target[v] = v;
-    if (isnan(box[0]) || isnan(box[1]) || isnan(box[2]))
+    if (!find_place(w, v, box))
         return;
     uint64_t values = hash_values(w->mesh, v);
     uint32_t found = find(w, box, values, v);
@@ -114,9 +127,7 @@ static void weld_point(struct weld *w, uint32_t v)
         w->target[v] = found;
         return;
     }
-    size_t bucket = bucket_of(w, box, values);
-    w->next[v] = w->first[bucket];
-    w->first[bucket] = v;
+    enter(w, bucket_of(w, box, values), v);
 }
 
 /* Cells refer to targets afterwards; the points that nothing uses any more are dropped like all such points. */
@@ -144,19 +155,17 @@ static uint64_t count_apart(const struct weld *w, const uint32_t *origins)
     uint64_t apart = 0;
     memset(w->first, 0xff, (w->mask + 1) * sizeof *w->first);
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        const double *p = mesh->positions + 3 * (size_t)v;
-        if (w->target[v] != v || isnan(p[0]) || isnan(p[1]) || isnan(p[2]))
+        double box[3];
+        if (w->target[v] != v || !find_place(w, v, box))
             continue;
-        size_t bucket = bucket_of(w, (const double[3]){p[0] + 0.0, p[1] + 0.0, p[2] + 0.0}, 0);
+        size_t bucket = bucket_of(w, box, 0);
         uint32_t u = w->first[bucket];
         while (u != TETLOD_NONE && !is_near(w, u, v))
             u = w->next[u];
-        if (u != TETLOD_NONE) {
+        if (u == TETLOD_NONE)
+            enter(w, bucket, v);
+        else
             apart += origins[u] != origins[v] && !mesh_same_values(mesh, u, v);
-            continue;
-        }
-        w->next[v] = w->first[bucket];
-        w->first[bucket] = v;
     }
     return apart;
 }

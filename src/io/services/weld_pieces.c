@@ -87,9 +87,7 @@ static void add_cell(struct untie *u, const struct cells *cells, uint64_t cell)
 {
     bool any = false;
     u->point_count = 0;
-    for (uint64_t i = 4 * cell; i < 4 * cell + 4 && !cells->types; i++)
-        note_point(u, &cells->connectivity[i]);
-    if (cells->types && !cells_visit_points(cells, cell, note_point, u))
+    if (!cells_visit_points(cells, cell, note_point, u))
         return; // it is refused where cells are split
     for (unsigned i = 0; i < u->point_count; i++)
         any |= u->tied[u->places[u->points[i]]] != 0;
