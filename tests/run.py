@@ -20,6 +20,7 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PYTHONPATH = os.pathsep.join(os.path.join(ROOT, folder) for folder in ('tests', 'client-examples/python'))
 LINE = re.compile(r'^(not ok|ok)\b(?: \d+)?(?: - )?(.*?)(?:\s+# (SKIP)\s*(.*))?$')
+TIMING = re.compile(r'# [\d.]+ s$')
 
 
 # What runs in several threads; the thread sanitizer stretches time so that it gets no more unless --every is given
@@ -97,9 +98,16 @@ def run(config, path, timeout):
 
 
 def of_interest(lines):
-    """Without the good results that stand above the last lines."""
-    above = [line for line in lines[:-20] if not re.match(r'ok\b', line)]
-    return above[:60] + lines[-20:]
+    """What failed, then the last lines: whoever cuts a long output leaves the reason."""
+    bad, last = [], 0
+    for i, line in enumerate(lines):
+        if line.startswith('not ok'):
+            last = i + 20
+        elif re.match(r'ok\b', line):
+            last = 0
+        if i < last and not TIMING.match(line):
+            bad.append(line)
+    return bad[:60] + ['...'] + [line for line in lines if not TIMING.match(line)][-20:]
 
 
 def main():
@@ -114,7 +122,8 @@ def main():
     todo = [(c, p) for c in options.configs for p in tests_of(c, options.every)
             if not options.only or options.only in c + ':' + p]
     todo = in_turns(todo)
-    passed = failures = skipped = 0
+    passed = skipped = 0
+    failures = []
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         for name, found, failed, output, seconds in pool.map(lambda t: run(*t, options.timeout), todo):
             skips = [f for f in found if f[2]]
@@ -124,10 +133,12 @@ def main():
             if failed:
                 print(''.join('     | %s\n' % line for line in of_interest(output.splitlines())), end='')
             sys.stdout.flush()
-            failures += failed
+            failures += ['%s: %s' % (name, f[1]) for f in found if f[0] != 'ok']
             skipped += len(skips)
             passed += len(found) - failed - len(skips)
-    print('%d passed, %d failed%s' % (passed, failures, ', %d skipped' % skipped if skipped else ''))
+    for failure in failures:
+        print('failed: ' + failure)
+    print('%d passed, %d failed%s' % (passed, len(failures), ', %d skipped' % skipped if skipped else ''))
     return 1 if failures or not passed else 0
 
 
