@@ -158,7 +158,28 @@ static uint64_t hash_fields(uint64_t hash, const struct point_field *fields, uin
     return hash;
 }
 
-/* Of several programs, what tells that all have the same mesh, and options. */
+/* All bytes of a source, behind others. */
+static enum tetlod_status hash_source(uint64_t *io_hash, const struct tetlod_source *source)
+{
+    unsigned char bytes[1 << 16];
+    for (uint64_t at = 0; at < source->size; at += sizeof bytes) {
+        size_t size = source->size - at < sizeof bytes ? (size_t)(source->size - at) : sizeof bytes;
+        TETLOD_TRY(source->read(source->opaque, at, bytes, size));
+        *io_hash = hash_bytes(*io_hash, bytes, size);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status hash_steps(uint64_t *io_hash, const struct build_series *series, struct tetlod_error *error)
+{
+    *io_hash = hash_bytes(*io_hash, series->times, series->step_count * sizeof *series->times);
+    enum tetlod_status status = hash_source(io_hash, &series->values);
+    if (status == TETLOD_OK)
+        status = hash_source(io_hash, &series->cell_values);
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "the values of steps cannot be read again");
+}
+
+/* Of several programs, what tells that all have the same mesh, with the same steps, and options. */
 static enum tetlod_status check_same(const struct build_options *options, const struct tetmesh *mesh,
                                      struct tetlod_error *error)
 {
@@ -170,6 +191,8 @@ static enum tetlod_status check_same(const struct build_options *options, const 
     hash = hash_bytes(hash, mesh->corners, 4 * (size_t)mesh->tet_count * sizeof *mesh->corners);
     hash = hash_fields(hash, mesh->fields, mesh->field_count, mesh->vertex_count);
     hash = hash_fields(hash, mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
+    if (options->series)
+        TETLOD_TRY(hash_steps(&hash, options->series, error));
     return share->same(share->opaque, hash, error);
 }
 

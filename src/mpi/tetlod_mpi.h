@@ -6,10 +6,11 @@
  *     struct tetlod_build_piece piece = {.struct_size = sizeof piece, .mesh = &mesh, .point_ids = ids};
  *     status = tetlod_build_comm(MPI_COMM_WORLD, &piece, NULL, write_bytes, file, &error);
  *
- * All functions but those that free are collective: every rank of the communicator calls them, with the same options.
- * Points are numbered over the whole mesh; the stream depends on these numbers, not on which rank has what, nor on how
- * many ranks there are. A point may be on several ranks, a tetrahedron on one: copies that a rank has of others'
- * (ghosts) are marked. The pieces' arrays are borrowed for the call.
+ * All functions but those that free are collective: every rank of the communicator calls them. Rank 0's options are
+ * those of the stream; of another rank's only `threads` counts. Points are numbered over the whole mesh; the stream
+ * depends on these numbers, not on which rank has what, nor on how many ranks there are. A point may be on several
+ * ranks, a tetrahedron on one: copies that a rank has of others' (ghosts) are marked. The pieces' arrays are borrowed
+ * for the call.
  *
  * Caveats. Pieces are joined by all ranks, each of which takes about three times its share for that. Rank 0 gets what
  * they have come to: it has the whole mesh in memory while a stream is built (about 115 bytes a tetrahedron), three

@@ -196,6 +196,16 @@ def piece_changes():
     return None if done.returncode == 1 and b'work/mesh: is of other work' in done.stderr else done
 
 
+def step_changes():
+    """So it is with the last step of a series: the task that led had other values of it."""
+    plan('wake.pvd')
+    must('run', 'work')
+    shutil.copy(path('wake_6.vtu'), path('wake_7.vtu'))
+    done = tetlod('merge', 'work', '-o', 'many.tetlod')
+    must('sample', 'wake', '--steps', '8', '--size', '10', '-o', 'wake.pvd')
+    return None if done.returncode == 1 and b'work/mesh: is of other work' in done.stderr else done
+
+
 def damaged():
     """Parts that a disk has changed are named; without them they are made again."""
     plan('fin.vtu', '--paged=1500')
@@ -282,6 +292,7 @@ if CONFIG == 'release':
     case('a task is told to stop', stops)
     case('a folder of other work', other_work)
     case('a piece of the input changes', piece_changes)
+    case('the last step of a series changes', step_changes)
     case('parts that are damaged', damaged)
     case('a folder that is full', full)
     refused()

@@ -2,8 +2,8 @@
 /*
  * Pieces of all ranks as one mesh: points with gaps between their numbers, tetrahedra spread over the ranks at random,
  * ghosts, a rank that has nothing, a crack. Rank 0 gets the mesh in the order of the numbers, whoever has what; what
- * does not fit all ranks refuse. Run with two ranks or more: prints "good". With a number N: how long it takes for N x
- * N x N cubes, and what rank 0 has in memory at most.
+ * does not fit all ranks refuse. A stream is built with rank 0's options. Run with two ranks or more: prints "good".
+ * With a number N: how long it takes for N x N x N cubes, and what rank 0 has in memory at most.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +11,7 @@
 #include <sys/resource.h>
 
 #include "src/mpi/gather.h"
+#include "src/util/hash.h"
 
 static int rank, ranks, bad;
 
@@ -195,6 +196,45 @@ static void gather_box(uint32_t cubes, bool crack)
     free_piece(&p);
 }
 
+/* The stream of a box, on rank 0; the others' options may say something else. */
+struct stream {
+    size_t size;
+    uint64_t hash;
+};
+
+static enum tetlod_status take_bytes(void *opaque, const void *bytes, size_t size)
+{
+    struct stream *stream = opaque;
+    stream->hash = hash_bytes(stream->hash, bytes, size);
+    stream->size += size;
+    return TETLOD_OK;
+}
+
+static struct stream build_box(const char *others_metadata, uint32_t others_least)
+{
+    const struct box box = new_box(6, false);
+    struct tetlod_build_options options;
+    struct tetlod_error error = {0};
+    struct stream stream = {0};
+    struct piece p;
+    make_piece(&p, &box);
+    tetlod_build_defaults(&options);
+    options.threads = 1;
+    options.metadata = rank ? others_metadata : NULL;
+    options.min_tets = rank ? others_least : options.min_tets;
+    expect(tetlod_build_comm(MPI_COMM_WORLD, &p.piece, &options, take_bytes, &stream, &error) == TETLOD_OK,
+           error.message);
+    expect(rank ? stream.size == 0 : stream.size > 1000, "another rank than 0 writes the stream");
+    free_piece(&p);
+    return stream;
+}
+
+static void build_with_options_of_rank_0(void)
+{
+    struct stream same = build_box(NULL, 1), others = build_box("{\"by\": \"another\"}", 1000);
+    expect(same.size == others.size && same.hash == others.hash, "another rank's options count");
+}
+
 /* What one rank's piece has wrong all ranks refuse, with a word. */
 static void refuse(void (*change)(struct piece *p), const char *word)
 {
@@ -260,7 +300,7 @@ static void change_type(struct piece *p)
 int main(int argc, char **argv)
 {
     int any;
-    MPI_Init(&argc, &argv);
+    MPI_Init_thread(&argc, &argv, MPI_THREAD_SERIALIZED, &any);
     MPI_Comm_rank(MPI_COMM_WORLD, &rank);
     MPI_Comm_size(MPI_COMM_WORLD, &ranks);
     if (argc > 1) {
@@ -269,6 +309,7 @@ int main(int argc, char **argv)
         gather_box(6, false);
         gather_box(6, true);
         gather_box(1, false);
+        build_with_options_of_rank_0();
         refuse(copy_tet, "is there twice");
         refuse(move_point, "at different places");
         refuse(lose_point, "rank 0: tetrahedron 3");
