@@ -40,7 +40,9 @@ export async function openPage(browser, origin, options = {}) {
   page.complaints = [];
   page.strangers = [];
   page.on('pageerror', (error) => page.complaints.push(String(error.stack ?? error)));
-  page.on('console', (message) => message.type() === 'error' && page.complaints.push(message.text()));
+  // where the machine's network changes meanwhile, Chromium breaks off requests to any host; the viewer asks again
+  page.on('console', (message) => message.type() === 'error' && !message.text().endsWith('ERR_NETWORK_CHANGED')
+    && page.complaints.push(message.text()));
   page.on('request', (request) => {
     const url = request.url();
     if (!url.startsWith(origin) && !/^(data|blob):/.test(url)) page.strangers.push(url);

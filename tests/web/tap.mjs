@@ -3,8 +3,9 @@
 
 const { ONLY = '' } = process.env; // a part of the names of those to run, for one file at a time
 
-/** Runs functions in turn, each a test by its name; one may return the reason why it was skipped. */
-export async function run(all) {
+/** Runs functions in turn, each a test by its name; one may return the reason why it was skipped. `mend()` is for what
+ * the others share, when one has failed. */
+export async function run(all, mend = () => {}) {
   const tests = all.filter(({ name }) => name.includes(ONLY));
   let failed = 0;
   if (!tests.length) {
@@ -21,6 +22,7 @@ export async function run(all) {
       failed++;
       console.log(`not ok ${line}`);
       console.log(String(error?.stack ?? error).replace(/^/gm, '# '));
+      await mend();
     }
     console.log(`# ${((performance.now() - began) / 1000).toFixed(1)} s`);
   }

@@ -805,4 +805,4 @@ await run([
   probes_stay,
   fingers_turn_and_probe,
   nothing_was_complained_of,
-]);
+], leave);

@@ -9,6 +9,7 @@ import {
   changesThePicture,
   enter,
   infoOf,
+  leave,
   nothing_was_complained_of,
   open,
   page,
@@ -291,4 +292,4 @@ await run([
   layers_are_drawn, a_threshold_leaves_cells, cells_colour_and_regions_are_hidden, vectors_are_drawn,
   isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   nothing_was_complained_of
-]);
+], leave);
