@@ -13,6 +13,7 @@
 #include "src/cli/scratch_memory.h"
 #include "src/cli/show.h"
 #include "src/mesh/ids.h"
+#include "src/mesh/space_order.h"
 #include "src/pipeline/build_helper.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/field_choice.h"
@@ -358,6 +359,8 @@ static enum tetlod_status prepare(struct build_request *request, struct input *i
     tetmesh_fini(&later);
     if (status == TETLOD_OK && is_series(request, &in->read))
         status = load_series(request, in, &inner);
+    else if (status == TETLOD_OK && !request->build.keep_order)
+        status = space_order_settle(&in->mesh, &inner);
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %s", request->input, inner.message);
 }
 

@@ -5,6 +5,7 @@
 
 #include "format/fail.h"
 #include "src/library/library.h"
+#include "src/mesh/space_order.h"
 #include "src/pipeline/build_helper.h"
 #include "src/pipeline/build_warnings.h"
 #include "src/pipeline/field_choice.h"
@@ -252,6 +253,8 @@ enum tetlod_status library_build_copy(struct tetmesh *copy, const struct tetlod_
     build.paged = share ? BUILD_CELL_TETS : build.paged; // programs that build together do so by cells
     if (status == TETLOD_OK)
         status = library_choose(copy, &given, false, &build, &controls, error);
+    if (status == TETLOD_OK && !build.keep_order)
+        status = space_order_settle(copy, error);
     if (status == TETLOD_OK)
         status = library_build(copy, &given, build, sink, error);
     free(controls);
