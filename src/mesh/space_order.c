@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/mesh/space_order.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/hilbert.h"
+#include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
 /* Fewer tetrahedra are in the caches in any order. */
 enum { LARGE_TETS = 1 << 18 };
 
 /* Neighbours are this many layers of a cube of so many points apart at most, in a mesh that is in order. */
-static const double FAR_LAYERS = 8;
+enum { FAR_LAYERS = 8 };
 
 static uint32_t least_corner(const uint32_t *corners)
 {
@@ -35,8 +35,10 @@ static bool is_lost(const struct tetmesh *mesh)
 {
     if (mesh->tet_count < LARGE_TETS || mesh->parents)
         return false;
-    double layer = cbrt(mesh->vertex_count);
-    uint32_t far = (uint32_t)(FAR_LAYERS * layer * layer), apart = 0, before = least_corner(mesh->corners);
+    uint32_t side = 1; // of that cube: in whole numbers, which are the same on every machine
+    while ((uint64_t)side * side * side < mesh->vertex_count)
+        side++;
+    uint32_t far = FAR_LAYERS * side * side, apart = 0, before = least_corner(mesh->corners);
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         const uint32_t *corners = mesh->corners + 4 * (size_t)t;
         uint32_t least = least_corner(corners), step = least > before ? least - before : before - least;
@@ -80,17 +82,6 @@ done:
     free(order);
     free(number);
     return status;
-}
-
-static void sort_corners(const uint32_t *corners, uint32_t out[4])
-{
-    memcpy(out, corners, 4 * sizeof *out);
-    for (int i = 1; i < 4; i++)
-        for (int k = i; k && out[k - 1] > out[k]; k--) {
-            uint32_t swap = out[k];
-            out[k] = out[k - 1];
-            out[k - 1] = swap;
-        }
 }
 
 static bool is_before(const struct tetmesh *mesh, uint32_t a, uint32_t b)

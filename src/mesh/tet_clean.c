@@ -8,17 +8,6 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-static void sort_corners(const uint32_t *corners, uint32_t out[4])
-{
-    memcpy(out, corners, 4 * sizeof *out);
-    for (int i = 1; i < 4; i++)
-        for (int j = i; j > 0 && out[j - 1] > out[j]; j--) {
-            uint32_t swap = out[j];
-            out[j] = out[j - 1];
-            out[j - 1] = swap;
-        }
-}
-
 static size_t hash_corners(const uint32_t *sorted, size_t mask)
 {
     uint64_t hash = 0;

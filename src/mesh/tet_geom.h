@@ -35,6 +35,17 @@ static inline void sort_three(uint32_t v[3])
             }
 }
 
+/* A tetrahedron's corners, ascending. */
+static inline void sort_corners(const uint32_t corners[4], uint32_t out[4])
+{
+    for (int c = 0; c < 4; c++) {
+        int at = c;
+        for (; at && out[at - 1] > corners[c]; at--)
+            out[at] = out[at - 1];
+        out[at] = corners[c];
+    }
+}
+
 /* Comparisons, not fmin and fmax: those are calls, because they treat NaN specially. */
 static inline double smaller(double a, double b)
 {

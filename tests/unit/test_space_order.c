@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "src/mesh/space_order.h"
+#include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
 #include "tests/test.h"
@@ -78,24 +79,13 @@ static bool make(struct tetmesh *mesh, uint64_t seed)
     return good;
 }
 
-static void ascending(const uint32_t *corners, uint32_t out[4])
-{
-    memcpy(out, corners, 4 * sizeof *out);
-    for (int i = 1; i < 4; i++)
-        for (int k = i; k && out[k - 1] > out[k]; k--) {
-            uint32_t swap = out[k];
-            out[k] = out[k - 1];
-            out[k - 1] = swap;
-        }
-}
-
 static int tets_that_differ(const struct tetmesh *a, const struct tetmesh *b)
 {
     int differ = 0;
     for (uint32_t t = 0; t < TETS; t++) {
         uint32_t own[4], other[4];
-        ascending(a->corners + 4 * (size_t)t, own);
-        ascending(b->corners + 4 * (size_t)t, other);
+        sort_corners(a->corners + 4 * (size_t)t, own);
+        sort_corners(b->corners + 4 * (size_t)t, other);
         differ += memcmp(own, other, sizeof own) != 0;
     }
     return differ;
