@@ -327,21 +327,29 @@ def no_field():
     check('an unknown field', 3, [vtu('good.vtu'), '--field', 'heat'], 'heat', commands=['build'])
 
 
-def shrinks():
-    """A file that becomes shorter while it is mapped: the message names it."""
-    values = b'%d\n' % 10 ** 9
-    name = write(
-        'shrinks.vtk',
-        b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
-    child = subprocess.Popen([TETLOD, 'convert', name, '-o', path('out.vtu')], stderr=subprocess.PIPE)
+def shrink_while_read(name):
+    """What is said of a file that is cut; None: it was read before it could be, as on a busy machine."""
+    write(name, b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n'
+          + 1500000 * (b'%d\n' % 10 ** 9))
+    child = subprocess.Popen([TETLOD, 'convert', path(name), '-o', path('out.vtu')], stderr=subprocess.PIPE)
     with open('/proc/%d/maps' % child.pid) as maps:
-        while name not in maps.read():
+        while path(name) not in maps.read():
+            if child.poll() is not None:
+                child.communicate()
+                return None
             maps.seek(0)
     os.kill(child.pid, signal.SIGSTOP)
-    os.truncate(name, 4096)
+    os.truncate(path(name), 4096)
     os.kill(child.pid, signal.SIGCONT)
     message = child.communicate()[1].decode(errors='replace')
-    report_problem('a file that shrinks', None if child.returncode == 1 and name in message and
+    return (child.returncode, message) if child.returncode else None
+
+
+def shrinks():
+    """A file that becomes shorter while it is mapped: the message names it."""
+    tries = (shrink_while_read('shrinks.vtk') for _ in range(50))
+    code, message = next(filter(None, tries), (0, 'none of 50 was cut in time'))
+    report_problem('a file that shrinks', None if code == 1 and path('shrinks.vtk') in message and
                    'became shorter' in message else message)
 
 
