@@ -98,16 +98,10 @@ def run(config, path, timeout):
 
 
 def of_interest(lines):
-    """What failed, then the last lines: whoever cuts a long output leaves the reason."""
-    bad, last = [], 0
-    for i, line in enumerate(lines):
-        if line.startswith('not ok'):
-            last = i + 20
-        elif re.match(r'ok\b', line):
-            last = 0
-        if i < last and not TIMING.match(line):
-            bad.append(line)
-    return bad[:60] + ['...'] + [line for line in lines if not TIMING.match(line)][-20:]
+    """Without times, and without the good results that stand above the last lines."""
+    lines = [line for line in lines if not TIMING.match(line)]
+    above = [line for line in lines[:-20] if not re.match(r'ok\b', line)]
+    return above[:60] + lines[-20:]
 
 
 def main():

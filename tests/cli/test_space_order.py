@@ -5,31 +5,15 @@ which one it was, and all that it holds is where it was."""
 import os
 
 import numpy as np
-import vtk
-from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 
+from cell_meshes import save
 from common import CONFIG, case, finish, must, path, report
 import mpi_job
-from meshes import add_arrays, converted, read
+from meshes import converted, read
 
 SIZE = 36  # 280,000 tetrahedra: smaller meshes keep their order
 SOME = ['--field', 'heat', '--min-tets', '150000']  # levels by which it can be told
 PAGES = [*SOME, '--paged=40000']
-
-
-def save(name, points, tets, fields, cells):
-    grid, at, list_ = vtk.vtkUnstructuredGrid(), vtk.vtkPoints(), vtk.vtkCellArray()
-    at.SetData(numpy_to_vtk(points, deep=True))
-    grid.SetPoints(at)
-    list_.SetData(4, numpy_to_vtkIdTypeArray(np.ascontiguousarray(tets.ravel(), np.int64), deep=True))
-    grid.SetCells(vtk.VTK_TETRA, list_)
-    add_arrays(grid.GetPointData(), fields)
-    add_arrays(grid.GetCellData(), cells)
-    writer = vtk.vtkXMLUnstructuredGridWriter()
-    writer.SetInputData(grid)
-    writer.SetCompressorTypeToNone()
-    writer.SetFileName(path(name))
-    assert writer.Write()
 
 
 def shuffled(mesh, seed):
@@ -49,14 +33,9 @@ def sample():
     return points, tets, {**fields, 'heat': np.sin(points.astype(float) @ [0.3, 0.2, 0.1])}, cells
 
 
-def content(name):
-    with open(path(name), 'rb') as file:
-        return file.read()
-
-
 def same_as(name, *command):
     must(*command)
-    return None if content(command[command.index('-o') + 1]) == content(name) else 'other bytes'
+    return None if mpi_job.read(command[command.index('-o') + 1]) == mpi_job.read(name) else 'other bytes'
 
 
 def by_place(mesh):
