@@ -80,8 +80,8 @@ struct tetlod_build_options {
     int local_bound;
     unsigned position_bits, field_bits;   /* round to so many bits; 0: lossless */
     double position_error, field_error;   /* as many bits as keep this error; 0: lossless */
-    int keep_order;              /* 1: store the numbering of the arrays, too; a large mesh in no order of space takes
-                                  * longer then */
+    int keep_order;              /* 1: store the numbering of the arrays, too; a large mesh that is not in order of
+                                  * space is then not sorted first, and may take longer */
     int compression;             /* 1 fast .. 22 small */
     unsigned threads;            /* 1 .. 64; 0: all cores; the bytes do not depend on it */
     uint64_t memory;             /* refuse what needs more bytes; 0: no limit */

@@ -9,10 +9,11 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* Fewer tetrahedra are in the caches in any order. */
+/* Smaller meshes fit in the caches, so that their order does not matter. */
 enum { LARGE_TETS = 1 << 18 };
 
-/* Neighbours are this many layers of a cube of so many points apart at most, in a mesh that is in order. */
+/* A cube of as many points, numbered row by row, has neighbours that are about one layer apart. More than this many
+ * layers is far. */
 enum { FAR_LAYERS = 8 };
 
 static uint32_t least_corner(const uint32_t *corners)
@@ -35,7 +36,7 @@ static bool is_lost(const struct tetmesh *mesh)
 {
     if (mesh->tet_count < LARGE_TETS || mesh->parents)
         return false;
-    uint32_t side = 1; // of that cube: in whole numbers, which are the same on every machine
+    uint32_t side = 1; // of that cube; not cbrt(), whose last digit may differ between machines
     while ((uint64_t)side * side * side < mesh->vertex_count)
         side++;
     uint32_t far = FAR_LAYERS * side * side, apart = 0, before = least_corner(mesh->corners);
@@ -48,7 +49,7 @@ static bool is_lost(const struct tetmesh *mesh)
     return apart > mesh->tet_count / 2;
 }
 
-/* Rows of values in the order, in place of the old ones. */
+/* Replaces the values by the same rows in the given order. */
 static enum tetlod_status order_rows(double **io_values, uint32_t width, const uint32_t *order, uint32_t count,
                                      struct tetlod_error *error)
 {
@@ -95,7 +96,7 @@ static bool is_before(const struct tetmesh *mesh, uint32_t a, uint32_t b)
     return false;
 }
 
-/* Tetrahedra of one least corner, which are few. */
+/* Sorts tetrahedra that have the same least corner: they are few. */
 static void sort_star(const struct tetmesh *mesh, uint32_t *tets, uint32_t count)
 {
     for (uint32_t i = 1; i < count; i++) {
