@@ -164,33 +164,36 @@ static void list_axes(void *context, unsigned worker, size_t begin, size_t end)
         list_candidates(context, (int)axis);
 }
 
-/* How many candidates are below x, or no more than x. */
-static uint32_t count_below(const struct costs *costs, double x, bool or_equal)
+/* How many candidates are below x. */
+static uint32_t count_below(const struct costs *costs, double x)
 {
     uint32_t begin = 0;
     for (uint32_t left = costs->count; left;) {
         uint32_t half = left / 2;
-        bool below = costs->at[begin + half] < x || (or_equal && !(costs->at[begin + half] > x));
+        bool below = costs->at[begin + half] < x;
         begin += below ? half + 1 : 0;
         left = below ? left - half - 1 : half;
     }
     return begin;
 }
 
+/* Few candidates cut a tetrahedron: they are counted on from the first. */
 static void add_costs(const struct costs *costs, uint64_t *changes, const double extent[2], uint64_t weight)
 {
     if (!costs->count || extent[1] < costs->at[0] || extent[0] > costs->at[costs->count - 1])
         return;
-    uint32_t begin = count_below(costs, extent[0], false), end = count_below(costs, extent[1], true);
-    if (begin >= end)
-        return;
-    uint32_t inner = count_below(costs, extent[0], true), inner_end = count_below(costs, extent[1], false);
+    const uint32_t begin = count_below(costs, extent[0]);
+    uint32_t inner = begin, inner_end, end;
+    while (inner < costs->count && !(costs->at[inner] > extent[0]))
+        inner++;
+    for (inner_end = inner; inner_end < costs->count && costs->at[inner_end] < extent[1];)
+        inner_end++;
+    for (end = inner_end; end < costs->count && !(costs->at[end] > extent[1]);)
+        end++;
     changes[begin] += weight;
     changes[end] -= weight;
-    if (inner < inner_end) {
-        changes[inner] += (CROSSING - 1) * weight;
-        changes[inner_end] -= (CROSSING - 1) * weight;
-    }
+    changes[inner] += (CROSSING - 1) * weight;
+    changes[inner_end] -= (CROSSING - 1) * weight;
 }
 
 static uint32_t count_of_sample(const struct range *range)
@@ -199,23 +202,44 @@ static uint32_t count_of_sample(const struct range *range)
     return n < COUNTED ? n : COUNTED;
 }
 
+/* Tetrahedra of the sample, from number `begin` on. They are far from each other: their corners are fetched together. */
+static void take_sample(const struct choice *choice, size_t begin, size_t end, uint32_t *out)
+{
+    const struct tetmesh *mesh = choice->cutter->mesh;
+    const uint32_t *tets = choice->cutter->out->tets + choice->range->begin;
+    const uint32_t n = choice->range->end - choice->range->begin, counted = count_of_sample(choice->range);
+    for (size_t i = begin; i < end; i++)
+        out[i - begin] = tets[i * n / counted];
+    for (size_t i = 0; i < end - begin; i++)
+        __builtin_prefetch(mesh->corners + 4 * (size_t)out[i]);
+    for (size_t i = 0; i < end - begin; i++)
+        for (size_t c = 0; c < 4; c++)
+            __builtin_prefetch(mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)out[i] + c]);
+}
+
+static void add_tet(struct choice *choice, uint32_t tet, uint64_t changes[3][CANDIDATES + 1])
+{
+    const uint64_t weight = was_at_seam(choice->cutter, tet) ? 1 + SEAM_WEIGHT : 1;
+    for (int axis = 0; axis < 3; axis++) {
+        double extent[2];
+        extent_on(choice->cutter->mesh, tet, axis, extent);
+        add_costs(&choice->costs[axis], changes[axis], extent, weight);
+    }
+}
+
 /* What some tetrahedra of the sample add to the candidates of the three axes. */
 static void count_costs(void *context, unsigned worker, size_t begin, size_t end)
 {
+    enum { TOGETHER = 64 };
     struct choice *choice = context;
-    const struct cutter *cutter = choice->cutter;
-    const struct range *range = choice->range;
-    uint32_t n = range->end - range->begin, counted = count_of_sample(range);
     uint64_t changes[3][CANDIDATES + 1] = {0};
+    uint32_t tets[TOGETHER];
     (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)(i * n / counted)];
-        uint64_t weight = was_at_seam(cutter, tet) ? 1 + SEAM_WEIGHT : 1;
-        for (int axis = 0; axis < 3; axis++) {
-            double extent[2];
-            extent_on(cutter->mesh, tet, axis, extent);
-            add_costs(&choice->costs[axis], changes[axis], extent, weight);
-        }
+    for (size_t i = begin; i < end; i += TOGETHER) {
+        size_t count = end - i < TOGETHER ? end - i : TOGETHER;
+        take_sample(choice, i, i + count, tets);
+        for (size_t k = 0; k < count; k++)
+            add_tet(choice, tets[k], changes);
     }
     for (int axis = 0; axis < 3; axis++)
         for (uint32_t k = 0; k <= choice->costs[axis].count; k++)
@@ -234,7 +258,7 @@ static bool choose_cut(const struct cutter *cutter, const struct range *range, d
         for (uint32_t k = 1; k < costs->count; k++)
             costs->changes[k] += costs->changes[k - 1]; // now costs
         for (uint32_t k = 0; k < costs->count; k++) {
-            uint64_t cost = costs->changes[count_below(costs, (double)costs->listed[k], false)];
+            uint64_t cost = costs->changes[count_below(costs, (double)costs->listed[k])];
             if (cost < least) {
                 least = cost;
                 *out = (struct tetlodi_cut){.axis = axis, .at = costs->listed[k]};
@@ -254,17 +278,20 @@ struct parting {
 /* In each chunk what is below the cut comes first, and the rest is in `spare`, at the chunk's begin. */
 static void part_chunks(void *context, unsigned worker, size_t begin, size_t end)
 {
+    enum { AHEAD = 16 };
     const struct parting *parting = context;
     (void)worker;
     for (size_t chunk = begin; chunk < end; chunk++) {
         size_t first = chunk * CHUNK, last = first + CHUNK < parting->count ? first + CHUNK : parting->count;
         size_t kept = first, rest = first;
-        for (size_t i = first; i < last; i++) {
+        for (size_t i = first; i < last; i++) { // puts it in both places, as it is hard to foretell where it goes
             const uint32_t tet = parting->tets[i];
-            if (middle_on(parting->mesh, tet, parting->cut->axis) < (double)parting->cut->at)
-                parting->tets[kept++] = tet;
-            else
-                parting->spare[rest++] = tet;
+            if (i + AHEAD < last)
+                __builtin_prefetch(parting->mesh->corners + 4 * (size_t)parting->tets[i + AHEAD]);
+            const bool below = middle_on(parting->mesh, tet, parting->cut->axis) < (double)parting->cut->at;
+            parting->tets[kept] = parting->spare[rest] = tet;
+            kept += below;
+            rest += !below;
         }
         parting->below[chunk] = (uint32_t)(kept - first);
     }

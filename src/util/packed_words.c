@@ -12,16 +12,57 @@
 
 enum { MAX_RUN = 16, MAX_VARINT = 5 };
 
-/* ---- numbers of 4 bytes */
+static uint64_t load(const unsigned char *at)
+{
+    uint64_t word;
+    memcpy(&word, at, sizeof word);
+    return word;
+}
+
+enum { WORD = sizeof(uint64_t) };
+
+/* Of a word whose lowest byte comes first in memory, and back. */
+static uint64_t lowest_first(uint64_t word)
+{
+    return __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__ ? __builtin_bswap64(word) : word;
+}
+
+static void store(unsigned char *to, uint64_t word)
+{
+    word = lowest_first(word);
+    memcpy(to, &word, WORD);
+}
+
+/* The lowest bytes of a word. */
+static uint64_t lowest(uint64_t word, unsigned bytes)
+{
+    return bytes < WORD ? word & (((uint64_t)1 << 8 * bytes) - 1) : word;
+}
+
+/* The next bytes, up to WORD, of those that are left; zeros behind them. */
+static uint64_t peek(const struct words_source *source)
+{
+    uint64_t word = 0;
+    if (source->left >= WORD)
+        return lowest_first(load(source->at));
+    memcpy(&word, source->at, source->left);
+    return lowest_first(word);
+}
+
+/* ---- numbers of 4 bytes: a word at a time, as lengths are hard to foretell */
+
+static const uint64_t MORE = 0x8080808080808080;
 
 static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, size_t count, unsigned lag)
 {
     for (size_t i = 0; i < count; i++) {
         uint32_t more = numbers[i] - (i >= lag ? numbers[i - lag] : 0);
-        uint32_t rest = more << 1 ^ (0 - (more >> 31));
-        for (; rest > 127; rest >>= 7)
-            *to++ = (unsigned char)(rest | 128);
-        *to++ = (unsigned char)rest;
+        uint64_t rest = more << 1 ^ (0 - (more >> 31));
+        unsigned size = (38 - (unsigned)__builtin_clz((uint32_t)rest | 1)) / 7;
+        uint64_t word = (rest & 127) | (rest & 127 << 7) << 1 | (rest & 127 << 14) << 2 | (rest & 127 << 21) << 3 |
+                        rest >> 28 << 32;
+        store(to, word | lowest(MORE, size - 1));
+        to += size;
     }
     return to;
 }
@@ -29,28 +70,21 @@ static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, si
 static bool get_numbers(struct words_source *source, uint32_t *numbers, size_t count, unsigned lag)
 {
     for (size_t i = 0; i < count; i++) {
-        uint32_t rest = 0;
-        unsigned char byte = 128;
-        for (unsigned n = 0; byte & 128; n++) {
-            if (!source->left || n == MAX_VARINT)
-                return false;
-            byte = *source->at++;
-            source->left--;
-            rest |= (uint32_t)(byte & 127) << 7 * n;
-        }
+        uint64_t word = peek(source), ends = ~word & MORE;
+        unsigned size = ends ? (unsigned)__builtin_ctzll(ends) / 8 + 1 : MAX_VARINT + 1;
+        if (size > MAX_VARINT || size > source->left)
+            return false;
+        word = lowest(word, size);
+        uint32_t rest = (uint32_t)((word & 127) | (word >> 1 & 127 << 7) | (word >> 2 & 127 << 14) |
+                                   (word >> 3 & 127 << 21) | (word >> 32 & 127) << 28);
+        source->at += size;
+        source->left -= size;
         numbers[i] = (rest >> 1 ^ (0 - (rest & 1))) + (i >= lag ? numbers[i - lag] : 0);
     }
     return true;
 }
 
 /* ---- numbers of 8 bytes */
-
-static uint64_t load(const unsigned char *at)
-{
-    uint64_t word;
-    memcpy(&word, at, sizeof word);
-    return word;
-}
 
 static uint64_t changed(const unsigned char *words, size_t i, unsigned lag)
 {
@@ -71,8 +105,8 @@ static unsigned char *put_doubles(unsigned char *to, const unsigned char *words,
         uint64_t word = changed(words, i++, lag);
         unsigned below = (unsigned)__builtin_ctzll(word) / 8, size = 8 - (unsigned)__builtin_clzll(word) / 8 - below;
         *to++ = (unsigned char)(size << 4 | below);
-        for (unsigned n = 0; n < size; n++)
-            *to++ = (unsigned char)(word >> 8 * (below + n));
+        store(to, word >> 8 * below);
+        to += size;
     }
     return to;
 }
@@ -81,13 +115,13 @@ static bool get_doubles(struct words_source *source, unsigned char *words, size_
 {
     for (size_t i = 0; i < count;) {
         unsigned head = source->left ? *source->at : 0, size = head >> 4, below = head & 15, run = size ? 1 : below + 1;
-        uint64_t word = 0;
-        if (source->left <= size || run > count - i || (size && size + below > 8))
+        if (source->left <= size || run > count - i || (size && size + below > WORD))
             return false;
-        for (unsigned n = 0; n < size; n++)
-            word |= (uint64_t)source->at[1 + n] << 8 * (below + n);
-        source->at += 1 + size;
-        source->left -= 1 + size;
+        source->at++;
+        source->left--;
+        uint64_t word = size ? lowest(peek(source), size) << 8 * below : 0;
+        source->at += size;
+        source->left -= size;
         for (; run; run--, i++) {
             uint64_t is = word ^ (i >= lag ? load(words + 8 * (i - lag)) : 0);
             memcpy(words + 8 * i, &is, sizeof is);
@@ -103,7 +137,7 @@ bool words_put(struct buffer *out, const void *words, size_t count, unsigned wid
     size_t before = out->size;
     if (!count)
         return true;
-    unsigned char *to = buffer_extend(out, count * (width + 1)); // no number takes more
+    unsigned char *to = buffer_extend(out, count * (width + 1) + WORD); // no number takes more, and one is stored whole
     if (!to)
         return false;
     unsigned char *end = to + count;
