@@ -49,20 +49,16 @@ static uint64_t peek(const struct words_source *source)
     return lowest_first(word);
 }
 
-/* ---- numbers of 4 bytes: a word at a time, as lengths are hard to foretell */
-
-static const uint64_t MORE = 0x8080808080808080;
+/* ---- numbers of 4 bytes */
 
 static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, size_t count, unsigned lag)
 {
     for (size_t i = 0; i < count; i++) {
         uint32_t more = numbers[i] - (i >= lag ? numbers[i - lag] : 0);
-        uint64_t rest = more << 1 ^ (0 - (more >> 31));
-        unsigned size = (38 - (unsigned)__builtin_clz((uint32_t)rest | 1)) / 7;
-        uint64_t word = (rest & 127) | (rest & 127 << 7) << 1 | (rest & 127 << 14) << 2 | (rest & 127 << 21) << 3 |
-                        rest >> 28 << 32;
-        store(to, word | lowest(MORE, size - 1));
-        to += size;
+        uint32_t rest = more << 1 ^ (0 - (more >> 31));
+        for (; rest > 127; rest >>= 7)
+            *to++ = (unsigned char)(rest | 128);
+        *to++ = (unsigned char)rest;
     }
     return to;
 }
@@ -70,15 +66,15 @@ static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, si
 static bool get_numbers(struct words_source *source, uint32_t *numbers, size_t count, unsigned lag)
 {
     for (size_t i = 0; i < count; i++) {
-        uint64_t word = peek(source), ends = ~word & MORE;
-        unsigned size = ends ? (unsigned)__builtin_ctzll(ends) / 8 + 1 : MAX_VARINT + 1;
-        if (size > MAX_VARINT || size > source->left)
-            return false;
-        word = lowest(word, size);
-        uint32_t rest = (uint32_t)((word & 127) | (word >> 1 & 127 << 7) | (word >> 2 & 127 << 14) |
-                                   (word >> 3 & 127 << 21) | (word >> 32 & 127) << 28);
-        source->at += size;
-        source->left -= size;
+        uint32_t rest = 0;
+        unsigned char byte = 128;
+        for (unsigned n = 0; byte & 128; n++) {
+            if (!source->left || n == MAX_VARINT)
+                return false;
+            byte = *source->at++;
+            source->left--;
+            rest |= (uint32_t)(byte & 127) << 7 * n;
+        }
         numbers[i] = (rest >> 1 ^ (0 - (rest & 1))) + (i >= lag ? numbers[i - lag] : 0);
     }
     return true;
