@@ -86,7 +86,7 @@ enum tetlod_status cells_pass(struct cell_run *run)
     enum work_call call = run->root ? CALL_ROOT : CALL_CELLS;
     struct simplify_options options = *run->options;
     uint32_t *order = (uint32_t *)(uintptr_t)run->order, count = run->cell_count; // read only, where they are sent
-    TETLOD_TRY(run->share->call(run->share->opaque, &call, run->error));
+    TETLOD_TRY(run->share->call(run->share->opaque, &call, NULL, run->error));
     pass_stage(&channel, run, &options, &order, &count);
     return TETLOD_OK;
 }

@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/cells/border_help.h"
 #include "src/cells/cell_run.h"
 #include "src/simplify/ladder.h"
 #include "src/util/array.h"
@@ -374,12 +375,21 @@ static enum tetlod_status take_components(const struct cell_run *run, const stru
                     run->error);
 }
 
+/* Cells of what is left: `opaque` is the run. */
+static enum tetlod_status cut_state(void *opaque)
+{
+    struct cell_run *run = opaque;
+    const uint32_t cell_tets = is_last(run) ? (uint32_t)(LAST_CELL * run->cell_tets) : run->cell_tets;
+    return partition_make(&run->partition, &run->state.mesh, cell_tets, run->was_seam, run->pool, run->error);
+}
+
 static enum tetlod_status run_phase(struct cell_run *run)
 {
-    uint32_t *order = NULL, cell_tets = is_last(run) ? (uint32_t)(LAST_CELL * run->cell_tets) : run->cell_tets;
+    uint32_t *order = NULL;
     enum tetlod_status status;
     TETLOD_TRY_DONE(cells_make_scratch(run));
-    TETLOD_TRY_DONE(partition_make(&run->partition, &run->state.mesh, cell_tets, run->was_seam, run->pool, run->error));
+    if (run->from > 0) // else it is there
+        TETLOD_TRY_DONE(cut_state(run));
     TETLOD_TRY_DONE(choose_limit(run));
     order = order_cells(run);
     if (!order)
@@ -523,6 +533,25 @@ static enum tetlod_status run_phases(struct cell_run *run)
     return contract_root(run);
 }
 
+/* The border, and the first cells: both at once where there are helpers that do not come and go. */
+static enum tetlod_status find_border(struct cell_run *run)
+{
+    const struct tetmesh *mesh = &run->state.mesh;
+    const struct border_meanwhile meanwhile = {cut_state, run};
+    const bool shares = work_has_helpers(run->share) && !run->share->keeps_parts, turned = run->whole.ranges.turned;
+    struct piece_border border = {0};
+    enum tetlod_status status;
+    if (shares)
+        TETLOD_TRY_DONE(border_share(run->share, &border, mesh, turned, run->options, &meanwhile, run->error));
+    else
+        TETLOD_TRY_DONE(piece_border_find(&border, mesh, turned, run->options, run->error));
+    TETLOD_TRY_DONE(piece_take_border(&run->state, &run->whole, &border, run->options, run->error));
+    status = shares ? TETLOD_OK : cut_state(run);
+done:
+    piece_border_fini(&border);
+    return status;
+}
+
 static enum tetlod_status begin(struct cell_run *run, const uint32_t *controlled, uint32_t controlled_count,
                                 const double *limits)
 {
@@ -535,8 +564,8 @@ static enum tetlod_status begin(struct cell_run *run, const uint32_t *controlled
     for (uint32_t v = 0; v < run->mesh->vertex_count; v++)
         run->nodes[v] = v;
     TETLOD_TRY(log_init(run->log, run->mesh, run->error));
-    TETLOD_TRY(
-        piece_begin(&run->state, &run->whole, run->mesh, controlled, controlled_count, limits, options, run->error));
+    TETLOD_TRY(piece_begin(&run->state, &run->whole, run->mesh, controlled, controlled_count, limits, run->error));
+    TETLOD_TRY(find_border(run));
     run->log->degenerate_tets = run->whole.degenerate_tets;
     run->log->inverted_tets = run->whole.inverted_tets;
     run->log->folded_tets = run->whole.folded_tets;

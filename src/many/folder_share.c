@@ -531,7 +531,7 @@ static bool is_of_few(const struct folder_share *share)
     return false;
 }
 
-static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tetlod_error *error)
+static enum tetlod_status call(void *opaque, enum work_call *io_call, bool *out_idle, struct tetlod_error *error)
 {
     struct folder_share *share = opaque;
     uint32_t word = (uint32_t)*io_call;
@@ -546,7 +546,9 @@ static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tet
     share->heard_at = 0;
     share->cut_off = false;
     pass(share, &word, sizeof word);
-    *io_call = word == CALL_SAMPLES && !share->leads && !is_of_few(share) ? CALL_IDLE : (enum work_call)word;
+    *io_call = (enum work_call)word;
+    if (out_idle)
+        *out_idle = word == CALL_SAMPLES && !share->leads && !is_of_few(share);
     return TETLOD_OK;
 }
 

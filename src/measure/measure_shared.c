@@ -232,7 +232,7 @@ static enum tetlod_status call_helpers(const struct shared_levels *levels, struc
     struct contraction_log log = *levels->log;
     bool *asked = (bool *)(uintptr_t)levels->asked;
     double *domains = (double *)(uintptr_t)levels->domains;
-    TETLOD_TRY(levels->share->call(levels->share->opaque, &call, error));
+    TETLOD_TRY(levels->share->call(levels->share->opaque, &call, NULL, error));
     pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
     return TETLOD_OK;
 }
@@ -244,17 +244,9 @@ static enum tetlod_status fail_parts(void *opaque)
     return tetlodi_fail_nomem(sweep->error, "the levels", measure_levels_bytes(sweep->levels->original));
 }
 
-static enum tetlod_status take_none(void *opaque)
-{
-    (void)opaque;
-    return TETLOD_OK;
-}
-
 enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error)
 {
-    enum tetlod_status status = work_share_run(share, STAGE_PARTS, NULL, NULL, take_none, NULL, error);
-    share->end(share->opaque);
-    return status;
+    return work_share_idle(share, STAGE_PARTS, error);
 }
 
 static void free_parts(struct sweep *sweep)

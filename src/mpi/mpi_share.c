@@ -46,7 +46,8 @@ struct stage_time {
 };
 
 struct mpi_share {
-    MPI_Comm comm, few;   /* few: of the first WORK_FEW ranks, or MPI_COMM_NULL */
+    MPI_Comm comm;
+    MPI_Comm few, two;    /* the first WORK_FEW ranks, and the first and the last one, or MPI_COMM_NULL */
     MPI_Comm hears;       /* borrowed: of those that what is passed comes to */
     enum work_call called; /* for: what the next stage is about */
     int rank, ranks;
@@ -66,7 +67,7 @@ struct mpi_share {
     bool ended;          /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
     uint64_t moved;      /* to this rank */
-    uint64_t passed[2];  /* on rank 0: to all, and to few */
+    uint64_t passed[PASSES]; /* on rank 0 */
     struct stage_time *stages; /* [stage_count] */
     uint32_t stage_count;
     double begun;              /* processor seconds before all */
@@ -191,11 +192,12 @@ static void drop_results(struct mpi_share *share)
 
 /* ---- parts */
 
-/* Does rank 0 take no part of a stage of few, or of another one? It packs what others take, and joins what comes of
- * it, in which they wait for it: where they are many it has enough to do, and needs no memory for a part. */
-static bool only_serves(int ranks, bool few)
+/* Does rank 0 take no part of a stage? It packs what others take, and joins what comes of it, in which they wait for
+ * it: where they are many it has enough to do, and needs no memory for a part. It cuts the mesh while its border is
+ * found. */
+static bool only_serves(int ranks, enum work_call stage)
 {
-    return ranks >= (few ? WORK_FEW + 1 : MANY);
+    return ranks >= (stage == CALL_BORDER ? 2 : stage == CALL_SAMPLES ? WORK_FEW + 1 : MANY);
 }
 
 /* Does a rank leave pages and the root to the others, as it measures? Where they are many rank 0 cuts no more than they
@@ -328,7 +330,7 @@ static bool take(void *opaque, uint32_t *out_part, struct buffer *out_input)
     struct mpi_share *share = opaque;
     bool any;
     if (share->rank == 0) {
-        any = !only_serves(share->ranks, share->hears == share->few) && next_part(share, out_part);
+        any = !only_serves(share->ranks, share->called) && next_part(share, out_part);
     } else if (is_spared(share->rank, share->ranks, share->called)) {
         any = false;
     } else {
@@ -468,6 +470,12 @@ static void end(void *opaque)
 
 /* ---- helpers */
 
+/* Whom a call comes to; MPI_COMM_NULL: not to this rank. */
+static MPI_Comm hear(const struct mpi_share *share, enum work_call call)
+{
+    return call == CALL_SAMPLES ? share->few : call == CALL_BORDER ? share->two : share->comm;
+}
+
 /* What rank 0 says comes to all, if all have done well. */
 static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call)
 {
@@ -476,14 +484,19 @@ static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call
         return false;
     share->ended = word == CALL_OVER;
     share->called = (enum work_call)word;
-    share->hears = word == CALL_SAMPLES ? share->few : share->comm;
-    *io_call = share->hears == MPI_COMM_NULL ? CALL_IDLE : share->called;
+    share->hears = hear(share, share->called);
+    *io_call = share->called;
     return true;
 }
 
-static enum tetlod_status call(void *opaque, enum work_call *io_call, struct tetlod_error *error)
+static enum tetlod_status call(void *opaque, enum work_call *io_call, bool *out_idle, struct tetlod_error *error)
 {
-    return call_all(opaque, true, io_call) ? TETLOD_OK : other_failed(error);
+    const struct mpi_share *share = opaque;
+    if (!call_all(opaque, true, io_call))
+        return other_failed(error);
+    if (out_idle)
+        *out_idle = share->hears == MPI_COMM_NULL;
+    return TETLOD_OK;
 }
 
 static void pass(void *opaque, void *bytes, size_t size)
@@ -494,7 +507,7 @@ static void pass(void *opaque, void *bytes, size_t size)
         broadcast(share, to, size - at < PASS_PIECE ? size - at : PASS_PIECE, 0, share->hears);
     }
     share->moved += share->rank ? size : 0;
-    share->passed[share->hears == share->few] += size;
+    share->passed[share->hears == share->few ? PASS_FEW : share->hears == share->two ? PASS_ONE : PASS_ALL] += size;
 }
 
 /* ---- cost */
@@ -522,13 +535,15 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     MPI_Comm_rank(share->comm, &share->rank);
     MPI_Comm_size(share->comm, &share->ranks);
     MPI_Comm_split(share->comm, share->rank < WORK_FEW ? 0 : MPI_UNDEFINED, share->rank, &share->few);
+    MPI_Comm_split(share->comm, share->rank % (share->ranks > 1 ? share->ranks - 1 : 1) ? MPI_UNDEFINED : 0,
+                   share->rank, &share->two);
     pthread_mutex_init(&share->lock, NULL);
     pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
     const uint32_t few = share->ranks < WORK_FEW ? (uint32_t)share->ranks : WORK_FEW;
-    *out = (struct work_share){.members = (uint32_t)share->ranks, .few = few - only_serves(share->ranks, true),
+    *out = (struct work_share){.members = (uint32_t)share->ranks, .few = few - only_serves(share->ranks, CALL_SAMPLES),
                                .leads = share->rank == 0, .writes = share->rank == 0,
-                               .serves = share->rank == 0 && only_serves(share->ranks, false), .begin = begin,
+                               .serves = share->rank == 0 && only_serves(share->ranks, CALL_CELLS), .begin = begin,
                                .take = take, .put = put, .settle = settle, .get = get, .end = end,
                                .spent_alone = spent_alone, .call = call, .pass = pass, .opaque = share};
     return TETLOD_OK;
@@ -544,6 +559,8 @@ void mpi_share_free(struct work_share *share)
     free(mpi->dropped);
     if (mpi->few != MPI_COMM_NULL)
         MPI_Comm_free(&mpi->few);
+    if (mpi->two != MPI_COMM_NULL)
+        MPI_Comm_free(&mpi->two);
     MPI_Comm_free(&mpi->comm);
     pthread_mutex_destroy(&mpi->lock);
     pthread_mutex_destroy(&mpi->asking);
@@ -608,15 +625,15 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
     out->alone = mpi->ranks > 1 ? out->alone : 0;
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
-    uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[5];
-    const uint64_t bytes[5] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0,
-                               mpi->rank ? 0 : mpi->passed[0], mpi->rank ? 0 : mpi->passed[1]};
-    reduce(mpi, bytes, all, 5, MPI_UINT64_T, MPI_MAX);
+    uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[3];
+    const uint64_t bytes[3] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0};
+    reduce(mpi, bytes, all, 3, MPI_UINT64_T, MPI_MAX);
+    for (int to = 0; to < PASSES; to++)
+        mpi->passed[to] = mpi->rank ? 0 : mpi->passed[to];
+    reduce(mpi, mpi->passed, out->passed, PASSES, MPI_UINT64_T, MPI_MAX);
     reduce(mpi, &mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM);
     out->moved[0] = all[0];
     memcpy(out->resident, all + 1, sizeof out->resident);
-    out->passed[0] = (double)all[3];
-    out->passed[1] = (double)all[4];
     return TETLOD_OK;
 }
 
@@ -628,12 +645,14 @@ void job_cost_fini(struct job_cost *cost)
 
 static bool serves_in(const struct stage_cost *stage, uint32_t ranks)
 {
-    return only_serves((int)ranks, stage->call == CALL_SAMPLES);
+    return only_serves((int)ranks, stage->call);
 }
 
 /* Of so many ranks those that do parts of the stage. */
 static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
 {
+    if (stage->call == CALL_BORDER) // and rank 0 cuts
+        return ranks < 2 ? ranks : 2;
     uint32_t those = stage->call == CALL_SAMPLES && ranks > WORK_FEW ? WORK_FEW : ranks;
     uint32_t spared = is_spared(1, (int)ranks, stage->call) ? WORK_FEW - 1 : 0;
     return those - serves_in(stage, ranks) - spared;
@@ -659,7 +678,9 @@ double job_cost_of_all(const struct job_cost *cost, uint32_t ranks)
 
 double job_cost_moved(const struct job_cost *cost, uint32_t ranks)
 {
-    double bytes = (ranks - 1) * cost->passed[0] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) * cost->passed[1];
+    const uint64_t *passed = cost->passed;
+    double bytes = (double)((ranks - 1) * passed[PASS_ALL] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) *
+                            passed[PASS_FEW] + (ranks > 1) * passed[PASS_ONE]);
     for (uint32_t i = 0; i < cost->stage_count; i++) {
         uint32_t own = !serves_in(&cost->stages[i], ranks), those = ranks_in(&cost->stages[i], ranks);
         bytes += cost->stages[i].moved * (those - own) / those;

@@ -2,6 +2,7 @@
 #include "src/pipeline/build_helper.h"
 
 #include "format/fail.h"
+#include "src/cells/border_help.h"
 #include "src/cells/cell_help.h"
 #include "src/measure/measure_shared.h"
 #include "src/pipeline/share_pages.h"
@@ -11,17 +12,18 @@ enum tetlod_status build_helper(const struct work_share *share, unsigned threads
                                 struct tetlod_error *error)
 {
     enum work_call call = CALL_OVER;
+    bool idle;
     threads = threads ? threads : parallel_cores();
     for (;;) {
-        TETLOD_TRY(share->call(share->opaque, &call, error));
+        TETLOD_TRY(share->call(share->opaque, &call, &idle, error));
         if (call == CALL_OVER)
             return TETLOD_OK;
-        if (call == CALL_IDLE)
-            TETLOD_TRY(measure_idle(share, error));
+        if (call == CALL_BORDER)
+            TETLOD_TRY(idle ? border_idle(share, error) : border_help(share, threads, error));
         else if (call == CALL_CELLS || call == CALL_ROOT)
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
-            TETLOD_TRY(measure_help(share, threads, hooks->settle, error));
+            TETLOD_TRY(idle ? measure_idle(share, error) : measure_help(share, threads, hooks->settle, error));
         else if (call == CALL_PAGES)
             TETLOD_TRY(pages_help(share, threads, error));
         else

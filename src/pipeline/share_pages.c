@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * In: a member's share, and what cuts stacks. Each thread takes a stack, codes it, and puts what it has come to. Out,
- * where the stream is written: all of it. A stack and a result become bytes, and are made of them, by one function: a
- * channel (channel.h) from and to a buffer.
+ * where the stream is written: all of it. A stack and a result become bytes, and are made of them, by one function
+ * (parcel.h).
  */
 #include "src/pipeline/share_pages.h"
 
@@ -12,33 +12,10 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
-#include "src/util/channel.h"
 #include "src/util/parallel.h"
+#include "src/util/parcel.h"
 
 /* ---- bytes */
-
-/* A share of which only pass() is there. */
-struct parcel {
-    struct buffer *bytes;
-    size_t at;
-    bool bad; /* no memory, or less bytes than there should be */
-};
-
-static void put_bytes(void *opaque, void *bytes, size_t size)
-{
-    struct parcel *parcel = opaque;
-    parcel->bad |= buffer_append(parcel->bytes, bytes, size) != TETLOD_OK;
-}
-
-static void get_bytes(void *opaque, void *bytes, size_t size)
-{
-    struct parcel *parcel = opaque;
-    bool there = size <= parcel->bytes->size - parcel->at;
-    if (bytes && size)
-        there ? (void)memcpy(bytes, parcel->bytes->bytes + parcel->at, size) : (void)memset(bytes, 0, size);
-    parcel->at += there ? size : 0;
-    parcel->bad |= !there;
-}
 
 static void pass_field(struct channel *channel, struct tetlodi_write_field *field,
                        const struct tetlodi_write_input *in)
@@ -120,18 +97,13 @@ static void pass_result(struct channel *channel, struct tetlodi_stack_result *re
 static enum tetlod_status pass(struct buffer *bytes, bool puts, struct tetlodi_page_stack *stack,
                                struct tetlodi_stack_result *result, struct tetlod_error *error)
 {
-    struct parcel parcel = {.bytes = bytes};
-    const struct work_share share = {.leads = puts, .pass = puts ? put_bytes : get_bytes, .opaque = &parcel};
-    struct channel channel = {&share, TETLOD_OK};
+    struct parcel parcel;
+    parcel_begin(&parcel, bytes, puts);
     if (stack)
-        pass_stack(&channel, stack);
+        pass_stack(&parcel.channel, stack);
     else
-        pass_result(&channel, result);
-    if (channel.status != TETLOD_OK || (puts && parcel.bad))
-        return tetlodi_fail_nomem(error, "the pages", bytes->size);
-    return parcel.bad || (!puts && parcel.at < bytes->size)
-               ? tetlodi_fail(error, TETLOD_ERR_IO, "pages that another program has coded are not as it wrote them")
-               : TETLOD_OK;
+        pass_result(&parcel.channel, result);
+    return parcel_end(&parcel, "the pages", error);
 }
 
 /* ---- a member */
@@ -249,7 +221,7 @@ enum tetlod_status pages_share(void *opaque, const struct tetlodi_stack_work *wo
         struct channel channel = {share, TETLOD_OK};
         enum work_call call = CALL_PAGES;
         uint32_t count = work->count;
-        TETLOD_TRY_DONE(share->call(share->opaque, &call, error));
+        TETLOD_TRY_DONE(share->call(share->opaque, &call, NULL, error));
         CHANNEL_VALUE(&channel, count);
     }
     TETLOD_TRY_DONE(run_stage(&coders, work->count, sharing->threads));

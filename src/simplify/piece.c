@@ -234,32 +234,29 @@ static enum tetlod_status find_whole(struct piece_whole *whole, const struct tet
     return TETLOD_OK;
 }
 
-/* The boundary, what may be contracted there, and how far it may move. */
-static enum tetlod_status find_border(struct piece *piece, struct piece_whole *whole, const struct tetmesh *mesh,
-                                      const struct simplify_options *options, struct tetlod_error *error)
+enum tetlod_status piece_border_find(struct piece_border *out, const struct tetmesh *mesh, bool turned,
+                                     const struct simplify_options *options, struct tetlod_error *error)
 {
     struct working working = {0};
     struct contraction_log log = {0};
     struct pool *pool = pool_new(options->threads ? options->threads : parallel_cores());
     enum tetlod_status status;
-    piece->most = array_new(mesh->vertex_count, sizeof *piece->most);
-    if (!pool || !piece->most)
+    *out = (struct piece_border){.most = array_new(mesh->vertex_count, sizeof *out->most)};
+    if (!pool || !out->most)
         TETLOD_TRY_DONE(no_memory(error, mesh->vertex_count));
-    TETLOD_TRY_DONE(working_look(&working, mesh, whole->ranges.turned, &log, error));
-    TETLOD_TRY_DONE(regions_fix(mesh, options->regions, NULL, working.flags, error));
-    regions_fix_vertices(mesh->vertex_count, options->fixed, NULL, working.flags);
+    TETLOD_TRY_DONE(working_look(&working, mesh, turned, &log, error));
     TETLOD_TRY_DONE(border_find(&working, pool, error));
-    TETLOD_TRY_DONE(border_find_most(piece->most, &working, mesh, options->boundary_limit, options->boundary_least,
+    TETLOD_TRY_DONE(border_find_most(out->most, &working, mesh, options->boundary_limit, options->boundary_least,
                                      pool_size(pool), error));
-    whole->degenerate_tets = log.degenerate_tets;
-    whole->inverted_tets = log.inverted_tets;
-    whole->folded_tets = log.folded_tets;
+    out->degenerate_tets = log.degenerate_tets;
+    out->inverted_tets = log.inverted_tets;
+    out->folded_tets = log.folded_tets;
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         working.flags[v] &= KEPT_FLAGS;
-    for (uint32_t t = 0; t < mesh->tet_count && whole->ranges.turned; t++)
+    for (uint32_t t = 0; t < mesh->tet_count && turned; t++)
         working.boundary_faces[t] = turn_faces(working.boundary_faces[t]);
-    piece->flags = working.flags;
-    piece->boundary_faces = working.boundary_faces;
+    out->flags = working.flags;
+    out->boundary_faces = working.boundary_faces;
     working.flags = working.boundary_faces = NULL;
 done:
     working_look_end(&working, mesh);
@@ -267,16 +264,37 @@ done:
     return status;
 }
 
+void piece_border_fini(struct piece_border *border)
+{
+    free(border->flags);
+    free(border->boundary_faces);
+    free(border->most);
+    *border = (struct piece_border){0};
+}
+
+enum tetlod_status piece_take_border(struct piece *piece, struct piece_whole *whole, struct piece_border *border,
+                                     const struct simplify_options *options, struct tetlod_error *error)
+{
+    piece->flags = border->flags;
+    piece->boundary_faces = border->boundary_faces;
+    piece->most = border->most;
+    whole->degenerate_tets = border->degenerate_tets;
+    whole->inverted_tets = border->inverted_tets;
+    whole->folded_tets = border->folded_tets;
+    *border = (struct piece_border){0};
+    regions_fix_vertices(piece->mesh.vertex_count, options->fixed, NULL, piece->flags);
+    return regions_fix(&piece->mesh, options->regions, NULL, piece->flags, error);
+}
+
 enum tetlod_status piece_begin(struct piece *piece, struct piece_whole *whole, const struct tetmesh *mesh,
                                const uint32_t *controlled, uint32_t controlled_count, const double *limits,
-                               const struct simplify_options *options, struct tetlod_error *error)
+                               struct tetlod_error *error)
 {
     enum tetlod_status status;
     *piece = (struct piece){.whole = whole, .fresh = true, .mesh = *mesh};
     piece->mesh.cell_field_count = 0;
     *whole = (struct piece_whole){0};
     TETLOD_TRY_DONE(find_whole(whole, mesh, controlled, controlled_count, limits, error));
-    TETLOD_TRY_DONE(find_border(piece, whole, mesh, options, error));
     piece->state.certified = array_zero(whole->component_count, sizeof(double));
     piece->state.predicted = array_zero(whole->component_count, sizeof(double));
     status = piece->state.certified && piece->state.predicted ? TETLOD_OK : no_memory(error, 0);
@@ -305,8 +323,14 @@ enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
                                  const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                  const struct simplify_options *options, struct tetlod_error *error)
 {
-    TETLOD_TRY(piece_begin(piece, whole, mesh, controlled, controlled_count, limits, options, error));
-    enum tetlod_status status = piece_own(piece, error);
+    struct piece_border border = {0};
+    enum tetlod_status status;
+    TETLOD_TRY(piece_begin(piece, whole, mesh, controlled, controlled_count, limits, error));
+    TETLOD_TRY_DONE(piece_border_find(&border, mesh, whole->ranges.turned, options, error));
+    TETLOD_TRY_DONE(piece_take_border(piece, whole, &border, options, error));
+    status = piece_own(piece, error);
+done:
+    piece_border_fini(&border);
     if (status != TETLOD_OK) {
         piece_fini(piece);
         piece_whole_fini(whole);

@@ -45,17 +45,38 @@ struct piece {
     struct piece_state state;
 };
 
-/* The whole mesh as a fresh piece, to be cut. Of the options those of the boundary, the regions and the threads count.
- * The mesh and *whole must outlive all its pieces. ERR_NOMEM, ERR_LIMIT. */
+/* The whole mesh as a fresh piece, to be cut, of whose boundary nothing is known yet. The mesh and *whole must outlive
+ * all its pieces. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status piece_begin(struct piece *piece, struct piece_whole *whole,
                                               const struct tetmesh *mesh, const uint32_t *controlled,
                                               uint32_t controlled_count, const double *limits,
-                                              const struct simplify_options *options, struct tetlod_error *error);
+                                              struct tetlod_error *error);
+
+/* The boundary of a whole mesh, what may be contracted there, and how far it may move: as a piece has them. */
+struct piece_border {
+    uint8_t *flags, *boundary_faces;
+    double *most;
+    uint64_t degenerate_tets, inverted_tets, folded_tets;
+};
+
+/* `turned`: as in its piece_whole. Of the options those of the boundary and the threads count. To be freed in any
+ * case. ERR_NOMEM, ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status piece_border_find(struct piece_border *out, const struct tetmesh *mesh, bool turned,
+                                                    const struct simplify_options *options,
+                                                    struct tetlod_error *error);
+void piece_border_fini(struct piece_border *border);
+
+/* Gives a fresh piece its border, with the vertices that regions and the options fix; the border is empty then.
+ * ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status piece_take_border(struct piece *piece, struct piece_whole *whole,
+                                                    struct piece_border *border,
+                                                    const struct simplify_options *options,
+                                                    struct tetlod_error *error);
 
 /* A fresh piece gets arrays of its own, to be contracted. ERR_NOMEM: it is as before. */
 TETLOD_CHECKED enum tetlod_status piece_own(struct piece *piece, struct tetlod_error *error);
 
-/* Both. */
+/* All of it. Of the options those of the boundary, the regions and the threads count. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status piece_of_mesh(struct piece *piece, struct piece_whole *whole,
                                                 const struct tetmesh *mesh, const uint32_t *controlled,
                                                 uint32_t controlled_count, const double *limits,

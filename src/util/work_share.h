@@ -25,8 +25,8 @@ struct work_input {
 };
 
 /* What a helper is called for; CALL_PIECES: to read some; CALL_MEMORY: to hear how much it may take, an uint64_t, and
- * whether that is less than a build needs, an uint8_t; CALL_IDLE: for what few do, others than this one. */
-enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES, CALL_IDLE };
+ * whether that is less than a build needs, an uint8_t. */
+enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_BORDER, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES };
 
 /* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
  * to level, which takes a tenth of the time that all samples take. */
@@ -62,9 +62,10 @@ struct work_share {
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
-    /* The leader sends *io_call, the others wait for it; NULL: there are no others. One that is called to be idle joins
-     * the stage and takes no part of it. ERR_CANCELLED: a member has failed; ERR_IO names a file. */
-    enum tetlod_status (*call)(void *opaque, enum work_call *io_call, struct tetlod_error *error);
+    /* The leader sends *io_call, the others wait for it; NULL: there are no others. *out_idle (NULL where one leads):
+     * few are called, others than this one, which joins the stage, takes no part of it and is passed nothing.
+     * ERR_CANCELLED: a member has failed; ERR_IO names a file. */
+    enum tetlod_status (*call)(void *opaque, enum work_call *io_call, bool *out_idle, struct tetlod_error *error);
     /* Behind a call: bytes of the one that leads come to those that it called; where they are NULL they are dropped. */
     void (*pass)(void *opaque, void *bytes, size_t size);
     void *opaque;
@@ -76,6 +77,10 @@ TETLOD_CHECKED enum tetlod_status work_share_run(const struct work_share *share,
                                                  const struct work_input *input,
                                                  enum tetlod_status (*work)(void *opaque), void *opaque,
                                                  struct tetlod_error *error);
+
+/* A stage of which this member takes no part. */
+TETLOD_CHECKED enum tetlod_status work_share_idle(const struct work_share *share, uint32_t parts,
+                                                  struct tetlod_error *error);
 
 /* Is there a program that works on what this one passes on, or does this one work on what it gets? */
 static inline bool work_has_helpers(const struct work_share *share)

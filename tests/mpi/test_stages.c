@@ -36,17 +36,17 @@ static enum tetlod_status pass_on(struct work_share *share)
     struct tetlod_error error = {0};
     enum work_call called = share->leads ? CALL_SAMPLES : CALL_OVER;
     int ranks;
-    bool drops;
+    bool drops, idle = true;
     MPI_Comm_size(MPI_COMM_WORLD, &ranks);
     drops = !share->leads && rank == ranks - 1;
     memset(many, share->leads ? 7 : 0, sizeof many);
     memset(few, 0, sizeof few);
     if (share->leads)
         fill(few, 3);
-    TETLOD_TRY(share->call(share->opaque, &called, &error));
+    TETLOD_TRY(share->call(share->opaque, &called, &idle, &error));
     share->pass(share->opaque, drops ? NULL : many, sizeof many);
     share->pass(share->opaque, few, sizeof few);
-    expect(called == CALL_SAMPLES, "a call is another one");
+    expect(called == CALL_SAMPLES && !idle, "a call is another one");
     expect(many[sizeof many - 1] == (drops ? 0 : 7) && few[1] == 3 * 7 + 1, "what is passed on is something else");
     return TETLOD_OK;
 }

@@ -148,7 +148,7 @@ static enum tetlod_status call_helpers(const struct io_sharing *sharing, const s
 {
     struct channel channel = {sharing->share, TETLOD_OK};
     enum work_call call = CALL_PIECES;
-    TETLOD_TRY(sharing->share->call(sharing->share->opaque, &call, error));
+    TETLOD_TRY(sharing->share->call(sharing->share->opaque, &call, NULL, error));
     channel_text(&channel, (char *)(uintptr_t)sharing->path); // is only sent
     channel_text(&channel, (char *)(uintptr_t)options->time);
     CHANNEL_VALUE(&channel, count);

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The border of a mesh, which a helper finds (src/util/work_share.h) while the one that leads cuts the mesh. */
+#ifndef TETLOD_BORDER_HELP_H
+#define TETLOD_BORDER_HELP_H
+
+#include "src/simplify/piece.h"
+#include "src/util/work_share.h"
+
+/* What the one that leads has to do meanwhile. */
+struct border_meanwhile {
+    enum tetlod_status (*work)(void *opaque);
+    void *opaque;
+};
+
+/* As piece_border_find, where there are helpers: the first one that is called finds it. ERR_CANCELLED: a member has
+ * failed; what `meanwhile` fails with. */
+TETLOD_CHECKED enum tetlod_status border_share(const struct work_share *share, struct piece_border *out,
+                                               const struct tetmesh *mesh, bool turned,
+                                               const struct simplify_options *options,
+                                               const struct border_meanwhile *meanwhile, struct tetlod_error *error);
+
+/* Of a helper, once it is called, or is idle while another one works. ERR_NOMEM, ERR_CANCELLED, or what the stage fails
+ * with. */
+TETLOD_CHECKED enum tetlod_status border_help(const struct work_share *share, unsigned threads,
+                                              struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status border_idle(const struct work_share *share, struct tetlod_error *error);
+
+#endif
