@@ -202,7 +202,7 @@ static uint32_t count_of_sample(const struct range *range)
     return n < COUNTED ? n : COUNTED;
 }
 
-/* Tetrahedra of the sample, from number `begin` on. They are far from each other: their corners are fetched together. */
+/* Tetrahedra of the sample, from number `begin` on. They are far from each other: corners are fetched together. */
 static void take_sample(const struct choice *choice, size_t begin, size_t end, uint32_t *out)
 {
     const struct tetmesh *mesh = choice->cutter->mesh;

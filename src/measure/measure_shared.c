@@ -18,7 +18,7 @@
 #include "src/util/clock.h"
 
 /* The parts of a stage: the domain error first, as it takes longest: about as long as so many others. */
-enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 8 };
+enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 13 };
 
 struct sweep {
     const struct shared_levels *levels;

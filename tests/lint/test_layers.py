@@ -47,7 +47,7 @@ LAYERS = {
         'format/common/', 'format/coding/', 'format/read/summary.h', 'format/read/box_sums.h', 'format/write/',
         'src/ask/clip.h', 'src/ask/features.h', 'src/simplify/simplify.h', 'src/simplify/further.h',
         'src/simplify/retrace.h', 'src/simplify/ladder.h', 'src/cells/cell_phases.h', 'src/cells/cell_help.h',
-        'src/log/', 'src/measure/'
+        'src/cells/border_help.h', 'src/log/', 'src/measure/'
     ],
     'src/library': MESHES + [
         'src/pipeline/build.h', 'src/pipeline/build_helper.h', 'src/pipeline/build_warnings.h',
