@@ -2,66 +2,103 @@
 /* Faces are bucketed by their least vertex and matched inside the bucket: no hashing, linear for bounded stars. */
 #include "src/mesh/adjacency.h"
 
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
+/* A face of a bucket: its two greater vertices, where it came first, and where again. */
 struct face {
-    uint32_t mid, high, slot; /* the least vertex is the bucket; slot = 4*tet + face */
+    uint64_t key;
+    uint32_t first, again; /* 4 * tet + face; `again`: ONCE, OFTEN if it came more than twice */
 };
 
-static void face_vertices(const uint32_t *corners, size_t slot, uint32_t v[3])
+enum { FEW = 64 };
+static const uint32_t ONCE = TETLOD_NONE, OFTEN = TETLOD_NONE - 1;
+
+/* Three faces of a tetrahedron are in the bucket of its least corner, that opposite to it in the second's. */
+static inline void find_buckets(const uint32_t *tet, uint32_t out[4])
+{
+    const unsigned ab = tet[1] < tet[0], cd = 2 + (tet[3] < tet[2]);
+    const unsigned least = tet[cd] < tet[ab] ? cd : ab, other = least == ab ? cd : ab, beaten = least ^ 1;
+    const uint32_t second = tet[other] < tet[beaten] ? tet[other] : tet[beaten];
+    for (unsigned face = 0; face < 4; face++)
+        out[face] = face == least ? second : tet[least];
+}
+
+static uint64_t key_of_two(uint32_t x, uint32_t y)
+{
+    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
+}
+
+/* Of a face of the bucket. */
+static inline uint64_t key_of(const uint32_t *corners, uint32_t slot, uint32_t bucket)
 {
     const uint32_t *tet = corners + (slot & ~(size_t)3);
-    for (int i = 0; i < 3; i++)
-        v[i] = tet[tet_faces[slot & 3][i]];
-    sort_three(v);
+    const uint8_t *of = tet_faces[slot & 3];
+    const uint32_t a = tet[of[0]], b = tet[of[1]], c = tet[of[2]];
+    return a == bucket ? key_of_two(b, c) : b == bucket ? key_of_two(a, c) : key_of_two(a, b);
+}
+
+/* The face comes again. Returns whether it is the first that is too many. */
+static bool join_face(struct face *face, uint32_t slot, uint32_t *neighbours)
+{
+    const bool second = face->again == ONCE, third = !second && face->again != OFTEN;
+    neighbours[slot] = second ? face->first : TETLOD_NONE;
+    neighbours[face->first] = second ? slot : TETLOD_NONE;
+    if (third)
+        neighbours[face->again] = TETLOD_NONE;
+    face->again = second ? slot : OFTEN;
+    return third;
 }
 
 static int compare_faces(const void *left, const void *right)
 {
     const struct face *a = left, *b = right;
-    if (a->mid != b->mid)
-        return a->mid < b->mid ? -1 : 1;
-    if (a->high != b->high)
-        return a->high < b->high ? -1 : 1;
-    return a->slot < b->slot ? -1 : a->slot > b->slot;
+    return a->key != b->key ? (a->key > b->key) - (a->key < b->key) : (a->first > b->first) - (a->first < b->first);
 }
 
-static uint64_t key_of(const struct face *face)
+/* Of the few of most buckets each is looked for among those that came before. */
+static uint32_t match_few(const uint32_t *corners, const uint32_t *slots, size_t count, uint32_t bucket,
+                          uint32_t *neighbours)
 {
-    return (uint64_t)face->mid << 32 | face->high;
+    struct face faces[FEW];
+    uint64_t keys[FEW];
+    uint32_t overfull = 0;
+    size_t known = 0;
+    for (size_t i = 0; i < count; i++) // all before the first is looked for: they may be far from each other
+        keys[i] = key_of(corners, slots[i], bucket);
+    for (size_t i = 0; i < count; i++) {
+        size_t at = 0;
+        while (at < known && faces[at].key != keys[i])
+            at++;
+        if (at < known) {
+            overfull += join_face(&faces[at], slots[i], neighbours);
+        } else {
+            faces[known++] = (struct face){keys[i], slots[i], ONCE};
+            neighbours[slots[i]] = TETLOD_NONE;
+        }
+    }
+    return overfull;
 }
 
-/* Faces come by ascending slots. Of the few of most buckets each is put in its place. */
-static void sort_faces(struct face *faces, size_t count)
-{
-    enum { FEW = 64 };
-    if (count > FEW) {
-        qsort(faces, count, sizeof *faces, compare_faces);
-        return;
-    }
-    for (size_t i = 1; i < count; i++) {
-        const struct face face = faces[i];
-        size_t at = i;
-        for (; at && key_of(&faces[at - 1]) > key_of(&face); at--)
-            faces[at] = faces[at - 1];
-        faces[at] = face;
-    }
-}
-
-static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbours)
+/* `faces` has room for all. */
+static uint32_t match_many(const uint32_t *corners, const uint32_t *slots, size_t count, uint32_t bucket,
+                           struct face *faces, uint32_t *neighbours)
 {
     uint32_t overfull = 0;
-    sort_faces(faces, count);
-    for (size_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && faces[end].mid == faces[i].mid && faces[end].high == faces[i].high; end++)
-            ;
-        for (size_t face = i; face < end; face++)
-            neighbours[faces[face].slot] = end - i == 2 ? faces[2 * i + 1 - face].slot : TETLOD_NONE;
-        overfull += end - i > 2;
+    for (size_t i = 0; i < count; i++) {
+        faces[i] = (struct face){key_of(corners, slots[i], bucket), slots[i], ONCE};
+        neighbours[slots[i]] = TETLOD_NONE;
+    }
+    qsort(faces, count, sizeof *faces, compare_faces);
+    for (size_t i = 0, first = 0; i < count; i++) {
+        if (faces[first].key == faces[i].key && i > first)
+            overfull += join_face(&faces[first], faces[i].first, neighbours);
+        else
+            first = i;
     }
     return overfull;
 }
@@ -70,14 +107,11 @@ static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbo
 static uint32_t match_buckets(const uint32_t *corners, const uint32_t *slots, const size_t *ends, uint32_t vertex_count,
                               struct face *faces, uint32_t *neighbours)
 {
-    uint32_t overfull = 0, v[3];
-    for (size_t i = 0, at = 0; i < vertex_count; i++) {
-        size_t count = 0;
-        for (; at < ends[i]; at++) {
-            face_vertices(corners, slots[at], v);
-            faces[count++] = (struct face){v[1], v[2], slots[at]};
-        }
-        overfull += match_bucket(faces, count, neighbours);
+    uint32_t overfull = 0;
+    for (uint32_t i = 0; i < vertex_count; i++) {
+        const size_t begin = i ? ends[i - 1] : 0, count = ends[i] - begin;
+        overfull += count <= FEW ? match_few(corners, slots + begin, count, i, neighbours)
+                                 : match_many(corners, slots + begin, count, i, faces, neighbours);
     }
     return overfull;
 }
@@ -90,11 +124,12 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
                             ADJACENCY_MAX_TETS);
     size_t slot_count = 4 * (size_t)tet_count, sum = 0, largest = 0;
     size_t *bucket = array_zero((size_t)vertex_count + 1, sizeof *bucket);
-    uint32_t *slots = array_new(slot_count, sizeof *slots), v[3], overfull = 0;
+    uint32_t *slots = array_new(slot_count, sizeof *slots), of[4], overfull = 0;
     struct face *faces = NULL;
-    for (size_t slot = 0; slot < slot_count && bucket; slot++) {
-        face_vertices(corners, slot, v);
-        bucket[v[0]]++;
+    for (size_t slot = 0; slot < slot_count && bucket; slot += 4) {
+        find_buckets(corners + slot, of);
+        for (int f = 0; f < 4; f++)
+            bucket[of[f]]++;
     }
     for (uint32_t i = 0; i <= vertex_count && bucket; i++) {
         size_t size = bucket[i];
@@ -103,10 +138,11 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
         sum += size;
     }
     if (bucket && slots)
-        faces = array_new(largest, sizeof *faces);
-    for (size_t slot = 0; slot < slot_count && faces; slot++) {
-        face_vertices(corners, slot, v);
-        slots[bucket[v[0]]++] = (uint32_t)slot; // when all are in, bucket[i] is the end of bucket i
+        faces = array_new(largest > FEW ? largest : 1, sizeof *faces);
+    for (size_t slot = 0; slot < slot_count && faces; slot += 4) {
+        find_buckets(corners + slot, of);
+        for (size_t f = 0; f < 4; f++)
+            slots[bucket[of[f]]++] = (uint32_t)(slot + f); // when all are in, bucket[i] is the end of bucket i
     }
     if (faces)
         overfull = match_buckets(corners, slots, bucket, vertex_count, faces, neighbours);
