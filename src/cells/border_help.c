@@ -2,8 +2,11 @@
 /* A stage of one part, whose result is packed by the function that unpacks it (parcel.h). */
 #include "src/cells/border_help.h"
 
+#include <stdlib.h>
+#include <string.h>
+
 #include "format/fail.h"
-#include "src/mesh/mesh_channel.h"
+#include "src/util/array.h"
 #include "src/util/parcel.h"
 
 /* What a member has of the stage. */
@@ -29,10 +32,27 @@ static void pass_input(struct finding *finding)
     finding->heard = channel.status;
 }
 
+/* Bytes of which nearly all are zero: as numbers of eight, of which many take one byte. */
+static void pass_flags(struct channel *channel, uint8_t **io_flags, size_t count)
+{
+    const size_t words = (count + sizeof(uint64_t) - 1) / sizeof(uint64_t);
+    uint64_t *copy = channel->share->leads ? array_zero(words, sizeof *copy) : NULL;
+    if (copy)
+        memcpy(copy, *io_flags, count);
+    else if (channel->share->leads)
+        channel->status = TETLOD_ERR_NOMEM;
+    if (channel->status == TETLOD_OK)
+        CHANNEL_WORDS(channel, copy, words, 1);
+    if (channel->share->leads)
+        free(copy);
+    else
+        *io_flags = (uint8_t *)copy;
+}
+
 static void pass_border(struct channel *channel, struct piece_border *border, const struct tetmesh *mesh)
 {
-    CHANNEL_ARRAY(channel, border->flags, mesh->vertex_count);
-    CHANNEL_ARRAY(channel, border->boundary_faces, mesh->tet_count);
+    pass_flags(channel, &border->flags, mesh->vertex_count);
+    pass_flags(channel, &border->boundary_faces, mesh->tet_count);
     CHANNEL_WORDS(channel, border->most, mesh->vertex_count, 1);
     CHANNEL_VALUE(channel, border->degenerate_tets);
     CHANNEL_VALUE(channel, border->inverted_tets);
@@ -82,14 +102,28 @@ static enum tetlod_status get_border(struct finding *finding)
     return status;
 }
 
+bool border_is_shared(const struct work_share *share)
+{
+    return work_has_helpers(share) && !share->keeps_parts;
+}
+
+struct kept_mesh border_kept(const struct work_share *share, const struct tetmesh *mesh)
+{
+    struct kept_mesh kept = {0};
+    if (mesh && border_is_shared(share)) {
+        kept.mesh = *mesh;
+        kept.mesh.field_count = 0;
+    }
+    return kept;
+}
+
 enum tetlod_status border_share(const struct work_share *share, struct piece_border *out, const struct tetmesh *mesh,
                                 bool turned, const struct simplify_options *options,
                                 const struct border_meanwhile *meanwhile, struct tetlod_error *error)
 {
-    struct finding finding = {.share = share, .mesh = *mesh, .options = *options, .turned = turned,
-                              .meanwhile = meanwhile, .error = error};
+    struct finding finding = {.share = share, .mesh = border_kept(share, mesh).mesh, .options = *options,
+                              .turned = turned, .meanwhile = meanwhile, .error = error};
     enum work_call call = CALL_BORDER;
-    finding.mesh.field_count = 0;
     TETLOD_TRY(share->call(share->opaque, &call, NULL, error));
     pass_input(&finding);
     enum tetlod_status status = work_share_run(share, 1, NULL, NULL, find, &finding, error);
@@ -100,14 +134,16 @@ enum tetlod_status border_share(const struct work_share *share, struct piece_bor
     return status;
 }
 
-enum tetlod_status border_help(const struct work_share *share, unsigned threads, struct tetlod_error *error)
+enum tetlod_status border_help(const struct work_share *share, unsigned threads, struct kept_mesh *out,
+                               struct tetlod_error *error)
 {
     struct finding finding = {.share = share, .options = {.threads = threads}, .error = error};
     pass_input(&finding);
     enum tetlod_status status = work_share_run(share, 1, NULL, NULL, find, &finding, error);
     share->end(share->opaque);
     piece_border_fini(&finding.border);
-    tetmesh_fini(&finding.mesh);
+    kept_mesh_fini(out);
+    *out = (struct kept_mesh){finding.mesh, finding.found};
     return status;
 }
 

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The border of a mesh, which a helper finds (src/util/work_share.h) while the one that leads cuts the mesh. */
+/* The border of a mesh, which a helper finds (src/util/work_share.h) while the one that leads cuts the mesh. Those that
+ * are called keep the mesh, to measure with it later. */
 #ifndef TETLOD_BORDER_HELP_H
 #define TETLOD_BORDER_HELP_H
 
+#include "src/mesh/mesh_channel.h"
 #include "src/simplify/piece.h"
 #include "src/util/work_share.h"
 
@@ -12,8 +14,13 @@ struct border_meanwhile {
     void *opaque;
 };
 
-/* As piece_border_find, where there are helpers: the first one that is called finds it. ERR_CANCELLED: a member has
- * failed; what `meanwhile` fails with. */
+/* Is there a helper for it, which does not come and go? */
+bool border_is_shared(const struct work_share *share);
+
+/* What those few keep of the mesh, as the one that leads has it, borrowed; NULL: it was not shared. */
+struct kept_mesh border_kept(const struct work_share *share, const struct tetmesh *mesh);
+
+/* Then as piece_border_find. ERR_CANCELLED: a member has failed; what `meanwhile` fails with. */
 TETLOD_CHECKED enum tetlod_status border_share(const struct work_share *share, struct piece_border *out,
                                                const struct tetmesh *mesh, bool turned,
                                                const struct simplify_options *options,
@@ -22,7 +29,7 @@ TETLOD_CHECKED enum tetlod_status border_share(const struct work_share *share, s
 /* Of a helper, once it is called, or is idle while another one works. ERR_NOMEM, ERR_CANCELLED, or what the stage fails
  * with. */
 TETLOD_CHECKED enum tetlod_status border_help(const struct work_share *share, unsigned threads,
-                                              struct tetlod_error *error);
+                                              struct kept_mesh *out, struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status border_idle(const struct work_share *share, struct tetlod_error *error);
 
 #endif

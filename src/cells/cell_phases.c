@@ -533,12 +533,12 @@ static enum tetlod_status run_phases(struct cell_run *run)
     return contract_root(run);
 }
 
-/* The border, and the first cells: both at once where there are helpers that do not come and go. */
+/* The border, and the first cells: at once where a helper finds it. */
 static enum tetlod_status find_border(struct cell_run *run)
 {
     const struct tetmesh *mesh = &run->state.mesh;
     const struct border_meanwhile meanwhile = {cut_state, run};
-    const bool shares = work_has_helpers(run->share) && !run->share->keeps_parts, turned = run->whole.ranges.turned;
+    const bool shares = border_is_shared(run->share), turned = run->whole.ranges.turned;
     struct piece_border border = {0};
     enum tetlod_status status;
     if (shares)

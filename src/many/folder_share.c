@@ -548,7 +548,7 @@ static enum tetlod_status call(void *opaque, enum work_call *io_call, bool *out_
     pass(share, &word, sizeof word);
     *io_call = (enum work_call)word;
     if (out_idle)
-        *out_idle = word == CALL_SAMPLES && !share->leads && !is_of_few(share);
+        *out_idle = work_is_of_few(word) && !share->leads && !is_of_few(share);
     return TETLOD_OK;
 }
 

@@ -11,14 +11,14 @@
 
 #include "format/fail.h"
 #include "src/measure/measure_levels.h"
-#include "src/mesh/mesh_channel.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/channel.h"
 #include "src/util/clock.h"
 
-/* The parts of a stage: the domain error first, as it takes longest: about as long as so many others. */
-enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 13 };
+/* The parts of a stage: the domain error first, as it takes longest: about as long as so many others. The border has
+ * taken as long as so many. */
+enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 13, BORDER_TAKE = 13 };
 
 struct sweep {
     const struct shared_levels *levels;
@@ -47,15 +47,18 @@ static enum tetlod_status begin_sweep(struct sweep *sweep)
     return measure_levels_new(&sweep->measure, levels->original, &sweep->coarsening, levels->threads, sweep->error);
 }
 
-/* Parts for a sweep: this member's share of those that are open. */
+/* Parts for a sweep: this member's share of those that are open. Who has found the border takes less. */
 static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    uint32_t most = (MEASURE_PARTS + BOUNDS_TAKE + share->few - 1) / share->few, part, count = 0;
+    const struct kept_mesh *kept = sweep->levels->kept;
+    uint32_t all = MEASURE_PARTS + BOUNDS_TAKE + (kept->mesh.tet_count ? BORDER_TAKE : 0), part;
+    uint32_t most = (all + share->few - 1) / share->few, count = kept->bordered ? BORDER_TAKE : 0;
+    const uint32_t before = count;
     memset(sweep->mine, 0, sizeof sweep->mine);
     for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
         sweep->mine[part] = true;
-    return count > 0;
+    return count > before;
 }
 
 static enum tetlod_status keep_level(struct sweep *sweep, double domain)
@@ -214,10 +217,10 @@ static void pass_log(struct channel *channel, struct contraction_log *log)
 }
 
 /* All that measuring some of the samples takes. */
-static void pass_levels(struct channel *channel, struct tetmesh *original, struct tetmesh *mesh,
-                        struct contraction_log *log, bool **asked, double **domains)
+static void pass_levels(struct channel *channel, const struct kept_mesh *kept, struct tetmesh *original,
+                        struct tetmesh *mesh, struct contraction_log *log, bool **asked, double **domains)
 {
-    mesh_pass(channel, original, NULL);
+    mesh_pass(channel, original, &kept->mesh);
     mesh_pass(channel, mesh, original);
     pass_log(channel, log);
     CHANNEL_ARRAY(channel, *asked, log->mark_count);
@@ -233,7 +236,7 @@ static enum tetlod_status call_helpers(const struct shared_levels *levels, struc
     bool *asked = (bool *)(uintptr_t)levels->asked;
     double *domains = (double *)(uintptr_t)levels->domains;
     TETLOD_TRY(levels->share->call(levels->share->opaque, &call, NULL, error));
-    pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
+    pass_levels(&channel, levels->kept, &original, &mesh, &log, &asked, &domains);
     return TETLOD_OK;
 }
 
@@ -256,18 +259,18 @@ static void free_parts(struct sweep *sweep)
     free(sweep->parts);
 }
 
-enum tetlod_status measure_help(const struct work_share *share, unsigned threads, void (*settle)(bool measures),
-                                struct tetlod_error *error)
+enum tetlod_status measure_help(const struct work_share *share, unsigned threads, const struct kept_mesh *kept,
+                                void (*settle)(bool measures), struct tetlod_error *error)
 {
     struct tetmesh original = {0}, mesh = {0};
     struct contraction_log log = {0};
     bool *asked = NULL;
     double *domains = NULL;
     struct channel channel = {share, TETLOD_OK};
-    pass_levels(&channel, &original, &mesh, &log, &asked, &domains);
+    pass_levels(&channel, kept, &original, &mesh, &log, &asked, &domains);
     if (settle)
         settle(true);
-    const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, NULL, NULL};
+    const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, kept, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
                           .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
                           .scratch = array_zero(original.field_count, sizeof *sweep.scratch),
@@ -284,6 +287,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     log_fini(&log);
     mesh_return_borrowed(&mesh, &original);
     tetmesh_fini(&mesh);
+    mesh_return_borrowed(&original, &kept->mesh);
     tetmesh_fini(&original);
     if (settle)
         settle(false);

@@ -5,6 +5,7 @@
 
 #include "src/log/contraction_log.h"
 #include "src/measure/measure.h"
+#include "src/mesh/mesh_channel.h"
 #include "src/util/work_share.h"
 
 struct shared_levels {
@@ -14,6 +15,7 @@ struct shared_levels {
     const double *domains;                 /* [mark] what the domain error is known to be at least */
     unsigned threads;
     const struct work_share *share;
+    const struct kept_mesh *kept; /* of the mesh what helpers have from a call before; empty: nothing */
     bool (*progress)(void *opaque, double done); /* false cancels; may be NULL */
     void *progress_opaque;
 };
@@ -28,7 +30,8 @@ TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *lev
  * works on, which changes no more, and false when that is gone; NULL: nobody asks. ERR_NOMEM, ERR_LIMIT, or what the
  * share fails with. */
 TETLOD_CHECKED enum tetlod_status measure_help(const struct work_share *share, unsigned threads,
-                                               void (*settle)(bool measures), struct tetlod_error *error);
+                                               const struct kept_mesh *kept, void (*settle)(bool measures),
+                                               struct tetlod_error *error);
 
 /* Of a helper that is called to be idle meanwhile. */
 TETLOD_CHECKED enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error);

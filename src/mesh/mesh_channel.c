@@ -74,3 +74,9 @@ void mesh_return_borrowed(struct tetmesh *mesh, const struct tetmesh *like)
         if (mesh->fields[f].values == like->fields[f].values)
             mesh->fields[f].values = NULL;
 }
+
+void kept_mesh_fini(struct kept_mesh *kept)
+{
+    tetmesh_fini(&kept->mesh);
+    *kept = (struct kept_mesh){0};
+}

@@ -13,4 +13,12 @@ void mesh_pass(struct channel *channel, struct tetmesh *mesh, const struct tetme
 /* Before the mesh is freed: what it has of `like` stays there. */
 void mesh_return_borrowed(struct tetmesh *mesh, const struct tetmesh *like);
 
+/* What a helper keeps of a mesh from one call to a later one. */
+struct kept_mesh {
+    struct tetmesh mesh; /* points and corners; empty: nothing is kept */
+    bool bordered;       /* its border was found here */
+};
+
+void kept_mesh_fini(struct kept_mesh *kept);
+
 #endif

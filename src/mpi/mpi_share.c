@@ -46,8 +46,7 @@ struct stage_time {
 };
 
 struct mpi_share {
-    MPI_Comm comm;
-    MPI_Comm few, two;    /* the first WORK_FEW ranks, and the first and the last one, or MPI_COMM_NULL */
+    MPI_Comm comm, few;   /* few: of the first WORK_FEW ranks, or MPI_COMM_NULL */
     MPI_Comm hears;       /* borrowed: of those that what is passed comes to */
     enum work_call called; /* for: what the next stage is about */
     int rank, ranks;
@@ -67,7 +66,7 @@ struct mpi_share {
     bool ended;          /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
     uint64_t moved;      /* to this rank */
-    uint64_t passed[PASSES]; /* on rank 0 */
+    uint64_t passed[2];  /* on rank 0: to all, and to few */
     struct stage_time *stages; /* [stage_count] */
     uint32_t stage_count;
     double begun;              /* processor seconds before all */
@@ -470,12 +469,6 @@ static void end(void *opaque)
 
 /* ---- helpers */
 
-/* Whom a call comes to; MPI_COMM_NULL: not to this rank. */
-static MPI_Comm hear(const struct mpi_share *share, enum work_call call)
-{
-    return call == CALL_SAMPLES ? share->few : call == CALL_BORDER ? share->two : share->comm;
-}
-
 /* What rank 0 says comes to all, if all have done well. */
 static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call)
 {
@@ -484,7 +477,7 @@ static bool call_all(struct mpi_share *share, bool good, enum work_call *io_call
         return false;
     share->ended = word == CALL_OVER;
     share->called = (enum work_call)word;
-    share->hears = hear(share, share->called);
+    share->hears = work_is_of_few(share->called) ? share->few : share->comm;
     *io_call = share->called;
     return true;
 }
@@ -507,7 +500,7 @@ static void pass(void *opaque, void *bytes, size_t size)
         broadcast(share, to, size - at < PASS_PIECE ? size - at : PASS_PIECE, 0, share->hears);
     }
     share->moved += share->rank ? size : 0;
-    share->passed[share->hears == share->few ? PASS_FEW : share->hears == share->two ? PASS_ONE : PASS_ALL] += size;
+    share->passed[share->hears == share->few] += size;
 }
 
 /* ---- cost */
@@ -535,8 +528,6 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     MPI_Comm_rank(share->comm, &share->rank);
     MPI_Comm_size(share->comm, &share->ranks);
     MPI_Comm_split(share->comm, share->rank < WORK_FEW ? 0 : MPI_UNDEFINED, share->rank, &share->few);
-    MPI_Comm_split(share->comm, share->rank % (share->ranks > 1 ? share->ranks - 1 : 1) ? MPI_UNDEFINED : 0,
-                   share->rank, &share->two);
     pthread_mutex_init(&share->lock, NULL);
     pthread_mutex_init(&share->asking, NULL);
     share->begun = process_seconds();
@@ -559,8 +550,6 @@ void mpi_share_free(struct work_share *share)
     free(mpi->dropped);
     if (mpi->few != MPI_COMM_NULL)
         MPI_Comm_free(&mpi->few);
-    if (mpi->two != MPI_COMM_NULL)
-        MPI_Comm_free(&mpi->two);
     MPI_Comm_free(&mpi->comm);
     pthread_mutex_destroy(&mpi->lock);
     pthread_mutex_destroy(&mpi->asking);
@@ -628,9 +617,9 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
     uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[3];
     const uint64_t bytes[3] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0};
     reduce(mpi, bytes, all, 3, MPI_UINT64_T, MPI_MAX);
-    for (int to = 0; to < PASSES; to++)
+    for (int to = 0; to < 2; to++)
         mpi->passed[to] = mpi->rank ? 0 : mpi->passed[to];
-    reduce(mpi, mpi->passed, out->passed, PASSES, MPI_UINT64_T, MPI_MAX);
+    reduce(mpi, mpi->passed, out->passed, 2, MPI_UINT64_T, MPI_MAX);
     reduce(mpi, &mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM);
     out->moved[0] = all[0];
     memcpy(out->resident, all + 1, sizeof out->resident);
@@ -678,9 +667,8 @@ double job_cost_of_all(const struct job_cost *cost, uint32_t ranks)
 
 double job_cost_moved(const struct job_cost *cost, uint32_t ranks)
 {
-    const uint64_t *passed = cost->passed;
-    double bytes = (double)((ranks - 1) * passed[PASS_ALL] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) *
-                            passed[PASS_FEW] + (ranks > 1) * passed[PASS_ONE]);
+    const uint32_t few = ranks < WORK_FEW ? ranks : WORK_FEW;
+    double bytes = (double)((ranks - 1) * cost->passed[0] + (few - 1) * cost->passed[1]);
     for (uint32_t i = 0; i < cost->stage_count; i++) {
         uint32_t own = !serves_in(&cost->stages[i], ranks), those = ranks_in(&cost->stages[i], ranks);
         bytes += cost->stages[i].moved * (those - own) / those;

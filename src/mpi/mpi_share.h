@@ -21,8 +21,6 @@ void mpi_share_free(struct work_share *share);
  * failed by itself says, on all ranks. */
 bool mpi_share_finish(struct work_share *share, bool good, const char *text, int *out_rank, char **out_text);
 
-enum { PASS_ALL, PASS_FEW, PASS_ONE, PASSES };
-
 /* What a job has cost, in processor seconds: stage by stage, and outside of them. */
 struct stage_cost {
     enum work_call call; /* what it was about */
@@ -38,8 +36,7 @@ struct job_cost {
     uint32_t stage_count;
     double alone;  /* outside of stages: of a rank that does not lead */
     double leads;  /* what rank 0 spends more: the end of the measuring, and writing */
-    uint64_t passed[PASSES]; /* bytes that came from rank 0 to every other one; besides to every other of a few, and to
-                              * a single one */
+    uint64_t passed[2];   /* bytes that came from rank 0 to every other one, and besides to every other of a few */
     double spent[2];      /* of the rank that spent most, and in all */
     uint64_t moved[2];    /* bytes that came from others to a rank, at most, and in all */
     uint64_t resident[2]; /* most that rank 0 had in memory, and any other one */

@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "format/write/writer.h"
+#include "src/cells/border_help.h"
 #include "src/cells/cell_phases.h"
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
@@ -453,8 +454,9 @@ static enum tetlod_status measure_together(struct build *build)
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
     struct measured *measured = array_new((size_t)marks * fields, sizeof *measured);
     double *domains = array_new(marks, sizeof *domains);
+    const struct kept_mesh kept = border_kept(build->options->share, build->groups.count ? build->mesh : NULL);
     const struct shared_levels levels = {build->original, build->mesh, &build->log, build->asked, domains,
-                                         build->options->threads, build->options->share, measure_progress, build};
+                                         build->options->threads, build->options->share, &kept, measure_progress, build};
     enum tetlod_status status = TETLOD_OK;
     if (!measured || !domains)
         status = tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
@@ -790,10 +792,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
                                 const struct tetlodi_sink *sink, struct build_report *report,
                                 struct tetlod_error *error)
 {
-    struct build build = {.mesh = mesh,
-                          .original = mesh,
+    struct build build = {.mesh = mesh, .original = mesh, .input = mesh,
                           .numbering = mesh->corners,
-                          .input = mesh,
                           .options = options,
                           .cost = {.field = TETLOD_NONE},
                           .error = error};

@@ -8,25 +8,33 @@
 #include "src/pipeline/share_pages.h"
 #include "src/util/parallel.h"
 
-enum tetlod_status build_helper(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
-                                struct tetlod_error *error)
+static enum tetlod_status answer(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
+                                 struct kept_mesh *kept, struct tetlod_error *error)
 {
     enum work_call call = CALL_OVER;
     bool idle;
-    threads = threads ? threads : parallel_cores();
     for (;;) {
         TETLOD_TRY(share->call(share->opaque, &call, &idle, error));
         if (call == CALL_OVER)
             return TETLOD_OK;
         if (call == CALL_BORDER)
-            TETLOD_TRY(idle ? border_idle(share, error) : border_help(share, threads, error));
+            TETLOD_TRY(idle ? border_idle(share, error) : border_help(share, threads, kept, error));
         else if (call == CALL_CELLS || call == CALL_ROOT)
             TETLOD_TRY(cells_help(share, threads, error));
         else if (call == CALL_SAMPLES)
-            TETLOD_TRY(idle ? measure_idle(share, error) : measure_help(share, threads, hooks->settle, error));
+            TETLOD_TRY(idle ? measure_idle(share, error) : measure_help(share, threads, kept, hooks->settle, error));
         else if (call == CALL_PAGES)
             TETLOD_TRY(pages_help(share, threads, error));
         else
             TETLOD_TRY(hooks->other(hooks->opaque, call, error));
     }
+}
+
+enum tetlod_status build_helper(const struct work_share *share, unsigned threads, const struct helper_hooks *hooks,
+                                struct tetlod_error *error)
+{
+    struct kept_mesh kept = {0};
+    enum tetlod_status status = answer(share, threads ? threads : parallel_cores(), hooks, &kept, error);
+    kept_mesh_fini(&kept);
+    return status;
 }

@@ -28,9 +28,14 @@ struct work_input {
  * whether that is less than a build needs, an uint8_t. */
 enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_BORDER, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES };
 
-/* What CALL_SAMPLES begins so many do at most: each of them has to be sent the whole mesh, and to carry it from level
- * to level, which takes a tenth of the time that all samples take. */
-enum { WORK_FEW = 4 };
+/* What CALL_BORDER and CALL_SAMPLES begin so many do at most: each of them has to be sent the whole mesh, and to carry
+ * it from level to level, which takes a tenth of the time that all samples take. */
+enum { WORK_FEW = 5 };
+
+static inline bool work_is_of_few(enum work_call call)
+{
+    return call == CALL_BORDER || call == CALL_SAMPLES;
+}
 
 struct work_share {
     uint32_t few;     /* members that work on a stage which is one of few */
