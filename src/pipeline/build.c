@@ -454,9 +454,10 @@ static enum tetlod_status measure_together(struct build *build)
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
     struct measured *measured = array_new((size_t)marks * fields, sizeof *measured);
     double *domains = array_new(marks, sizeof *domains);
-    const struct kept_mesh kept = border_kept(build->options->share, build->groups.count ? build->mesh : NULL);
+    const struct build_options *options = build->options;
+    const struct kept_mesh kept = border_kept(options->share, build->groups.count ? build->mesh : NULL);
     const struct shared_levels levels = {build->original, build->mesh, &build->log, build->asked, domains,
-                                         build->options->threads, build->options->share, &kept, measure_progress, build};
+                                         options->threads, options->share, &kept, measure_progress, build};
     enum tetlod_status status = TETLOD_OK;
     if (!measured || !domains)
         status = tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32);
@@ -793,8 +794,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
                                 struct tetlod_error *error)
 {
     struct build build = {.mesh = mesh, .original = mesh, .input = mesh,
-                          .numbering = mesh->corners,
-                          .options = options,
+                          .numbering = mesh->corners, .options = options,
                           .cost = {.field = TETLOD_NONE},
                           .error = error};
     enum tetlod_status status;
