@@ -7,8 +7,12 @@ import signal
 import subprocess
 import time
 
+import numpy as np
+
+import cell_meshes
 from common import ROOT, SCRATCH, case, finish, info, must, path, report
 from mpi_job import PROGRAM, job, missing, mpi, own_lines, read, same, start
+
 
 def says_once():
     """Rank 0 says what build says."""
@@ -172,6 +176,23 @@ why = missing()
 if why:
     report('an MPI job', True, skip=why)
     finish()
+
+
+def defects():
+    """What is found of the border of a mesh with flat, inverted and folded tetrahedra, turned as a whole, by one rank is
+    what one program finds."""
+    points, tets = cell_meshes.block(9)
+    inside = np.flatnonzero(((points > 0.15) & (points < 0.85)).all(1))
+    points[inside[::40]] += 0.15
+    for flat in tets[100:3000:700]:
+        points[flat[3]] = points[flat[:3]].mean(0)
+    cell_meshes.save('defects.vtu', points, tets[:, [0, 1, 3, 2]], {'p': np.sin(5 * points.sum(1))},
+                     {'region': (points[tets].mean(1)[:, 0] > 0.4).astype(np.int32)})
+    wrong = same((2, 3, 8), ['defects.vtu'], '--paged=300', '--region', 'region')
+    found = info('alone.tetlod')
+    return wrong or (None if found['degenerate_tets'] and found['inverted_tets'] > 20 else found)
+
+
 must('sample', 'fin', '--size', '16', '-o', 'fin.vtu')
 case('rank 0 speaks', says_once)
 if os.environ.get('ONLY') == 'rank 0 speaks': # of an installed program
@@ -181,6 +202,7 @@ case('large arrays in files', same, (2,), ['fin.vtu'], '--paged=1000', '--memory
 must('sample', 'torus', '--size', '6', '-o', 'torus.vtu')
 case('a boundary that moves, local bounds', same, (3,), ['torus.vtu'], '--paged=2000', '--domain-error', '0.001',
      '--local-bound')
+case('a mesh with defects', defects)
 case('rounded', same, (2,), ['fin.vtu'], '--paged=1500', '--field-bits', '14', '--position-bits', '16')
 must('sample', 'wake', '--steps', '8', '--size', '10', '-o', 'wake.pvd')
 case('a series', same, (2,), ['wake.pvd'])
