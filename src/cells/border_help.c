@@ -82,9 +82,9 @@ static enum tetlod_status find(void *opaque)
 {
     struct finding *finding = opaque;
     uint32_t part;
+    if (finding->heard != TETLOD_OK) // also of one that would only keep the mesh
+        return tetlodi_fail_nomem(finding->error, "the boundary", 16 * (uint64_t)finding->mesh.tet_count);
     if (finding->share->take(finding->share->opaque, &part, NULL)) {
-        if (finding->heard != TETLOD_OK)
-            return tetlodi_fail_nomem(finding->error, "the boundary", 16 * (uint64_t)finding->mesh.tet_count);
         TETLOD_TRY(piece_border_find(&finding->border, &finding->mesh, finding->turned, &finding->options,
                                      finding->error));
         TETLOD_TRY(put_border(finding, part));

@@ -375,10 +375,9 @@ static enum tetlod_status take_components(const struct cell_run *run, const stru
                     run->error);
 }
 
-/* Cells of what is left: `opaque` is the run. */
-static enum tetlod_status cut_state(void *opaque)
+/* Cells of what is left. */
+static enum tetlod_status cut_state(struct cell_run *run)
 {
-    struct cell_run *run = opaque;
     const uint32_t cell_tets = is_last(run) ? (uint32_t)(LAST_CELL * run->cell_tets) : run->cell_tets;
     return partition_make(&run->partition, &run->state.mesh, cell_tets, run->was_seam, run->pool, run->error);
 }
@@ -388,7 +387,7 @@ static enum tetlod_status run_phase(struct cell_run *run)
     uint32_t *order = NULL;
     enum tetlod_status status;
     TETLOD_TRY_DONE(cells_make_scratch(run));
-    if (run->from > 0) // else it is there
+    if (!run->partition.cells)
         TETLOD_TRY_DONE(cut_state(run));
     TETLOD_TRY_DONE(choose_limit(run));
     order = order_cells(run);
@@ -520,12 +519,16 @@ static enum tetlod_status contract_root(struct cell_run *run)
 }
 
 /* Until few tetrahedra are left, or the greatest error leaves them. */
-static enum tetlod_status run_phases(struct cell_run *run)
+static bool goes_on(const struct cell_run *run)
 {
     uint32_t root = run->cell_tets * ROOT_CELLS, min = run->options->min_tets;
     root = min > root / 4 ? (min < UINT32_MAX / 4 ? 4 * min : UINT32_MAX) : root;
-    run->left = 0;
-    while (run->state.mesh.tet_count > root && (run->from < run->options->max_error || run->left < NO_PROGRESS)) {
+    return run->state.mesh.tet_count > root && (run->from < run->options->max_error || run->left < NO_PROGRESS);
+}
+
+static enum tetlod_status run_phases(struct cell_run *run)
+{
+    while (goes_on(run)) {
         double before = run->state.mesh.tet_count;
         TETLOD_TRY(run_phase(run));
         run->left = run->state.mesh.tet_count / before;
@@ -533,21 +536,24 @@ static enum tetlod_status run_phases(struct cell_run *run)
     return contract_root(run);
 }
 
-/* The border, and the first cells: at once where a helper finds it. */
+static enum tetlod_status cut_first(void *opaque)
+{
+    return goes_on(opaque) ? cut_state(opaque) : TETLOD_OK;
+}
+
+/* The border; where a helper finds it the first cells are cut meanwhile. */
 static enum tetlod_status find_border(struct cell_run *run)
 {
     const struct tetmesh *mesh = &run->state.mesh;
-    const struct border_meanwhile meanwhile = {cut_state, run};
-    const bool shares = border_is_shared(run->share), turned = run->whole.ranges.turned;
+    const struct border_meanwhile meanwhile = {cut_first, run};
+    const bool turned = run->whole.ranges.turned;
     struct piece_border border = {0};
-    enum tetlod_status status;
-    if (shares)
-        TETLOD_TRY_DONE(border_share(run->share, &border, mesh, turned, run->options, &meanwhile, run->error));
-    else
-        TETLOD_TRY_DONE(piece_border_find(&border, mesh, turned, run->options, run->error));
-    TETLOD_TRY_DONE(piece_take_border(&run->state, &run->whole, &border, run->options, run->error));
-    status = shares ? TETLOD_OK : cut_state(run);
-done:
+    enum tetlod_status status =
+        border_is_shared(run->share)
+            ? border_share(run->share, &border, mesh, turned, run->options, &meanwhile, run->error)
+            : piece_border_find(&border, mesh, turned, run->options, run->error);
+    if (status == TETLOD_OK)
+        status = piece_take_border(&run->state, &run->whole, &border, run->options, run->error);
     piece_border_fini(&border);
     return status;
 }
@@ -603,6 +609,7 @@ done:
     free(run.numbers);
     free(run.nodes);
     free(run.was_seam);
+    partition_fini(&run.partition);
     piece_fini(&run.state);
     piece_whole_fini(&run.whole);
     pool_free(run.pool);

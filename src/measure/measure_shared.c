@@ -259,7 +259,7 @@ static void free_parts(struct sweep *sweep)
     free(sweep->parts);
 }
 
-enum tetlod_status measure_help(const struct work_share *share, unsigned threads, const struct kept_mesh *kept,
+enum tetlod_status measure_help(const struct work_share *share, unsigned threads, struct kept_mesh *kept,
                                 void (*settle)(bool measures), struct tetlod_error *error)
 {
     struct tetmesh original = {0}, mesh = {0};
@@ -289,6 +289,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     tetmesh_fini(&mesh);
     mesh_return_borrowed(&original, &kept->mesh);
     tetmesh_fini(&original);
+    kept_mesh_fini(kept);
     if (settle)
         settle(false);
     return status;

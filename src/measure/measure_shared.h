@@ -26,11 +26,11 @@ struct shared_levels {
 TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured,
                                                  double *domains, struct tetlod_error *error);
 
-/* Of a helper, once it is called (work_share.h): its share of the measuring. `settle` hears true when it has what it
- * works on, which changes no more, and false when that is gone; NULL: nobody asks. ERR_NOMEM, ERR_LIMIT, or what the
- * share fails with. */
+/* Of a helper, once it is called (work_share.h): its share of the measuring; what it has kept goes with it. `settle`
+ * hears true when it has what it works on, which changes no more, and false when that is gone; NULL: nobody asks.
+ * ERR_NOMEM, ERR_LIMIT, or what the share fails with. */
 TETLOD_CHECKED enum tetlod_status measure_help(const struct work_share *share, unsigned threads,
-                                               const struct kept_mesh *kept, void (*settle)(bool measures),
+                                               struct kept_mesh *kept, void (*settle)(bool measures),
                                                struct tetlod_error *error);
 
 /* Of a helper that is called to be idle meanwhile. */
