@@ -18,14 +18,12 @@ struct face {
 enum { FEW = 64 };
 static const uint32_t ONCE = TETLOD_NONE, OFTEN = TETLOD_NONE - 1;
 
-/* Three faces of a tetrahedron are in the bucket of its least corner, that opposite to it in the second's. */
-static inline void find_buckets(const uint32_t *tet, uint32_t out[4])
+/* The least vertex of a face. */
+static uint32_t bucket_of(const uint32_t *tet, unsigned face)
 {
-    const unsigned ab = tet[1] < tet[0], cd = 2 + (tet[3] < tet[2]);
-    const unsigned least = tet[cd] < tet[ab] ? cd : ab, other = least == ab ? cd : ab, beaten = least ^ 1;
-    const uint32_t second = tet[other] < tet[beaten] ? tet[other] : tet[beaten];
-    for (unsigned face = 0; face < 4; face++)
-        out[face] = face == least ? second : tet[least];
+    const uint8_t *of = tet_faces[face];
+    const uint32_t a = tet[of[0]], b = tet[of[1]], c = tet[of[2]], less = a < b ? a : b;
+    return less < c ? less : c;
 }
 
 static uint64_t key_of_two(uint32_t x, uint32_t y)
@@ -34,7 +32,7 @@ static uint64_t key_of_two(uint32_t x, uint32_t y)
 }
 
 /* Of a face of the bucket. */
-static inline uint64_t key_of(const uint32_t *corners, uint32_t slot, uint32_t bucket)
+static uint64_t key_of(const uint32_t *corners, uint32_t slot, uint32_t bucket)
 {
     const uint32_t *tet = corners + (slot & ~(size_t)3);
     const uint8_t *of = tet_faces[slot & 3];
@@ -60,45 +58,25 @@ static int compare_faces(const void *left, const void *right)
     return a->key != b->key ? (a->key > b->key) - (a->key < b->key) : (a->first > b->first) - (a->first < b->first);
 }
 
-/* Of the few of most buckets each is looked for among those that came before. */
-static uint32_t match_few(const uint32_t *corners, const uint32_t *slots, size_t count, uint32_t bucket,
-                          uint32_t *neighbours)
+/* Each face of a bucket is looked for among those that came before: of the few of most buckets among all, of many, in
+ * order, at the last one. */
+static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbours)
 {
-    struct face faces[FEW];
-    uint64_t keys[FEW];
     uint32_t overfull = 0;
     size_t known = 0;
-    for (size_t i = 0; i < count; i++) // all before the first is looked for: they may be far from each other
-        keys[i] = key_of(corners, slots[i], bucket);
+    if (count > FEW)
+        qsort(faces, count, sizeof *faces, compare_faces);
     for (size_t i = 0; i < count; i++) {
-        size_t at = 0;
-        while (at < known && faces[at].key != keys[i])
+        const struct face face = faces[i];
+        size_t at = count > FEW && known ? known - 1 : 0;
+        while (at < known && faces[at].key != face.key)
             at++;
         if (at < known) {
-            overfull += join_face(&faces[at], slots[i], neighbours);
+            overfull += join_face(&faces[at], face.first, neighbours);
         } else {
-            faces[known++] = (struct face){keys[i], slots[i], ONCE};
-            neighbours[slots[i]] = TETLOD_NONE;
+            faces[known++] = face;
+            neighbours[face.first] = TETLOD_NONE;
         }
-    }
-    return overfull;
-}
-
-/* `faces` has room for all. */
-static uint32_t match_many(const uint32_t *corners, const uint32_t *slots, size_t count, uint32_t bucket,
-                           struct face *faces, uint32_t *neighbours)
-{
-    uint32_t overfull = 0;
-    for (size_t i = 0; i < count; i++) {
-        faces[i] = (struct face){key_of(corners, slots[i], bucket), slots[i], ONCE};
-        neighbours[slots[i]] = TETLOD_NONE;
-    }
-    qsort(faces, count, sizeof *faces, compare_faces);
-    for (size_t i = 0, first = 0; i < count; i++) {
-        if (faces[first].key == faces[i].key && i > first)
-            overfull += join_face(&faces[first], faces[i].first, neighbours);
-        else
-            first = i;
     }
     return overfull;
 }
@@ -108,10 +86,12 @@ static uint32_t match_buckets(const uint32_t *corners, const uint32_t *slots, co
                               struct face *faces, uint32_t *neighbours)
 {
     uint32_t overfull = 0;
+    size_t at = 0;
     for (uint32_t i = 0; i < vertex_count; i++) {
-        const size_t begin = i ? ends[i - 1] : 0, count = ends[i] - begin;
-        overfull += count <= FEW ? match_few(corners, slots + begin, count, i, neighbours)
-                                 : match_many(corners, slots + begin, count, i, faces, neighbours);
+        size_t count = 0;
+        for (; at < ends[i]; at++)
+            faces[count++] = (struct face){key_of(corners, slots[at], i), slots[at], ONCE};
+        overfull += match_bucket(faces, count, neighbours);
     }
     return overfull;
 }
@@ -124,13 +104,11 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
                             ADJACENCY_MAX_TETS);
     size_t slot_count = 4 * (size_t)tet_count, sum = 0, largest = 0;
     size_t *bucket = array_zero((size_t)vertex_count + 1, sizeof *bucket);
-    uint32_t *slots = array_new(slot_count, sizeof *slots), of[4], overfull = 0;
+    uint32_t *slots = array_new(slot_count, sizeof *slots), overfull = 0;
     struct face *faces = NULL;
-    for (size_t slot = 0; slot < slot_count && bucket; slot += 4) {
-        find_buckets(corners + slot, of);
-        for (int f = 0; f < 4; f++)
-            bucket[of[f]]++;
-    }
+    for (size_t tet = 0; tet < slot_count && bucket; tet += 4)
+        for (unsigned f = 0; f < 4; f++)
+            bucket[bucket_of(corners + tet, f)]++;
     for (uint32_t i = 0; i <= vertex_count && bucket; i++) {
         size_t size = bucket[i];
         largest = size > largest ? size : largest;
@@ -138,12 +116,10 @@ enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, 
         sum += size;
     }
     if (bucket && slots)
-        faces = array_new(largest > FEW ? largest : 1, sizeof *faces);
-    for (size_t slot = 0; slot < slot_count && faces; slot += 4) {
-        find_buckets(corners + slot, of);
-        for (size_t f = 0; f < 4; f++)
-            slots[bucket[of[f]]++] = (uint32_t)(slot + f); // when all are in, bucket[i] is the end of bucket i
-    }
+        faces = array_new(largest, sizeof *faces);
+    for (size_t tet = 0; tet < slot_count && faces; tet += 4)
+        for (unsigned f = 0; f < 4; f++) // when all are in, bucket[i] is the end of bucket i
+            slots[bucket[bucket_of(corners + tet, f)]++] = (uint32_t)tet + f;
     if (faces)
         overfull = match_buckets(corners, slots, bucket, vertex_count, faces, neighbours);
     enum tetlod_status status = faces ? TETLOD_OK : tetlodi_fail_nomem(error, "the adjacency",

@@ -179,8 +179,8 @@ if why:
 
 
 def defects():
-    """What is found of the border of a mesh with flat, inverted and folded tetrahedra, turned as a whole, by one rank is
-    what one program finds."""
+    """What one rank finds of the border of a mesh with flat, inverted and folded tetrahedra, turned as a whole, is what
+    one program finds."""
     points, tets = cell_meshes.block(9)
     inside = np.flatnonzero(((points > 0.15) & (points < 0.85)).all(1))
     points[inside[::40]] += 0.15
