@@ -26,18 +26,13 @@ static uint32_t bucket_of(const uint32_t *tet, unsigned face)
     return less < c ? less : c;
 }
 
-static uint64_t key_of_two(uint32_t x, uint32_t y)
-{
-    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
-}
-
 /* Of a face of the bucket. */
 static uint64_t key_of(const uint32_t *corners, uint32_t slot, uint32_t bucket)
 {
     const uint32_t *tet = corners + (slot & ~(size_t)3);
     const uint8_t *of = tet_faces[slot & 3];
     const uint32_t a = tet[of[0]], b = tet[of[1]], c = tet[of[2]];
-    return a == bucket ? key_of_two(b, c) : b == bucket ? key_of_two(a, c) : key_of_two(a, b);
+    return a == bucket ? pair_key(b, c) : b == bucket ? pair_key(a, c) : pair_key(a, b);
 }
 
 /* The face comes again. Returns whether it is the first that is too many. */
@@ -55,7 +50,7 @@ static bool join_face(struct face *face, uint32_t slot, uint32_t *neighbours)
 static int compare_faces(const void *left, const void *right)
 {
     const struct face *a = left, *b = right;
-    return a->key != b->key ? (a->key > b->key) - (a->key < b->key) : (a->first > b->first) - (a->first < b->first);
+    return (a->key > b->key) - (a->key < b->key);
 }
 
 /* Each face of a bucket is looked for among those that came before: of the few of most buckets among all, of many, in

@@ -35,6 +35,12 @@ static inline void sort_three(uint32_t v[3])
             }
 }
 
+/* Two vertices as one number, whichever comes first: the less one is above. */
+static inline uint64_t pair_key(uint32_t x, uint32_t y)
+{
+    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
+}
+
 /* A tetrahedron's corners, ascending. */
 static inline void sort_corners(const uint32_t corners[4], uint32_t out[4])
 {

@@ -28,8 +28,7 @@ struct finder {
 
 static uint64_t pair_of(const struct star_data *data, uint32_t tet, int k)
 {
-    uint32_t x = data->corners[(k + 1) % 3][tet], y = data->corners[(k + 2) % 3][tet];
-    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
+    return pair_key(data->corners[(k + 1) % 3][tet], data->corners[(k + 2) % 3][tet]);
 }
 
 static void set_boundary(struct working *working, uint32_t tet, uint32_t opposite)

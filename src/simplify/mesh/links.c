@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
 /* Of a neighbour of a: it is in Lk(ab); its edge to b is on the boundary; its face with ab is; a vertex of b's star may
@@ -18,11 +19,6 @@ void links_fini(struct links *links)
     table_fini(&links->pairs);
     table_fini(&links->numbers);
     *links = (struct links){0};
-}
-
-static inline uint64_t pair_key(uint32_t x, uint32_t y)
-{
-    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
 }
 
 static bool reserve(struct links *links, const struct star_data *data)
