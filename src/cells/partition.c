@@ -202,44 +202,23 @@ static uint32_t count_of_sample(const struct range *range)
     return n < COUNTED ? n : COUNTED;
 }
 
-/* Tetrahedra of the sample, from number `begin` on. They are far from each other: corners are fetched together. */
-static void take_sample(const struct choice *choice, size_t begin, size_t end, uint32_t *out)
-{
-    const struct tetmesh *mesh = choice->cutter->mesh;
-    const uint32_t *tets = choice->cutter->out->tets + choice->range->begin;
-    const uint32_t n = choice->range->end - choice->range->begin, counted = count_of_sample(choice->range);
-    for (size_t i = begin; i < end; i++)
-        out[i - begin] = tets[i * n / counted];
-    for (size_t i = 0; i < end - begin; i++)
-        __builtin_prefetch(mesh->corners + 4 * (size_t)out[i]);
-    for (size_t i = 0; i < end - begin; i++)
-        for (size_t c = 0; c < 4; c++)
-            __builtin_prefetch(mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)out[i] + c]);
-}
-
-static void add_tet(struct choice *choice, uint32_t tet, uint64_t changes[3][CANDIDATES + 1])
-{
-    const uint64_t weight = was_at_seam(choice->cutter, tet) ? 1 + SEAM_WEIGHT : 1;
-    for (int axis = 0; axis < 3; axis++) {
-        double extent[2];
-        extent_on(choice->cutter->mesh, tet, axis, extent);
-        add_costs(&choice->costs[axis], changes[axis], extent, weight);
-    }
-}
-
 /* What some tetrahedra of the sample add to the candidates of the three axes. */
 static void count_costs(void *context, unsigned worker, size_t begin, size_t end)
 {
-    enum { TOGETHER = 64 };
     struct choice *choice = context;
+    const struct cutter *cutter = choice->cutter;
+    const struct range *range = choice->range;
+    uint32_t n = range->end - range->begin, counted = count_of_sample(range);
     uint64_t changes[3][CANDIDATES + 1] = {0};
-    uint32_t tets[TOGETHER];
     (void)worker;
-    for (size_t i = begin; i < end; i += TOGETHER) {
-        size_t count = end - i < TOGETHER ? end - i : TOGETHER;
-        take_sample(choice, i, i + count, tets);
-        for (size_t k = 0; k < count; k++)
-            add_tet(choice, tets[k], changes);
+    for (size_t i = begin; i < end; i++) {
+        uint32_t tet = cutter->out->tets[range->begin + (uint32_t)(i * n / counted)];
+        uint64_t weight = was_at_seam(cutter, tet) ? 1 + SEAM_WEIGHT : 1;
+        for (int axis = 0; axis < 3; axis++) {
+            double extent[2];
+            extent_on(cutter->mesh, tet, axis, extent);
+            add_costs(&choice->costs[axis], changes[axis], extent, weight);
+        }
     }
     for (int axis = 0; axis < 3; axis++)
         for (uint32_t k = 0; k <= choice->costs[axis].count; k++)
@@ -278,20 +257,17 @@ struct parting {
 /* In each chunk what is below the cut comes first, and the rest is in `spare`, at the chunk's begin. */
 static void part_chunks(void *context, unsigned worker, size_t begin, size_t end)
 {
-    enum { AHEAD = 16 };
     const struct parting *parting = context;
     (void)worker;
     for (size_t chunk = begin; chunk < end; chunk++) {
         size_t first = chunk * CHUNK, last = first + CHUNK < parting->count ? first + CHUNK : parting->count;
         size_t kept = first, rest = first;
-        for (size_t i = first; i < last; i++) { // puts it in both places, as it is hard to foretell where it goes
+        for (size_t i = first; i < last; i++) {
             const uint32_t tet = parting->tets[i];
-            if (i + AHEAD < last)
-                __builtin_prefetch(parting->mesh->corners + 4 * (size_t)parting->tets[i + AHEAD]);
-            const bool below = middle_on(parting->mesh, tet, parting->cut->axis) < (double)parting->cut->at;
-            parting->tets[kept] = parting->spare[rest] = tet;
-            kept += below;
-            rest += !below;
+            if (middle_on(parting->mesh, tet, parting->cut->axis) < (double)parting->cut->at)
+                parting->tets[kept++] = tet;
+            else
+                parting->spare[rest++] = tet;
         }
         parting->below[chunk] = (uint32_t)(kept - first);
     }
