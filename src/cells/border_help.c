@@ -102,15 +102,10 @@ static enum tetlod_status get_border(struct finding *finding)
     return status;
 }
 
-bool border_is_shared(const struct work_share *share)
-{
-    return work_has_helpers(share) && !share->keeps_parts;
-}
-
 struct kept_mesh border_kept(const struct work_share *share, const struct tetmesh *mesh)
 {
     struct kept_mesh kept = {0};
-    if (mesh && border_is_shared(share)) {
+    if (mesh && work_has_lasting_helpers(share)) {
         kept.mesh = *mesh;
         kept.mesh.field_count = 0;
     }

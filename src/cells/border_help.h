@@ -14,13 +14,11 @@ struct border_meanwhile {
     void *opaque;
 };
 
-/* Is there a helper for it, which does not come and go? */
-bool border_is_shared(const struct work_share *share);
-
 /* What those few keep of the mesh, as the one that leads has it, borrowed; NULL: it was not shared. */
 struct kept_mesh border_kept(const struct work_share *share, const struct tetmesh *mesh);
 
-/* Then as piece_border_find. ERR_CANCELLED: a member has failed; what `meanwhile` fails with. */
+/* Where there are helpers that last, as piece_border_find. ERR_CANCELLED: a member has failed; what `meanwhile` fails
+ * with. */
 TETLOD_CHECKED enum tetlod_status border_share(const struct work_share *share, struct piece_border *out,
                                                const struct tetmesh *mesh, bool turned,
                                                const struct simplify_options *options,

@@ -518,7 +518,7 @@ static enum tetlod_status contract_root(struct cell_run *run)
     return status;
 }
 
-/* Until few tetrahedra are left, or the greatest error leaves them. */
+/* Is there another phase? Until few tetrahedra are left, or the greatest error leaves them. */
 static bool goes_on(const struct cell_run *run)
 {
     uint32_t root = run->cell_tets * ROOT_CELLS, min = run->options->min_tets;
@@ -549,7 +549,7 @@ static enum tetlod_status find_border(struct cell_run *run)
     const bool turned = run->whole.ranges.turned;
     struct piece_border border = {0};
     enum tetlod_status status =
-        border_is_shared(run->share)
+        work_has_lasting_helpers(run->share)
             ? border_share(run->share, &border, mesh, turned, run->options, &meanwhile, run->error)
             : piece_border_find(&border, mesh, turned, run->options, run->error);
     if (status == TETLOD_OK)

@@ -474,7 +474,7 @@ static enum tetlod_status tell_memory(const struct build_options *options, struc
     enum work_call call = CALL_MEMORY;
     uint64_t bytes = options->memory;
     uint8_t spools = options->spools;
-    if (!work_has_helpers(share) || share->keeps_parts || !bytes)
+    if (!work_has_lasting_helpers(share) || !bytes)
         return TETLOD_OK;
     TETLOD_TRY(share->call(share->opaque, &call, NULL, error));
     share->pass(share->opaque, &bytes, sizeof bytes);

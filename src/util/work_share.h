@@ -98,4 +98,10 @@ static inline bool work_helps(const struct work_share *share)
     return share && share->call && !share->leads;
 }
 
+/* Are there helpers that last from the begin to the end? */
+static inline bool work_has_lasting_helpers(const struct work_share *share)
+{
+    return work_has_helpers(share) && !share->keeps_parts;
+}
+
 #endif
