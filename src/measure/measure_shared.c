@@ -52,13 +52,13 @@ static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
     const struct kept_mesh *kept = sweep->levels->kept;
-    uint32_t all = MEASURE_PARTS + BOUNDS_TAKE + (kept->mesh.tet_count ? BORDER_TAKE : 0), part;
-    uint32_t most = (all + share->few - 1) / share->few, count = kept->bordered ? BORDER_TAKE : 0;
-    const uint32_t before = count;
+    const uint32_t all = MEASURE_PARTS + BOUNDS_TAKE + (kept->mesh.tet_count ? BORDER_TAKE : 0);
+    const uint32_t most = (all + share->few - 1) / share->few - (kept->bordered ? BORDER_TAKE : 0);
+    uint32_t part, count = 0;
     memset(sweep->mine, 0, sizeof sweep->mine);
     for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
         sweep->mine[part] = true;
-    return count > before;
+    return count > 0;
 }
 
 static enum tetlod_status keep_level(struct sweep *sweep, double domain)

@@ -614,15 +614,15 @@ enum tetlod_status mpi_share_cost(const struct work_share *share, struct job_cos
     out->alone = mpi->ranks > 1 ? out->alone : 0;
     out->leads = fmax(out->leads - out->alone, 0);
     getrusage(RUSAGE_SELF, &usage);
-    uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[3];
-    const uint64_t bytes[3] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0};
-    reduce(mpi, bytes, all, 3, MPI_UINT64_T, MPI_MAX);
-    for (int to = 0; to < 2; to++)
-        mpi->passed[to] = mpi->rank ? 0 : mpi->passed[to];
-    reduce(mpi, mpi->passed, out->passed, 2, MPI_UINT64_T, MPI_MAX);
+    uint64_t resident = (uint64_t)usage.ru_maxrss << 10, all[5];
+    const uint64_t bytes[5] = {mpi->moved, mpi->rank ? 0 : resident, mpi->rank ? resident : 0,
+                               mpi->rank ? 0 : mpi->passed[0], mpi->rank ? 0 : mpi->passed[1]};
+    reduce(mpi, bytes, all, 5, MPI_UINT64_T, MPI_MAX);
     reduce(mpi, &mpi->moved, &out->moved[1], 1, MPI_UINT64_T, MPI_SUM);
     out->moved[0] = all[0];
     memcpy(out->resident, all + 1, sizeof out->resident);
+    out->passed[0] = (double)all[3];
+    out->passed[1] = (double)all[4];
     return TETLOD_OK;
 }
 
@@ -667,8 +667,7 @@ double job_cost_of_all(const struct job_cost *cost, uint32_t ranks)
 
 double job_cost_moved(const struct job_cost *cost, uint32_t ranks)
 {
-    const uint32_t few = ranks < WORK_FEW ? ranks : WORK_FEW;
-    double bytes = (double)((ranks - 1) * cost->passed[0] + (few - 1) * cost->passed[1]);
+    double bytes = (ranks - 1) * cost->passed[0] + ((ranks < WORK_FEW ? ranks : WORK_FEW) - 1) * cost->passed[1];
     for (uint32_t i = 0; i < cost->stage_count; i++) {
         uint32_t own = !serves_in(&cost->stages[i], ranks), those = ranks_in(&cost->stages[i], ranks);
         bytes += cost->stages[i].moved * (those - own) / those;

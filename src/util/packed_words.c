@@ -12,6 +12,39 @@
 
 enum { MAX_RUN = 16, MAX_VARINT = 5 };
 
+/* ---- numbers of 4 bytes */
+
+static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, size_t count, unsigned lag)
+{
+    for (size_t i = 0; i < count; i++) {
+        uint32_t more = numbers[i] - (i >= lag ? numbers[i - lag] : 0);
+        uint32_t rest = more << 1 ^ (0 - (more >> 31));
+        for (; rest > 127; rest >>= 7)
+            *to++ = (unsigned char)(rest | 128);
+        *to++ = (unsigned char)rest;
+    }
+    return to;
+}
+
+static bool get_numbers(struct words_source *source, uint32_t *numbers, size_t count, unsigned lag)
+{
+    for (size_t i = 0; i < count; i++) {
+        uint32_t rest = 0;
+        unsigned char byte = 128;
+        for (unsigned n = 0; byte & 128; n++) {
+            if (!source->left || n == MAX_VARINT)
+                return false;
+            byte = *source->at++;
+            source->left--;
+            rest |= (uint32_t)(byte & 127) << 7 * n;
+        }
+        numbers[i] = (rest >> 1 ^ (0 - (rest & 1))) + (i >= lag ? numbers[i - lag] : 0);
+    }
+    return true;
+}
+
+/* ---- numbers of 8 bytes */
+
 static uint64_t load(const unsigned char *at)
 {
     uint64_t word;
@@ -48,39 +81,6 @@ static uint64_t peek(const struct words_source *source)
     memcpy(&word, source->at, source->left);
     return lowest_first(word);
 }
-
-/* ---- numbers of 4 bytes */
-
-static unsigned char *put_numbers(unsigned char *to, const uint32_t *numbers, size_t count, unsigned lag)
-{
-    for (size_t i = 0; i < count; i++) {
-        uint32_t more = numbers[i] - (i >= lag ? numbers[i - lag] : 0);
-        uint32_t rest = more << 1 ^ (0 - (more >> 31));
-        for (; rest > 127; rest >>= 7)
-            *to++ = (unsigned char)(rest | 128);
-        *to++ = (unsigned char)rest;
-    }
-    return to;
-}
-
-static bool get_numbers(struct words_source *source, uint32_t *numbers, size_t count, unsigned lag)
-{
-    for (size_t i = 0; i < count; i++) {
-        uint32_t rest = 0;
-        unsigned char byte = 128;
-        for (unsigned n = 0; byte & 128; n++) {
-            if (!source->left || n == MAX_VARINT)
-                return false;
-            byte = *source->at++;
-            source->left--;
-            rest |= (uint32_t)(byte & 127) << 7 * n;
-        }
-        numbers[i] = (rest >> 1 ^ (0 - (rest & 1))) + (i >= lag ? numbers[i - lag] : 0);
-    }
-    return true;
-}
-
-/* ---- numbers of 8 bytes */
 
 static uint64_t changed(const unsigned char *words, size_t i, unsigned lag)
 {
