@@ -33,7 +33,7 @@ struct tetlodi_write_field {
 struct tetlodi_write_level {
     uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest. Where fields
                               are exact later there is one level more, with 0 as well: the exact tail */
-    double domain_error;
+    double domain_error;  /* this and the errors are read behind `measured` */
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };
 
@@ -103,6 +103,9 @@ struct tetlodi_write_input {
     enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_late_rows *rows,
                                const struct tetlodi_write_section **out, uint32_t *count, struct tetlod_error *error);
     void *late_opaque;
+    /* Sees to it, when all frames are there, that the levels have their errors; NULL: they have. */
+    enum tetlod_status (*measured)(void *opaque, struct tetlod_error *error);
+    void *measured_opaque;
     /* Has the stacks of pages coded, by other programs as well, and fills in what they have come to; NULL: the caller's
      * threads code page by page. The bytes are the same. */
     enum tetlod_status (*share)(void *opaque, const struct tetlodi_stack_work *work, struct tetlod_error *error);

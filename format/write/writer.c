@@ -210,13 +210,8 @@ static const struct tetlodi_write_group *group_of(const struct writer *w, uint32
 /* Keeps what a level is that is planned. */
 static void count_level(struct writer *w, uint32_t level)
 {
-    const struct tetlodi_write_level *in = &w->in->levels[level];
-    struct tetlod_level *out = &w->index.levels[level];
-    out->vertices = w->replay.vertices;
-    out->tets = w->replay.tets;
-    out->domain_error = in->domain_error;
-    memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
-           w->in->field_count * TETLOD_MEASURES * sizeof(double));
+    w->index.levels[level].vertices = w->replay.vertices;
+    w->index.levels[level].tets = w->replay.tets;
     w->labels[level] = w->records.recorder.labels;
 }
 
@@ -511,6 +506,20 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     return status;
 }
 
+/* Frames ask for no errors. */
+static enum tetlod_status fill_errors(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    const size_t row = (size_t)in->field_count * TETLOD_MEASURES;
+    if (in->measured)
+        TETLOD_TRY(in->measured(in->measured_opaque, w->error));
+    for (uint32_t level = 0; level < in->level_count; level++) {
+        w->index.levels[level].domain_error = in->levels[level].domain_error;
+        memcpy(w->index.errors + level * row, in->levels[level].errors, row * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status check_input(const struct writer *w)
 {
     const char *wrong = tetlodi_input_wrong(w->in);
@@ -644,6 +653,8 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
         w.begun = 1 - w.share;
     }
     enum tetlod_status status = encode(&w, slowest);
+    if (status == TETLOD_OK && sink)
+        status = fill_errors(&w);
     if (status == TETLOD_OK && sink)
         status = write_file(&w, sink);
     release(&w);

@@ -119,7 +119,8 @@ enum tetlod_status border_share(const struct work_share *share, struct piece_bor
     struct finding finding = {.share = share, .mesh = border_kept(share, mesh).mesh, .options = *options,
                               .turned = turned, .meanwhile = meanwhile, .error = error};
     enum work_call call = CALL_BORDER;
-    TETLOD_TRY(share->call(share->opaque, &call, NULL, error));
+    TETLOD_TRY(share->call(share, &call, &share, error));
+    finding.share = share;
     pass_input(&finding);
     enum tetlod_status status = work_share_run(share, 1, NULL, NULL, find, &finding, error);
     if (status == TETLOD_OK && !finding.found)
@@ -140,9 +141,4 @@ enum tetlod_status border_help(const struct work_share *share, unsigned threads,
     kept_mesh_fini(out);
     *out = (struct kept_mesh){finding.mesh, finding.found};
     return status;
-}
-
-enum tetlod_status border_idle(const struct work_share *share, struct tetlod_error *error)
-{
-    return work_share_idle(share, 1, error);
 }

@@ -24,10 +24,8 @@ TETLOD_CHECKED enum tetlod_status border_share(const struct work_share *share, s
                                                const struct simplify_options *options,
                                                const struct border_meanwhile *meanwhile, struct tetlod_error *error);
 
-/* Of a helper, once it is called, or is idle while another one works. ERR_NOMEM, ERR_CANCELLED, or what the stage fails
- * with. */
+/* Of a helper, once it is called. ERR_NOMEM, ERR_CANCELLED, or what the stage fails with. */
 TETLOD_CHECKED enum tetlod_status border_help(const struct work_share *share, unsigned threads,
                                               struct kept_mesh *out, struct tetlod_error *error);
-TETLOD_CHECKED enum tetlod_status border_idle(const struct work_share *share, struct tetlod_error *error);
 
 #endif

@@ -82,11 +82,11 @@ static void pass_stage(struct channel *channel, struct cell_run *run, struct sim
 
 enum tetlod_status cells_pass(struct cell_run *run)
 {
-    struct channel channel = {run->share, TETLOD_OK};
     enum work_call call = run->root ? CALL_ROOT : CALL_CELLS;
     struct simplify_options options = *run->options;
     uint32_t *order = (uint32_t *)(uintptr_t)run->order, count = run->cell_count; // read only, where they are sent
-    TETLOD_TRY(run->share->call(run->share->opaque, &call, NULL, run->error));
+    TETLOD_TRY(run->share->call(run->share, &call, &run->crew, run->error));
+    struct channel channel = {run->crew, TETLOD_OK};
     pass_stage(&channel, run, &options, &order, &count);
     return TETLOD_OK;
 }
@@ -132,7 +132,7 @@ static void release(struct help *help)
 
 enum tetlod_status cells_help(const struct work_share *share, unsigned threads, struct tetlod_error *error)
 {
-    struct help help = {.run = {.share = share, .error = error}};
+    struct help help = {.run = {.share = share, .crew = share, .error = error}};
     struct channel channel = {share, TETLOD_OK};
     pass_stage(&channel, &help.run, &help.options, &help.order, &help.count);
     help.options.threads = threads;

@@ -7,7 +7,7 @@
 
 struct cell_run;
 
-/* Calls the helpers, and passes on what the stage that follows works on. ERR_CANCELLED: a member has failed. */
+/* Calls the run's crew, and passes on what the stage that follows works on. ERR_CANCELLED: a member has failed. */
 TETLOD_CHECKED enum tetlod_status cells_pass(struct cell_run *run);
 
 /* Of a helper, once it is called: its share of the stage. `threads` 0: all cores. ERR_NOMEM, ERR_CANCELLED, or what the

@@ -592,6 +592,7 @@ enum tetlod_status cells_simplify(struct contraction_log *out, struct cell_group
                                 (choice->bands == BANDS_BY_SIZE && mesh->tet_count >= LARGE_TETS),
                       .spools = choice->spools,
                       .share = choice->share,
+                      .crew = choice->share,
                       .log = out,
                       .groups = groups,
                       .error = error};

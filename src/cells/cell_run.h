@@ -32,6 +32,7 @@ struct cell_run {
     struct cell_store store; /* zeros: cells wait in memory */
     bool spools;           /* they wait in a temporary file */
     const struct work_share *share; /* of the cells, or NULL */
+    const struct work_share *crew;  /* of its members those that the stage is of */
     bool root;             /* the only cell is what is left, to be contracted to the end */
     bool tries;            /* cells are contracted for trial: to no limit, and nothing is kept */
     double from, to;       /* the last limit, 0 before the first; the next one */

@@ -217,7 +217,7 @@ static void contract_range(void *context, unsigned worker, size_t begin, size_t 
 static void contract_taken(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct cell_run *run = context;
-    const struct work_share *share = run->share;
+    const struct work_share *share = run->crew;
     bool helps = work_helps(share);
     struct buffer input = {0};
     uint32_t part;
@@ -292,12 +292,12 @@ enum tetlod_status cells_take(void *opaque)
 
 static enum tetlod_status share_cells(struct cell_run *run)
 {
-    const struct work_share *share = run->share;
-    run->store = (struct cell_store){share->put, share->get, share->opaque}; // also of a stage that fails to begin
-    if (work_has_helpers(share))
+    run->crew = run->share;
+    if (work_has_helpers(run->share))
         TETLOD_TRY(cells_pass(run));
+    run->store = (struct cell_store){run->crew->put, run->crew->get, run->crew->opaque}; // also if it fails to begin
     const struct work_input input = {pack_input, run};
-    TETLOD_TRY(work_share_run(share, run->cell_count, run->tries ? NULL : run->order, &input, cells_take, run,
+    TETLOD_TRY(work_share_run(run->crew, run->cell_count, run->tries ? NULL : run->order, &input, cells_take, run,
                               run->error));
     return fetch_heads(run);
 }
@@ -305,7 +305,7 @@ static enum tetlod_status share_cells(struct cell_run *run)
 void cells_leave_store(struct cell_run *run)
 {
     if (run->share && run->store.put)
-        run->share->end(run->share->opaque);
+        run->crew->end(run->crew->opaque);
     else
         cell_spool_free(&run->store);
     run->store = (struct cell_store){0};

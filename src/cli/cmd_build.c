@@ -476,7 +476,7 @@ static enum tetlod_status tell_memory(const struct build_options *options, struc
     uint8_t spools = options->spools;
     if (!work_has_lasting_helpers(share) || !bytes)
         return TETLOD_OK;
-    TETLOD_TRY(share->call(share->opaque, &call, NULL, error));
+    TETLOD_TRY(share->call(share, &call, &share, error));
     share->pass(share->opaque, &bytes, sizeof bytes);
     share->pass(share->opaque, &spools, sizeof spools);
     return TETLOD_OK;

@@ -45,6 +45,7 @@ static const double FIRST_WAIT = 0.01, LONGEST_WAIT = 0.5;
 enum part_state { PART_OPEN, PART_HERE, PART_DONE };
 
 struct folder_share {
+    struct work_share all, few;         /* of the folder; of a stage that is one of few */
     char folder[4096 - 64], owner[320]; /* owner: "machine process" */
     bool leads, writes, passes;         /* passes: there may be helpers */
     bool orphaned;                      /* of a helper: the leader has died */
@@ -531,24 +532,38 @@ static bool is_of_few(const struct folder_share *share)
     return false;
 }
 
-static enum tetlod_status call(void *opaque, enum work_call *io_call, bool *out_idle, struct tetlod_error *error)
+/* What the call is for comes first. */
+static enum tetlod_status hear_call(struct folder_share *share, uint32_t *io_word, struct tetlod_error *error)
 {
-    struct folder_share *share = opaque;
-    uint32_t word = (uint32_t)*io_call;
     char path[4096];
-    if (share->leads)
-        TETLOD_TRY(begin_call(share, error));
-    *io_call = CALL_OVER;
-    if (!share->leads && !wait_for_call(share, path))
+    *io_word = CALL_OVER;
+    if (!wait_for_call(share, path))
         return TETLOD_OK;
-    if (!share->leads)
-        TETLOD_TRY(file_view_path(&share->heard, path, error));
+    file_view_close(&share->heard); // of a stage that was left to others
+    TETLOD_TRY(file_view_path(&share->heard, path, error));
     share->heard_at = 0;
     share->cut_off = false;
-    pass(share, &word, sizeof word);
+    pass(share, io_word, sizeof *io_word);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status call(const struct work_share *members, enum work_call *io_call,
+                               const struct work_share **out, struct tetlod_error *error)
+{
+    struct folder_share *share = members->opaque;
+    uint32_t word = (uint32_t)*io_call;
+    if (share->leads) {
+        TETLOD_TRY(begin_call(share, error));
+        pass(share, &word, sizeof word);
+    } else {
+        TETLOD_TRY(hear_call(share, &word, error));
+    }
+    while (!share->leads && work_is_of_few((enum work_call)word) && !is_of_few(share)) {
+        share->stage++; // others do it
+        TETLOD_TRY(hear_call(share, &word, error));
+    }
     *io_call = (enum work_call)word;
-    if (out_idle)
-        *out_idle = work_is_of_few(word) && !share->leads && !is_of_few(share);
+    *out = work_is_of_few(*io_call) ? &share->few : &share->all;
     return TETLOD_OK;
 }
 
@@ -586,11 +601,13 @@ enum tetlod_status folder_share_new(struct work_share *out, const char *folder, 
     pthread_mutex_init(&share->lock, NULL);
     monotonic_cond_init(&share->stopped);
     share->touches = pthread_create(&share->toucher, NULL, touch_leases, share) == 0;
-    const uint32_t few = members < 1 ? 1 : members < WORK_FEW ? members : WORK_FEW;
-    *out = (struct work_share){.members = members, .few = few, .leads = share->leads, .writes = writes,
-                               .keeps_parts = true, .same = same, .begin = begin, .take = take, .put = put,
-                               .settle = settle, .get = get, .end = end, .call = writes ? NULL : call, .pass = pass,
-                               .opaque = share};
+    share->all = (struct work_share){.members = members, .leads = share->leads, .writes = writes,
+                                     .keeps_parts = true, .same = same, .begin = begin, .take = take, .put = put,
+                                     .settle = settle, .get = get, .end = end, .call = writes ? NULL : call,
+                                     .pass = pass, .opaque = share};
+    share->few = share->all;
+    share->few.members = members < WORK_FEW ? members : WORK_FEW;
+    *out = share->all;
     return TETLOD_OK;
 }
 

@@ -51,9 +51,9 @@ static enum tetlod_status begin_sweep(struct sweep *sweep)
 static bool take_parts(struct sweep *sweep)
 {
     const struct work_share *share = sweep->levels->share;
-    const struct kept_mesh *kept = sweep->levels->kept;
+    const struct kept_mesh *kept = &sweep->levels->kept;
     const uint32_t all = MEASURE_PARTS + BOUNDS_TAKE + (kept->mesh.tet_count ? BORDER_TAKE : 0);
-    const uint32_t most = (all + share->few - 1) / share->few - (kept->bordered ? BORDER_TAKE : 0);
+    const uint32_t most = (all + share->members - 1) / share->members - (kept->bordered ? BORDER_TAKE : 0);
     uint32_t part, count = 0;
     memset(sweep->mine, 0, sizeof sweep->mine);
     for (; count < most && share->take(share->opaque, &part, NULL); count += part == PART_BOUNDS ? BOUNDS_TAKE : 1)
@@ -173,10 +173,8 @@ static enum tetlod_status get_parts(struct sweep *sweep)
     return TETLOD_OK;
 }
 
-static enum tetlod_status join_levels(struct sweep *sweep, struct measured *measured, double *domains)
+static void join_levels(struct sweep *sweep, struct measured *measured, double *domains)
 {
-    end_sweep(sweep);
-    TETLOD_TRY(get_parts(sweep));
     size_t row = 0; // of the marks that are asked for
     for (uint32_t mark = 0; mark < sweep->levels->log->mark_count; mark++) {
         if (!sweep->levels->asked[mark])
@@ -188,7 +186,6 @@ static enum tetlod_status join_levels(struct sweep *sweep, struct measured *meas
         measure_levels_result(sweep->measure, measured + (size_t)mark * sweep->levels->original->field_count);
         row++;
     }
-    return TETLOD_OK;
 }
 
 /* ---- helpers */
@@ -227,16 +224,19 @@ static void pass_levels(struct channel *channel, const struct kept_mesh *kept, s
     CHANNEL_ARRAY(channel, *domains, log->mark_count);
 }
 
-static enum tetlod_status call_helpers(const struct shared_levels *levels, struct tetlod_error *error)
+/* Calls helpers, if there are any: they and this one then share. */
+static enum tetlod_status call_helpers(struct shared_levels *levels, struct tetlod_error *error)
 {
-    struct channel channel = {levels->share, TETLOD_OK};
     enum work_call call = CALL_SAMPLES;
     struct tetmesh original = *levels->original, mesh = *levels->mesh; // what is sent is only read
     struct contraction_log log = *levels->log;
     bool *asked = (bool *)(uintptr_t)levels->asked;
     double *domains = (double *)(uintptr_t)levels->domains;
-    TETLOD_TRY(levels->share->call(levels->share->opaque, &call, NULL, error));
-    pass_levels(&channel, levels->kept, &original, &mesh, &log, &asked, &domains);
+    if (!work_has_helpers(levels->share))
+        return TETLOD_OK;
+    TETLOD_TRY(levels->share->call(levels->share, &call, &levels->share, error));
+    struct channel channel = {levels->share, TETLOD_OK};
+    pass_levels(&channel, &levels->kept, &original, &mesh, &log, &asked, &domains);
     return TETLOD_OK;
 }
 
@@ -245,11 +245,6 @@ static enum tetlod_status fail_parts(void *opaque)
 {
     struct sweep *sweep = opaque;
     return tetlodi_fail_nomem(sweep->error, "the levels", measure_levels_bytes(sweep->levels->original));
-}
-
-enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error)
-{
-    return work_share_idle(share, STAGE_PARTS, error);
 }
 
 static void free_parts(struct sweep *sweep)
@@ -270,7 +265,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
     pass_levels(&channel, kept, &original, &mesh, &log, &asked, &domains);
     if (settle)
         settle(true);
-    const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, kept, NULL, NULL};
+    const struct shared_levels levels = {&original, &mesh, &log, asked, domains, threads, share, *kept, NULL, NULL};
     struct sweep sweep = {.levels = &levels,
                           .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
                           .scratch = array_zero(original.field_count, sizeof *sweep.scratch),
@@ -297,25 +292,75 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
 
 /* ---- the whole */
 
-enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured, double *domains,
-                                  struct tetlod_error *error)
+struct shared_measuring {
+    struct shared_levels levels;
+    struct sweep sweep;
+    bool waits, open; /* the stage is not settled, in which others measure; not ended */
+};
+
+/* Parts come out of the stage, of which others that follow may have the share. */
+static enum tetlod_status end_stage(struct shared_measuring *measuring)
 {
-    const struct work_share *share = levels->share;
-    struct sweep sweep = {.levels = levels,
-                          .parts = array_zero(STAGE_PARTS, sizeof *sweep.parts),
-                          .scratch = measured,
-                          .error = error};
-    enum tetlod_status status = TETLOD_OK;
-    if (!sweep.parts)
-        return tetlodi_fail_nomem(error, "the levels", STAGE_PARTS * sizeof *sweep.parts);
-    if (work_has_helpers(share))
-        TETLOD_TRY_DONE(call_helpers(levels, error));
-    TETLOD_TRY_DONE(work_share_run(share, STAGE_PARTS, NULL, NULL, do_parts, &sweep, error));
-    if (share->writes)
-        TETLOD_TRY_DONE(join_levels(&sweep, measured, domains));
-done:
-    end_sweep(&sweep);
-    free_parts(&sweep);
+    const struct work_share *share = measuring->levels.share;
+    end_sweep(&measuring->sweep);
+    enum tetlod_status status = share->writes ? get_parts(&measuring->sweep) : TETLOD_OK;
     share->end(share->opaque);
+    measuring->open = false;
     return status;
+}
+
+static enum tetlod_status begin_stage(struct shared_measuring *measuring, struct tetlod_error *error)
+{
+    const struct work_share *share = measuring->levels.share;
+    measuring->open = true;
+    measuring->waits = share->apart;
+    if (measuring->waits)
+        return share->begin(share->opaque, STAGE_PARTS, NULL, NULL, error);
+    TETLOD_TRY(work_share_run(share, STAGE_PARTS, NULL, NULL, do_parts, &measuring->sweep, error));
+    return end_stage(measuring);
+}
+
+enum tetlod_status measure_shared_begin(struct shared_measuring **out, const struct shared_levels *levels,
+                                        struct tetlod_error *error)
+{
+    const uint32_t fields = levels->original->field_count;
+    struct shared_measuring *measuring = *out = array_zero(1, sizeof *measuring);
+    if (!measuring)
+        return tetlodi_fail_nomem(error, "the levels", sizeof *measuring);
+    measuring->levels = *levels;
+    measuring->sweep = (struct sweep){.levels = &measuring->levels,
+                                      .parts = array_zero(STAGE_PARTS, sizeof *measuring->sweep.parts),
+                                      .scratch = array_zero(fields, sizeof *measuring->sweep.scratch),
+                                      .error = error};
+    if (!measuring->sweep.parts || !measuring->sweep.scratch)
+        return tetlodi_fail_nomem(error, "the levels", STAGE_PARTS * sizeof *measuring->sweep.parts);
+    TETLOD_TRY(call_helpers(&measuring->levels, error));
+    return begin_stage(measuring, error);
+}
+
+enum tetlod_status measure_shared_end(struct shared_measuring *measuring, struct measured *measured, double *domains,
+                                      struct tetlod_error *error)
+{
+    const struct work_share *share = measuring->levels.share;
+    bool again;
+    measuring->sweep.error = error;
+    if (measuring->waits) {
+        TETLOD_TRY(share->settle(share->opaque, TETLOD_OK, &again, error));
+        TETLOD_TRY(end_stage(measuring));
+    }
+    if (share->writes)
+        join_levels(&measuring->sweep, measured, domains);
+    return TETLOD_OK;
+}
+
+void measure_shared_free(struct shared_measuring *measuring)
+{
+    if (!measuring)
+        return;
+    if (measuring->open)
+        measuring->levels.share->end(measuring->levels.share->opaque);
+    end_sweep(&measuring->sweep);
+    free_parts(&measuring->sweep);
+    free(measuring->sweep.scratch);
+    free(measuring);
 }

@@ -15,16 +15,23 @@ struct shared_levels {
     const double *domains;                 /* [mark] what the domain error is known to be at least */
     unsigned threads;
     const struct work_share *share;
-    const struct kept_mesh *kept; /* of the mesh what helpers have from a call before; empty: nothing */
+    struct kept_mesh kept; /* of the mesh what helpers have from a call before, borrowed; empty: nothing */
     bool (*progress)(void *opaque, double done); /* false cancels; may be NULL */
     void *progress_opaque;
 };
 
-/* Measures the level of each mark that is asked for, bit for bit as measure_levels_next does: measured [mark][field],
- * domains [mark]. Of members that do not write these are not filled in. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what
- * the share fails with. */
-TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *levels, struct measured *measured,
-                                                 double *domains, struct tetlod_error *error);
+struct shared_measuring;
+
+/* Begins to measure the level of each mark that is asked for, bit for bit as measure_levels_next does. What the levels
+ * borrow stays where it is until the end. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the share fails with. */
+TETLOD_CHECKED enum tetlod_status measure_shared_begin(struct shared_measuring **out,
+                                                       const struct shared_levels *levels, struct tetlod_error *error);
+
+/* What has been measured, once: measured [mark][field], domains [mark]; waits for it. Of members that do not write
+ * these are not filled in. As above. */
+TETLOD_CHECKED enum tetlod_status measure_shared_end(struct shared_measuring *measuring, struct measured *measured,
+                                                     double *domains, struct tetlod_error *error);
+void measure_shared_free(struct shared_measuring *measuring);
 
 /* Of a helper, once it is called (work_share.h): its share of the measuring; what it has kept goes with it. `settle`
  * hears true when it has what it works on, which changes no more, and false when that is gone; NULL: nobody asks.
@@ -32,8 +39,5 @@ TETLOD_CHECKED enum tetlod_status measure_shared(const struct shared_levels *lev
 TETLOD_CHECKED enum tetlod_status measure_help(const struct work_share *share, unsigned threads,
                                                struct kept_mesh *kept, void (*settle)(bool measures),
                                                struct tetlod_error *error);
-
-/* Of a helper that is called to be idle meanwhile. */
-TETLOD_CHECKED enum tetlod_status measure_idle(const struct work_share *share, struct tetlod_error *error);
 
 #endif

@@ -147,7 +147,8 @@ static void print_cost(const struct job_cost *cost, uint32_t ranks, uint32_t ask
         printf("%-12u %6u %10.3f %10.3f %10.3f\n", i + 1, cost->stages[i].parts, cost->stages[i].work,
                cost->stages[i].longest, cost->stages[i].alone);
     printf("%-12s %6s %10s %10s %10.3f\n", "each rank", "", "", "", cost->alone);
-    printf("%-12s %6s %10s %10s %10.3f\n\n", "rank 0", "", "", "", cost->leads);
+    printf("%-12s %6s %10s %10s %10.3f\n", "rank 0", "", "", "", cost->leads);
+    printf("%-12s %6s %10s %10s %10.3f\n\n", "meanwhile", "", "", "", cost->meanwhile);
     printf("%-12s %10s %10s %10s%s\n", "ranks", "seconds", "speed-up", "s in all", ranks > 1 ? "   MB moved" : "");
     for (uint32_t n = 1; n < asked; n *= 2)
         print_row(cost, ranks, n);

@@ -35,7 +35,8 @@ struct job_cost {
     struct stage_cost *stages; /* [stage_count] owned */
     uint32_t stage_count;
     double alone;  /* outside of stages: of a rank that does not lead */
-    double leads;  /* what rank 0 spends more: the end of the measuring, and writing */
+    double leads;  /* what rank 0 spends more: joining, and writing */
+    double meanwhile; /* and between pages, which others may measure meanwhile */
     double passed[2];     /* bytes that came from rank 0 to every other one, and besides to every other of a few */
     double spent[2];      /* of the rank that spent most, and in all */
     uint64_t moved[2];    /* bytes that came from others to a rank, at most, and in all */

@@ -12,19 +12,19 @@ static enum tetlod_status answer(const struct work_share *share, unsigned thread
                                  struct kept_mesh *kept, struct tetlod_error *error)
 {
     enum work_call call = CALL_OVER;
-    bool idle;
+    const struct work_share *crew;
     for (;;) {
-        TETLOD_TRY(share->call(share->opaque, &call, &idle, error));
+        TETLOD_TRY(share->call(share, &call, &crew, error));
         if (call == CALL_OVER)
             return TETLOD_OK;
         if (call == CALL_BORDER)
-            TETLOD_TRY(idle ? border_idle(share, error) : border_help(share, threads, kept, error));
+            TETLOD_TRY(border_help(crew, threads, kept, error));
         else if (call == CALL_CELLS || call == CALL_ROOT)
-            TETLOD_TRY(cells_help(share, threads, error));
+            TETLOD_TRY(cells_help(crew, threads, error));
         else if (call == CALL_SAMPLES)
-            TETLOD_TRY(idle ? measure_idle(share, error) : measure_help(share, threads, kept, hooks->settle, error));
+            TETLOD_TRY(measure_help(crew, threads, kept, hooks->settle, error));
         else if (call == CALL_PAGES)
-            TETLOD_TRY(pages_help(share, threads, error));
+            TETLOD_TRY(pages_help(crew, threads, error));
         else
             TETLOD_TRY(hooks->other(hooks->opaque, call, error));
     }

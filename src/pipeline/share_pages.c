@@ -215,15 +215,15 @@ enum tetlod_status pages_share(void *opaque, const struct tetlodi_stack_work *wo
 {
     const struct page_sharing *sharing = opaque;
     const struct work_share *share = sharing->share;
-    struct coders coders = {.share = share, .work = work, .error = error};
     enum tetlod_status status = TETLOD_OK;
     if (work_has_helpers(share)) {
-        struct channel channel = {share, TETLOD_OK};
         enum work_call call = CALL_PAGES;
         uint32_t count = work->count;
-        TETLOD_TRY_DONE(share->call(share->opaque, &call, NULL, error));
+        TETLOD_TRY(share->call(share, &call, &share, error));
+        struct channel channel = {share, TETLOD_OK};
         CHANNEL_VALUE(&channel, count);
     }
+    struct coders coders = {.share = share, .work = work, .error = error};
     TETLOD_TRY_DONE(run_stage(&coders, work->count, sharing->threads));
     for (uint32_t number = 0; number < work->count; number++)
         TETLOD_TRY_DONE(fetch(share, number, &work->results[number], error));

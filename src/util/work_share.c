@@ -13,16 +13,3 @@ enum tetlod_status work_share_run(const struct work_share *share, uint32_t parts
         TETLOD_TRY(share->settle(share->opaque, work(opaque), &again, error));
     return TETLOD_OK;
 }
-
-static enum tetlod_status take_none(void *opaque)
-{
-    (void)opaque;
-    return TETLOD_OK;
-}
-
-enum tetlod_status work_share_idle(const struct work_share *share, uint32_t parts, struct tetlod_error *error)
-{
-    enum tetlod_status status = work_share_run(share, parts, NULL, NULL, take_none, NULL, error);
-    share->end(share->opaque);
-    return status;
-}

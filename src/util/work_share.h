@@ -28,8 +28,8 @@ struct work_input {
  * whether that is less than a build needs, an uint8_t. */
 enum work_call { CALL_OVER, CALL_PIECES, CALL_MEMORY, CALL_BORDER, CALL_CELLS, CALL_ROOT, CALL_SAMPLES, CALL_PAGES };
 
-/* What CALL_BORDER and CALL_SAMPLES begin so many do at most: each of them has to be sent the whole mesh, and to carry
- * it from level to level, which takes a tenth of the time that all samples take. */
+/* What CALL_BORDER and CALL_SAMPLES begin so many do at most, the one that leads included: each of them has to be sent
+ * the whole mesh, and to carry it from level to level, which takes a tenth of the time that all samples take. */
 enum { WORK_FEW = 5 };
 
 static inline bool work_is_of_few(enum work_call call)
@@ -38,8 +38,9 @@ static inline bool work_is_of_few(enum work_call call)
 }
 
 struct work_share {
-    uint32_t few;     /* members that work on a stage which is one of few */
-    uint32_t members; /* about: it may be more or fewer that work */
+    uint32_t members; /* that work, about: it may be more or fewer */
+    bool apart;       /* of a crew that measures: its members are called for nothing else that follows, and the one that
+                         leads takes no part. It may go on with other stages before it settles this one */
     bool leads;       /* this one has the mesh, and goes on alone when nothing is left to share */
     bool serves;      /* it takes no parts of stages that all work on: what one can do for all, another one does */
     bool writes;      /* the stream: one that leads */
@@ -67,10 +68,11 @@ struct work_share {
     void (*end)(void *opaque);
     /* Processor time of this stage that every member spends, however many there are; NULL: nobody asks. */
     void (*spent_alone)(void *opaque, double seconds);
-    /* The leader sends *io_call, the others wait for it; NULL: there are no others. *out_idle (NULL where one leads):
-     * few are called, others than this one, which joins the stage, takes no part of it and is passed nothing.
-     * ERR_CANCELLED: a member has failed; ERR_IO names a file. */
-    enum tetlod_status (*call)(void *opaque, enum work_call *io_call, bool *out_idle, struct tetlod_error *error);
+    /* The leader sends *io_call, those that it is for wait for it; NULL: there are no others. *out, the share itself or
+     * borrowed of it, is the crew: the members that the stage is of. ERR_CANCELLED: a member has failed; ERR_IO names a
+     * file. */
+    enum tetlod_status (*call)(const struct work_share *share, enum work_call *io_call, const struct work_share **out,
+                               struct tetlod_error *error);
     /* Behind a call: bytes of the one that leads come to those that it called; where they are NULL they are dropped. */
     void (*pass)(void *opaque, void *bytes, size_t size);
     void *opaque;
@@ -82,10 +84,6 @@ TETLOD_CHECKED enum tetlod_status work_share_run(const struct work_share *share,
                                                  const struct work_input *input,
                                                  enum tetlod_status (*work)(void *opaque), void *opaque,
                                                  struct tetlod_error *error);
-
-/* A stage of which this member takes no part. */
-TETLOD_CHECKED enum tetlod_status work_share_idle(const struct work_share *share, uint32_t parts,
-                                                  struct tetlod_error *error);
 
 /* Is there a program that works on what this one passes on, or does this one work on what it gets? */
 static inline bool work_has_helpers(const struct work_share *share)

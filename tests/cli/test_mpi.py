@@ -110,9 +110,9 @@ def models():
     return None if done.returncode == 0 and good and bad.returncode == 2 and len(own_lines(bad)) == 1 else (done, bad)
 
 
-def stages():
-    """Every part comes to all ranks; a failure at any moment does, too."""
-    done = job(3, os.path.join(os.path.dirname(PROGRAM), 'tests/mpi/test_stages'))
+def stages(ranks):
+    """Every part comes to all ranks; a failure at any moment does, too; from eight ranks on also of two crews."""
+    done = job(ranks, os.path.join(os.path.dirname(PROGRAM), 'tests/mpi/test_stages'))
     return None if done.returncode == 0 and done.stdout == b'good\n' and not done.stderr else done
 
 
@@ -217,7 +217,8 @@ case('a folder that is not there', fails_once, 1, ['nowhere/no.tetlod'], 'build'
 case('no folder of temporary files', no_folder)
 case('one rank fails', one_fails)
 case('a rank is killed', dies)
-case('stages', stages)
+case('stages', lambda: stages(3))
+case('stages of two crews', lambda: stages(8))
 case('a model', models)
 for count in (2, 3):
     case('pieces of %d ranks become one mesh' % count, gathers, count)

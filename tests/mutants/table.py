@@ -339,15 +339,16 @@ mutant('piece: seams are boundary', 'src/simplify/piece.c',
 
 # ---- what is stored
 
-mutant('max below sampled', 'src/pipeline/build.c',
+mutant('max below sampled', 'src/pipeline/level_errors.c',
        'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',
        'max is never below what was measured', ATTACK)
-mutant('finer levels may be worse', 'src/pipeline/build.c',
+mutant('finer levels may be worse', 'src/pipeline/level_errors.c',
        'errors[m] = isnan(errors[m]) || !than ? errors[m] : larger(errors[m], than[m]);',
        'errors[m] = than && than[m] < 0 ? 0 : errors[m];', 'a level promises for all finer ones', ATTACK)
-mutant('domain error without rounding', 'src/pipeline/build.c', 'double domain = at->moved + build->rounded_by;',
-       'double domain = at->moved;', 'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
-mutant('no exact maximum', 'src/pipeline/build.c',
+mutant('domain error without rounding', 'src/pipeline/level_errors.c',
+       'build->domains[mark] = at->moved + build->rounded_by;', 'build->domains[mark] = at->moved;',
+       'rounding moves the boundary, too', 'attack 130 1', 'attack 313 1', 'attack 381 1')
+mutant('no exact maximum', 'src/pipeline/level_errors.c',
        'errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));', '(void)exact;',
        'where max is proved for a partner it is no less than the exact maximum', 'attack 1210 1', 'attack 1424 1')
 mutant('rounding is outside the limit', 'src/pipeline/limits.c', '*limit -= lost;', '',

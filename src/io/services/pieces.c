@@ -146,9 +146,10 @@ static enum tetlod_status get_pieces(const struct reading_pieces *r, struct bloc
 static enum tetlod_status call_helpers(const struct io_sharing *sharing, const struct io_read_options *options,
                                        uint32_t count, struct tetlod_error *error)
 {
-    struct channel channel = {sharing->share, TETLOD_OK};
+    const struct work_share *share;
     enum work_call call = CALL_PIECES;
-    TETLOD_TRY(sharing->share->call(sharing->share->opaque, &call, NULL, error));
+    TETLOD_TRY(sharing->share->call(sharing->share, &call, &share, error));
+    struct channel channel = {share, TETLOD_OK};
     channel_text(&channel, (char *)(uintptr_t)sharing->path); // is only sent
     channel_text(&channel, (char *)(uintptr_t)options->time);
     CHANNEL_VALUE(&channel, count);
