@@ -22,7 +22,7 @@ enum { PASS_PIECE = 1 << 18 };
 /* So many ranks leave rank 0 to serve them. */
 enum { MANY = 8 };
 
-enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT, TAG_SAY, TAG_SAID };
+enum { TAG_PART, TAG_ASK, TAG_WANT, TAG_GIVEN, TAG_INPUT, TAG_SAY, TAG_SAID, TAG_FAILED };
 
 /* Seconds between looks at whether others have come, or want a part. Who has waited long looks late by a share of that:
  * a look costs as much as a fault. */
@@ -74,6 +74,7 @@ struct mpi_share {
     struct crew all, few, rest; /* those that measure, and those that they leave */
     pthread_mutex_t lock; /* of MPI, and what follows */
     bool told;            /* another rank has failed */
+    bool warned;          /* on rank 0: one has while rank 0 was busy with other ranks' stages, which are to end */
     bool ended;           /* all have done well, and know it */
     unsigned char *dropped; /* [PASS_PIECE] scratch */
     uint64_t moved;       /* to this rank */
@@ -235,7 +236,7 @@ static struct crew *crew_of(struct mpi_share *mpi, enum work_call call)
 static bool next_part(struct crew *crew, uint32_t *out)
 {
     pthread_mutex_lock(&crew->mpi->lock);
-    bool any = crew->next < crew->parts;
+    bool any = crew->next < crew->parts && !crew->mpi->warned;
     if (any)
         *out = crew->order ? crew->order[crew->next] : crew->next;
     crew->next += any;
@@ -268,22 +269,32 @@ static void give_part(struct crew *crew, int rank)
     buffer_fini(&input);
 }
 
+/* Is there such an empty message of a member, which is then received? */
+static bool has_come(const struct crew *crew, int tag, int *out_rank)
+{
+    MPI_Status status;
+    int came = 0;
+    MPI_Iprobe(MPI_ANY_SOURCE, tag, crew->comm, &came, &status);
+    if (came)
+        MPI_Recv(NULL, 0, MPI_BYTE, status.MPI_SOURCE, tag, crew->comm, MPI_STATUS_IGNORE);
+    *out_rank = came ? status.MPI_SOURCE : 0;
+    return came;
+}
+
 /* Until the stage is settled. */
 static void *serve(void *opaque)
 {
     struct crew *crew = opaque;
     bool stops = false;
     while (!stops) {
-        MPI_Status status;
-        int wanted = 0;
+        int rank, failed;
         pthread_mutex_lock(&crew->mpi->lock);
-        MPI_Iprobe(MPI_ANY_SOURCE, TAG_WANT, crew->comm, &wanted, &status);
-        if (wanted)
-            MPI_Recv(NULL, 0, MPI_BYTE, status.MPI_SOURCE, TAG_WANT, crew->comm, MPI_STATUS_IGNORE);
+        bool wanted = has_come(crew, TAG_WANT, &rank);
+        crew->mpi->warned |= has_come(crew, TAG_FAILED, &failed);
         stops = crew->stops;
         pthread_mutex_unlock(&crew->mpi->lock);
         if (wanted)
-            give_part(crew, status.MPI_SOURCE);
+            give_part(crew, rank);
         else if (!stops)
             sleep_through(LONGEST_WAIT);
     }
@@ -457,6 +468,16 @@ static void move_parts(struct crew *crew, const uint64_t *list, int owner)
             move_part(crew, &crew->results[part], owner);
 }
 
+/* Then it is another rank that has failed. */
+static bool is_warned(struct mpi_share *mpi)
+{
+    pthread_mutex_lock(&mpi->lock);
+    mpi->told |= mpi->warned;
+    bool warned = mpi->warned;
+    pthread_mutex_unlock(&mpi->lock);
+    return warned;
+}
+
 /* Processor time of the stage. What rank 0 does while others measure apart is other stages', or of none. */
 static void count_spent(struct crew *crew)
 {
@@ -477,11 +498,14 @@ static enum tetlod_status settle(void *opaque, enum tetlod_status status, bool *
     uint64_t *list = NULL;
     *out_again = false;
     count_spent(crew);
+    if (status != TETLOD_OK && crew->share.apart && crew->rank)
+        send_to(crew, NULL, 0, 0, TAG_FAILED); // rank 0 may not settle this for long
     bool good = agree(crew, status == TETLOD_OK); // until then others may want parts
     stop_serving(crew);
     if (!good)
         return status == TETLOD_OK ? other_failed(error) : status;
-    bool room = list_results(crew, &list) && make_room(crew, list) && crew->served == TETLOD_OK;
+    bool room = list_results(crew, &list) && make_room(crew, list) && crew->served == TETLOD_OK &&
+                !is_warned(crew->mpi); // else parts are left
     if (agree(crew, room))
         for (int owner = 1; owner < crew->ranks; owner++) {
             if (crew->rank == 0 || crew->rank == owner)
