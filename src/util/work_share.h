@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Work that several programs do together, on one machine or on many. Every member goes through the same stages in the
- * same order; a stage is so many parts. A part is done by one of them, which gives its result as bytes. Which member
- * does a part is left to chance, so its bytes must not depend on that.
+ * Work that several programs do together, on one machine or on many, in stages of so many parts each. A part is done
+ * by one of them, which gives its result as bytes. Which member does a part is left to chance, so its bytes must not
+ * depend on that.
  *
  * A member that leads has the mesh, and all results of a stage when all parts are done. The others, its helpers, wait
- * for its calls, each of which begins a stage, and it passes on what the stage works on.
+ * for its calls, each of which begins a stage of all members, or of a crew of them; and it passes on what the stage
+ * works on.
  */
 #ifndef TETLOD_WORK_SHARE_H
 #define TETLOD_WORK_SHARE_H
