@@ -219,16 +219,16 @@ static bool only_serves(int ranks, enum work_call stage)
     return ranks >= (stage == CALL_BORDER ? 2 : stage == CALL_SAMPLES ? WORK_FEW + 1 : MANY);
 }
 
-/* Are pages and the root left to those that do not measure? They may be coded meanwhile, and rank 0 cuts no more than
- * the others code. */
-static bool parts_crews(int ranks)
+/* Are pages and the root left to those that do not measure? Pages are coded meanwhile, and rank 0 cuts no more than
+ * these code. */
+static bool has_two_crews(int ranks)
 {
     return ranks >= MANY;
 }
 
 static struct crew *crew_of(struct mpi_share *mpi, enum work_call call)
 {
-    bool spares = (call == CALL_PAGES || call == CALL_ROOT) && parts_crews(mpi->all.ranks);
+    bool spares = (call == CALL_PAGES || call == CALL_ROOT) && has_two_crews(mpi->all.ranks);
     return work_is_of_few(call) ? &mpi->few : spares ? &mpi->rest : &mpi->all;
 }
 
@@ -637,7 +637,7 @@ enum tetlod_status mpi_share_new(struct work_share *out, MPI_Comm comm, struct t
     crew_init(&mpi->rest, mpi, comm, few, ranks);
     mpi->all.share.serves = mpi->all.rank == 0 && only_serves(ranks, CALL_CELLS);
     mpi->few.share.members -= only_serves(ranks, CALL_SAMPLES) && mpi->few.ranks;
-    mpi->few.share.apart = parts_crews(ranks);
+    mpi->few.share.apart = has_two_crews(ranks);
     mpi->begun = process_seconds();
     *out = mpi->all.share;
     return TETLOD_OK;
@@ -658,13 +658,12 @@ void mpi_share_free(struct work_share *share)
     *share = (struct work_share){0};
 }
 
-/* Do all hear that a rank has failed? Those that a stage was not of, or that are still at work on theirs, on rank 0. */
+/* Of rank 0: a crew that does not know yet that a rank has failed hears of it, when it has done what it is at. */
 static void tell_rest(struct mpi_share *mpi)
 {
-    bool all = mpi->all.over;
-    if (!all && !mpi->few.over)
+    if (!mpi->all.over && !mpi->few.over)
         agree(&mpi->few, false);
-    if (!all && !mpi->rest.over)
+    if (!mpi->all.over && !mpi->rest.over)
         agree(&mpi->rest, false);
 }
 
@@ -787,7 +786,7 @@ static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
     if (stage->call == CALL_BORDER) // and rank 0 cuts
         return ranks < 2 ? ranks : 2;
     uint32_t those = stage->call == CALL_SAMPLES && ranks > WORK_FEW ? WORK_FEW : ranks;
-    bool spares = (stage->call == CALL_PAGES || stage->call == CALL_ROOT) && parts_crews((int)ranks);
+    bool spares = (stage->call == CALL_PAGES || stage->call == CALL_ROOT) && has_two_crews((int)ranks);
     return those - serves_in(stage, ranks) - (spares ? WORK_FEW - 1 : 0);
 }
 
@@ -799,7 +798,7 @@ double job_cost_of(const struct job_cost *cost, uint32_t ranks)
         double *to = stage->call == CALL_SAMPLES ? &samples : stage->call == CALL_PAGES ? &meanwhile : &seconds;
         *to += stage->alone + fmax(stage->work / ranks_in(stage, ranks), stage->longest);
     }
-    return seconds + (parts_crews((int)ranks) ? fmax(samples, meanwhile) : samples + meanwhile);
+    return seconds + (has_two_crews((int)ranks) ? fmax(samples, meanwhile) : samples + meanwhile);
 }
 
 double job_cost_of_all(const struct job_cost *cost, uint32_t ranks)
