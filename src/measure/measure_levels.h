@@ -38,8 +38,9 @@ bool measure_levels_sample(const struct measure_levels *measure, size_t sample, 
 
 /* ---- samples in parts, of which each program measures some (measure_shared.h) */
 
-/* The samples are in so many parts, whatever their number. */
-enum { MEASURE_PARTS = 120 };
+/* The samples are in so many parts, whatever their number. They follow each other in the mesh: who measures few large
+ * ones comes to fewer of its pages and tetrahedra than who measures many small ones here and there. */
+enum { MEASURE_PARTS = 20 };
 
 /* Only parts that are mine[part] are measured, and the domain error where `bounds` is true; what measure_levels_next
  * says is then theirs alone. Before the first level. */

@@ -18,7 +18,7 @@
 
 /* The parts of a stage: the domain error first, as it takes longest: about as long as so many others. The border has
  * taken as long as so many. */
-enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 13, BORDER_TAKE = 13 };
+enum { PART_BOUNDS, PART_SAMPLES, STAGE_PARTS = MEASURE_PARTS + PART_SAMPLES, BOUNDS_TAKE = 2, BORDER_TAKE = 2 };
 
 struct sweep {
     const struct shared_levels *levels;
