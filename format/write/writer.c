@@ -468,12 +468,27 @@ static void fill_info(struct writer *w)
         info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }
 
+/* Frames ask for no errors. */
+static enum tetlod_status fill_errors(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    const size_t row = (size_t)in->field_count * TETLOD_MEASURES;
+    if (in->measured)
+        TETLOD_TRY(in->measured(in->measured_opaque, w->error));
+    for (uint32_t level = 0; level < in->level_count; level++) {
+        w->index.levels[level].domain_error = in->levels[level].domain_error;
+        memcpy(w->index.errors + level * row, in->levels[level].errors, row * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
     const struct tetlodi_write_input *in = w->in;
     const struct tetlodi_write_section *late = NULL;
     uint32_t count = 0, late_count = 0;
     const struct tetlodi_late_rows rows = {w->cells.row_count, w->cells.tet_of, w->cells.in_parents};
+    TETLOD_TRY(fill_errors(w));
     if (in->late)
         TETLOD_TRY(in->late(in->late_opaque, w->records.node_at, &rows, &late, &late_count, w->error));
     struct tetlodi_write_section *sections =
@@ -504,20 +519,6 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
         status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
     free(sections);
     return status;
-}
-
-/* Frames ask for no errors. */
-static enum tetlod_status fill_errors(struct writer *w)
-{
-    const struct tetlodi_write_input *in = w->in;
-    const size_t row = (size_t)in->field_count * TETLOD_MEASURES;
-    if (in->measured)
-        TETLOD_TRY(in->measured(in->measured_opaque, w->error));
-    for (uint32_t level = 0; level < in->level_count; level++) {
-        w->index.levels[level].domain_error = in->levels[level].domain_error;
-        memcpy(w->index.errors + level * row, in->levels[level].errors, row * sizeof(double));
-    }
-    return TETLOD_OK;
 }
 
 static enum tetlod_status check_input(const struct writer *w)
@@ -653,8 +654,6 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
         w.begun = 1 - w.share;
     }
     enum tetlod_status status = encode(&w, slowest);
-    if (status == TETLOD_OK && sink)
-        status = fill_errors(&w);
     if (status == TETLOD_OK && sink)
         status = write_file(&w, sink);
     release(&w);

@@ -295,7 +295,7 @@ enum tetlod_status measure_help(const struct work_share *share, unsigned threads
 struct shared_measuring {
     struct shared_levels levels;
     struct sweep sweep;
-    bool waits, open; /* the stage is not settled, in which others measure; not ended */
+    bool open; /* the stage is not ended; where the share is apart, nor settled */
 };
 
 /* Parts come out of the stage, of which others that follow may have the share. */
@@ -313,8 +313,7 @@ static enum tetlod_status begin_stage(struct shared_measuring *measuring, struct
 {
     const struct work_share *share = measuring->levels.share;
     measuring->open = true;
-    measuring->waits = share->apart;
-    if (measuring->waits)
+    if (share->apart)
         return share->begin(share->opaque, STAGE_PARTS, NULL, NULL, error);
     TETLOD_TRY(work_share_run(share, STAGE_PARTS, NULL, NULL, do_parts, &measuring->sweep, error));
     return end_stage(measuring);
@@ -344,12 +343,11 @@ enum tetlod_status measure_shared_end(struct shared_measuring *measuring, struct
     const struct work_share *share = measuring->levels.share;
     bool again;
     measuring->sweep.error = error;
-    if (measuring->waits) {
+    if (share->apart) {
         TETLOD_TRY(share->settle(share->opaque, TETLOD_OK, &again, error));
         TETLOD_TRY(end_stage(measuring));
     }
-    if (share->writes)
-        join_levels(&measuring->sweep, measured, domains);
+    join_levels(&measuring->sweep, measured, domains);
     return TETLOD_OK;
 }
 

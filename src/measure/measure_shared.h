@@ -27,8 +27,8 @@ struct shared_measuring;
 TETLOD_CHECKED enum tetlod_status measure_shared_begin(struct shared_measuring **out,
                                                        const struct shared_levels *levels, struct tetlod_error *error);
 
-/* What has been measured, once: measured [mark][field], domains [mark]; waits for it. Of members that do not write
- * these are not filled in. As above. */
+/* Of a member that writes, once: what has been measured, measured [mark][field] and domains [mark]; waits for it. As
+ * above. */
 TETLOD_CHECKED enum tetlod_status measure_shared_end(struct shared_measuring *measuring, struct measured *measured,
                                                      double *domains, struct tetlod_error *error);
 void measure_shared_free(struct shared_measuring *measuring);

@@ -159,8 +159,8 @@ struct agreed {
 };
 
 /* Have all of the crew done well? Then *io_word is that of rank 0. Every rank tells rank 0, and hears of it: where
- * those that wait sleep, each further step between them would take as long as a sleep. A rank that waits for a call
- * does not know which crew it will be for, so this is told among all. */
+ * those that wait sleep, each further step between them would take as long as a sleep. The messages go through the
+ * communicator of all ranks, because a rank that waits for a call does not know yet which crew the call is for. */
 static bool agree_on(struct crew *crew, bool good, uint64_t *io_word)
 {
     struct mpi_share *mpi = crew->mpi;
@@ -226,10 +226,14 @@ static bool has_two_crews(int ranks)
     return ranks >= MANY;
 }
 
+static bool is_of_rest(int ranks, enum work_call call)
+{
+    return (call == CALL_PAGES || call == CALL_ROOT) && has_two_crews(ranks);
+}
+
 static struct crew *crew_of(struct mpi_share *mpi, enum work_call call)
 {
-    bool spares = (call == CALL_PAGES || call == CALL_ROOT) && has_two_crews(mpi->all.ranks);
-    return work_is_of_few(call) ? &mpi->few : spares ? &mpi->rest : &mpi->all;
+    return work_is_of_few(call) ? &mpi->few : is_of_rest(mpi->all.ranks, call) ? &mpi->rest : &mpi->all;
 }
 
 /* The next part, on rank 0; false if there is none. */
@@ -269,16 +273,15 @@ static void give_part(struct crew *crew, int rank)
     buffer_fini(&input);
 }
 
-/* Is there such an empty message of a member, which is then received? */
-static bool has_come(const struct crew *crew, int tag, int *out_rank)
+/* The rank that has sent such an empty message, which is then received; 0: there is none. */
+static int rank_that_sent(const struct crew *crew, int tag)
 {
     MPI_Status status;
     int came = 0;
     MPI_Iprobe(MPI_ANY_SOURCE, tag, crew->comm, &came, &status);
     if (came)
         MPI_Recv(NULL, 0, MPI_BYTE, status.MPI_SOURCE, tag, crew->comm, MPI_STATUS_IGNORE);
-    *out_rank = came ? status.MPI_SOURCE : 0;
-    return came;
+    return came ? status.MPI_SOURCE : 0;
 }
 
 /* Until the stage is settled. */
@@ -287,13 +290,12 @@ static void *serve(void *opaque)
     struct crew *crew = opaque;
     bool stops = false;
     while (!stops) {
-        int rank, failed;
         pthread_mutex_lock(&crew->mpi->lock);
-        bool wanted = has_come(crew, TAG_WANT, &rank);
-        crew->mpi->warned |= has_come(crew, TAG_FAILED, &failed);
+        int rank = rank_that_sent(crew, TAG_WANT);
+        crew->mpi->warned |= rank_that_sent(crew, TAG_FAILED) != 0;
         stops = crew->stops;
         pthread_mutex_unlock(&crew->mpi->lock);
-        if (wanted)
+        if (rank)
             give_part(crew, rank);
         else if (!stops)
             sleep_through(LONGEST_WAIT);
@@ -320,20 +322,31 @@ static void stop_serving(struct crew *crew)
     crew->serves = false;
 }
 
+/* Makes the stages that are counted so many at least. */
+static bool extend_stages(struct mpi_share *mpi, uint32_t count)
+{
+    if (count <= mpi->stage_count)
+        return true;
+    struct stage_time *stages = array_resize(mpi->stages, count, sizeof *stages);
+    if (!stages)
+        return false;
+    mpi->stages = stages;
+    for (; mpi->stage_count < count; mpi->stage_count++)
+        stages[mpi->stage_count] = (struct stage_time){0};
+    return true;
+}
+
 /* Room for what the stage costs; other crews' servers may be at work. */
 static bool count_stage(struct crew *crew, uint32_t parts)
 {
     struct mpi_share *mpi = crew->mpi;
     pthread_mutex_lock(&mpi->lock);
-    struct stage_time *stages = array_resize(mpi->stages, crew->stage + (size_t)1, sizeof *stages);
-    mpi->stages = stages ? stages : mpi->stages;
-    for (; stages && mpi->stage_count <= crew->stage; mpi->stage_count++)
-        stages[mpi->stage_count] = (struct stage_time){0};
-    if (stages)
-        stages[crew->stage] = (struct stage_time){.call = crew->called, .parts = parts, .begun = process_seconds()};
+    bool room = extend_stages(mpi, crew->stage + 1);
+    if (room)
+        *this_stage(crew) = (struct stage_time){.call = crew->called, .parts = parts, .begun = process_seconds()};
     mpi->samples = crew->called == CALL_SAMPLES ? crew->stage : mpi->samples;
     pthread_mutex_unlock(&mpi->lock);
-    return stages != NULL;
+    return room;
 }
 
 static enum tetlod_status begin(void *opaque, uint32_t parts, const uint32_t *order, const struct work_input *input,
@@ -711,11 +724,7 @@ static bool match_stages(struct mpi_share *mpi)
 {
     uint32_t count;
     reduce(&mpi->all, &mpi->stage_count, &count, 1, MPI_UINT32_T, MPI_MAX);
-    struct stage_time *stages = array_resize(mpi->stages, count, sizeof *stages);
-    mpi->stages = stages ? stages : mpi->stages;
-    for (; stages && mpi->stage_count < count; mpi->stage_count++)
-        stages[mpi->stage_count] = (struct stage_time){0};
-    return stages != NULL;
+    return extend_stages(mpi, count);
 }
 
 /* Outside of stages. */
@@ -786,8 +795,7 @@ static uint32_t ranks_in(const struct stage_cost *stage, uint32_t ranks)
     if (stage->call == CALL_BORDER) // and rank 0 cuts
         return ranks < 2 ? ranks : 2;
     uint32_t those = stage->call == CALL_SAMPLES && ranks > WORK_FEW ? WORK_FEW : ranks;
-    bool spares = (stage->call == CALL_PAGES || stage->call == CALL_ROOT) && has_two_crews((int)ranks);
-    return those - serves_in(stage, ranks) - (spares ? WORK_FEW - 1 : 0);
+    return those - serves_in(stage, ranks) - (is_of_rest((int)ranks, stage->call) ? WORK_FEW - 1 : 0);
 }
 
 double job_cost_of(const struct job_cost *cost, uint32_t ranks)

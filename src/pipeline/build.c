@@ -449,7 +449,6 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(build_say_done(options, BUILD_ENCODE, 0, error));
     if (build_writes(options) || build.groups.count)
         TETLOD_TRY_DONE(encode(&build, build_writes(options) ? sink : NULL));
-    TETLOD_TRY_DONE(level_errors_end(&build, error));
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,
                                     .turned_tets = build.oriented.turned_count,

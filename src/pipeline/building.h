@@ -56,8 +56,8 @@ static inline bool building_controls(const struct build *build, uint32_t field)
     return false;
 }
 
-/* The ranges of all fields and the levels, which have their errors behind level_errors_end: other programs may measure
- * meanwhile. Once it is done that does nothing; `opaque` is the build. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the
+/* The ranges of all fields and the levels. Of one that writes these have their errors once level_errors_end has been
+ * called: other programs may measure meanwhile. `opaque` is the build. ERR_NOMEM, ERR_LIMIT, ERR_CANCELLED, or what the
  * share fails with. */
 TETLOD_CHECKED enum tetlod_status level_errors_begin(struct build *build);
 TETLOD_CHECKED enum tetlod_status level_errors_end(void *opaque, struct tetlod_error *error);

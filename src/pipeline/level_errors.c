@@ -357,13 +357,11 @@ enum tetlod_status level_errors_end(void *opaque, struct tetlod_error *error)
     if (!measured)
         return tetlodi_fail_nomem(error, "the levels", (uint64_t)marks * fields * sizeof *measured);
     enum tetlod_status status = measure_shared_end(build->measuring, measured, build->domains, error);
-    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK && build_writes(build->options); mark++)
+    for (uint32_t mark = 0; mark < marks && status == TETLOD_OK; mark++)
         if (build->asked[mark])
             file_levels(build, mark, measured + (size_t)mark * fields, build->domains[mark]);
     if (build->precision.tail)
         match_tail(build);
-    measure_shared_free(build->measuring);
-    build->measuring = NULL;
     free(measured);
     return status;
 }
