@@ -25,7 +25,7 @@ PARALLEL = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || ec
 # ---- what a build asks for. `make needs` looks for it on any system; `make deps` installs it, on Debian alone
 NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter \
     0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
-NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium lintian dh
+NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium-headless-shell lintian dh
 NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setuptools wheel pip venv
 # Debian packages of all that
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev \
@@ -39,9 +39,9 @@ DEPS_INSITU := python3-dolfinx python3-mpi4py
 DEPS_CHECK := lintian debhelper clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user \
     gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 \
     python3-meshio python3-h5py python3-xarray python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert \
-    nginx-light varnish openssl chromium firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel slurmd slurmctld \
-    slurm-client python3-distributed
-DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
+    nginx-light varnish openssl chromium-headless-shell firefox-esr xvfb cmake g++ libvtk9-dev $(DEPS_MPI) parallel \
+    slurmd slurmctld slurm-client python3-distributed
+DEPS_BENCH := python3-vtk9 wrk nginx-light chromium-headless-shell
 # For `make vtk` and `make paraview`: VTK takes 380 MB, ParaView 970 MB, so no check asks for the latter
 DEPS_VTK := cmake g++ python3-vtk9 libvtk9-dev paraview-dev libcurl4-openssl-dev
 

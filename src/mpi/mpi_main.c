@@ -35,7 +35,7 @@ static const char help[] =
     "      --threads N     threads of each rank (default: the cores of its machine, by its ranks)\n"
     "      --model N       say at the end what the job has cost, and what it would on N ranks\n"
     "\n"
-    "All other options: 'tetlod help build'. Without MPI: 'tetlod help plan'.\n"
+    "All other options: 'tetlod help build'. Without MPI: 'tetlod help plan'. --version says which one it is.\n"
     "\n"
     "example: mpirun -n 16 tetlod-mpi build case.pvtu -o case.tetlod\n";
 
@@ -188,17 +188,25 @@ static int finish(struct work_share *share, int result, int rank)
     return result;
 }
 
+/* Anything but a build. */
+static int say_usage(const char *word, int rank)
+{
+    const bool helps = strcmp(word, "--help") == 0 || strcmp(word, "help") == 0 || strcmp(word, "-h") == 0;
+    const bool version = strcmp(word, "--version") == 0;
+    if (rank == 0 && version)
+        printf("tetlod-mpi " TETLOD_VERSION_STRING "\n");
+    else if (rank == 0)
+        fputs(help, helps ? stdout : stderr);
+    return helps || version ? EXIT_DONE : EXIT_USAGE;
+}
+
 static int run(int argc, char **argv, int rank)
 {
     struct tetlod_error error = {0};
     struct work_share share;
     uint64_t asked = 0;
-    bool helps = argc > 1 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "help") == 0);
-    if (helps || argc < 3 || strcmp(argv[1], "build") != 0) {
-        if (rank == 0)
-            fputs(help, helps ? stdout : stderr);
-        return helps ? EXIT_DONE : EXIT_USAGE;
-    }
+    if (argc < 3 || strcmp(argv[1], "build") != 0)
+        return say_usage(argc > 1 ? argv[1] : "", rank);
     if (!take_model(&argc, argv, &asked)) {
         if (rank == 0)
             fprintf(stderr, "tetlod-mpi: --model takes a number of ranks, 1 to 1000000\n");

@@ -21,6 +21,13 @@ def says_once():
     return None if done.returncode == 0 and lines.count('"levels"') == 1 else done
 
 
+def says_version():
+    """The version is that of tetlod, and is said once; so is the help."""
+    version, said = must('--version').stdout.decode(), mpi(2, '--version').stdout.decode()
+    helped = mpi(2, '-h').stdout.decode()
+    return None if said == version.replace('tetlod', 'tetlod-mpi') and helped.count('usage: ') == 1 else (said, helped)
+
+
 def fails_once(code, words, *arguments):
     """What all ranks fail with is said once."""
     done = mpi(3, *arguments)
@@ -197,6 +204,7 @@ must('sample', 'fin', '--size', '16', '-o', 'fin.vtu')
 case('rank 0 speaks', says_once)
 if os.environ.get('ONLY') == 'rank 0 speaks': # of an installed program
     finish()
+case('its version and its help', says_version)
 case('three and eight ranks', same, (3, 8), ['fin.vtu'], '--paged=1500')
 case('large arrays in files', same, (2,), ['fin.vtu'], '--paged=1000', '--memory', '16M', '--scratch', SCRATCH)
 must('sample', 'torus', '--size', '6', '-o', 'torus.vtu')

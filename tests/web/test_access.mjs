@@ -180,7 +180,7 @@ function keepNotices() {
 
 // Everything opened: all of the panel, and what lies over the picture.
 async function letters_are_large_enough() {
-  const page = await openPage(browser, server.url);
+  const page = await openPage(browser, server.url, { permissions: ['clipboard-write'] });
   await page.addInitScript(noteCanvases);
   await page.addInitScript(keepNotices);
   await page.goto(server.url);
