@@ -160,7 +160,7 @@ def test_descriptors_run_out():
 def test_more_files_than_descriptors():
     """Files are opened when they are read: 10,000 of them with 1,024 descriptors, beside as many connections as there
     is room for."""
-    files, limit = (10000, 1024) if os.environ.get('CONFIG') == 'release' else (1000, 256)
+    files, limit = (10000, 1024) if os.environ.get('CONFIG') == 'release' else (500, 256)
     folder = folder_of('many', 'f0')
     names = ['f%d' % i for i in range(files)]
     for name in names[1:]:

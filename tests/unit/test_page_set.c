@@ -200,7 +200,7 @@ static bool same_all_the_way(struct tetlod_cursor *a, struct tetlod_cursor *b, u
  * come nothing but their own frames. */
 static void test_walk(void)
 {
-    uint32_t state = 23, gone = 0, steps = SANITIZED ? 120 : 300;
+    uint32_t state = 23, gone = 0, steps = SANITIZED ? 80 : 300;
     struct counted counted = {0};
     struct tetlod_source source = {read_counted, &counted, size};
     struct tetlod_file *own;

@@ -72,7 +72,7 @@ static void check_threads(const char *sample, uint32_t size, uint32_t controlled
 
 static void test_threads_do_not_matter(void)
 {
-    check_threads("cube", 9, 1);
+    check_threads("cube", SANITIZED ? 7 : 9, 1);
     check_threads("torus", 6, 1);
     check_threads("fin", 6, 2); // a scalar and the three components of the velocity
 }
