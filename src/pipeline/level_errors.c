@@ -206,14 +206,14 @@ static bool is_named(const struct build *build, uint32_t mark)
 }
 
 /* Which marks are measured: all of a small mesh. Of a large one, and in pages, those where users look, with the finest
- * and the coarsest, if levels end at errors that are proved for all fields. */
+ * and the coarsest, if levels end at errors that are proved for all fields. Nobody asks how far ids are off. */
 static void list_asked(const struct build *build)
 {
     uint32_t marks = build->log.mark_count;
     bool all = (build->mesh->tet_count < MEASURED_WHOLE && !build->groups.count) ||
                !metric_is_certified(build->options->metric) || build_asks_overlay(build->options);
     for (uint32_t f = 0; f < build->mesh->field_count; f++)
-        all |= !building_controls(build, f);
+        all |= !building_controls(build, f) && !build->mesh->fields[f].is_ids;
     for (uint32_t mark = 0; mark < marks; mark++)
         build->asked[mark] = all || !mark || mark + 1 == marks || is_named(build, mark);
 }

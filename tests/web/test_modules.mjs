@@ -409,6 +409,9 @@ function what_a_level_promises() {
   assert.equal(say('a', 'b', 'c', 'd'),
     'a ≤ 1 % (certified), d 5 % (measured); 2 fields not controlled, worst c 31.9 % (measured)');
   assert.equal(say('a', 'b'), 'a ≤ 1 % (certified); b not controlled: 10 % (measured)');
+  const ids = { fields, levels: [{ errors: { ...errors, b: {}, c: {} } }], metadata: { ids: ['b', 'c'] } };
+  const said = promiseOf(ids, 0).replaceAll('\u202f', ' ');
+  assert.equal(said, 'a ≤ 1 % (certified), d 5 % (measured)'); // how far ids are off means nothing
   assert.equal(say('a'), 'a ≤ 1 % (certified)');
 }
 

@@ -21,7 +21,7 @@ export function promiseOf({ finer, ...info }, level) {
         : `${name} ≤ ${percent(roundedUp(errors[name].max, 3))} (certified)`,
     );
   const others = info.fields
-    .filter((f) => !f.controlled && !f.bounds)
+    .filter((f) => !f.controlled && !f.bounds && !info.metadata?.ids?.includes(f.name))
     .map(({ name }) => ({ name, sampled: errors[name].sampled }));
   const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
   const rest = worst
