@@ -46,12 +46,22 @@ bool ids_by_values(const struct point_field *field, size_t count)
     return differ;
 }
 
+/* Is it the same everywhere? */
+static bool is_constant(const struct point_field *field, size_t count)
+{
+    size_t i = field->components;
+    while (i < count && field->values[i] == field->values[i - field->components])
+        i++;
+    return i >= count;
+}
+
 void ids_find(const struct point_field *fields, uint32_t field_count, size_t count, bool *out)
 {
     bool any_other = false;
     for (uint32_t f = 0; f < field_count; f++) {
-        out[f] = ids_by_kind(&fields[f]) || ids_by_values(&fields[f], fields[f].components * count);
-        any_other |= !out[f];
+        const size_t values = fields[f].components * count;
+        out[f] = ids_by_kind(&fields[f]) || ids_by_values(&fields[f], values);
+        any_other |= !out[f] && !is_constant(&fields[f], values);
     }
     for (uint32_t f = 0; f < field_count && !any_other; f++)
         out[f] = ids_by_kind(&fields[f]);

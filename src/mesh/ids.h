@@ -12,7 +12,7 @@ bool ids_by_kind(const struct point_field *field);
 bool ids_by_values(const struct point_field *field, size_t count);
 
 /* Which of so many fields with `count` values a component are ids: out[field]. Whole numbers are, unless that leaves
- * no field that is not. */
+ * no field that is not, or constants alone. */
 void ids_find(const struct point_field *fields, uint32_t field_count, size_t count, bool *out);
 
 /* The field that is shown first: the first one with so many components (0: any) that is not ids, as far as is known

@@ -125,6 +125,16 @@ def ids_stay_ids():
     return at if 'warning' in at else None
 
 
+def beside_constants():
+    """A field of whole numbers is controlled where all others are constant: one that is tells nothing of the mesh."""
+    points, tets = results.flow(4)[:2]
+    scalar, vector = np.full(len(points), 2.5), np.tile([1.5, 0, 0], (len(points), 1))
+    results.write(path('constant.vtu'), points, tets, {'start': scalar, 'wind': vector,
+                                                       'depth': np.round(20 * points[:, 0])})
+    said = said_by('build', 'constant.vtu', '-o', 'constant.tetlod')
+    return None if re.search('controlled: .*depth', said) and 'ids' not in said else said
+
+
 def first_field():
     """compare, build and info take the same one; Python and the viewer the first that is controlled."""
     must('extract', 'ids.tetlod', '--error', '1%', '-o', 'level.vtu')
@@ -189,6 +199,7 @@ case('--field, --no-field, lists, patterns', what_is_chosen)
 case('in a series every field has steps', in_a_series)
 case('the field that costs most', what_costs_most)
 case('ids stay ids', ids_stay_ids)
+case('whole numbers beside constants', beside_constants)
 case('the first field', first_field)
 case('integers of few values are regions', regions_are_found)
 case('a mesh without fields', without_fields)
