@@ -112,8 +112,8 @@ def original_comes_back():
 
 
 def parts_of_cells():
-    """Regions, values of cells and exact sums; each value comes back with its tetrahedron, at any level. That points have
-    ids does not make all levels measured."""
+    """Regions, values of cells and exact sums; each value comes back with its tetrahedron, at any level. Ids of
+    points do not make all levels measured."""
     size, lines = 7, []
     points = list(itertools.product(range(size + 1), repeat=3))
     number = {point: i for i, point in enumerate(points)}
