@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs all tests of the given build configurations, nine at a time, and ends with `N passed, N failed`.
+"""Runs all tests of the given build configurations, five at a time, and ends with `N passed, N failed`.
 
 A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/*/test_*
 of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the
@@ -116,7 +116,8 @@ def main():
     parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
     parser.add_argument('--timeout', type=int, default=3000,
                         help='seconds; what takes minutes takes many on a busy machine')
-    parser.add_argument('--jobs', type=int, default=9, help='more than cores: some wait, for a browser or a clock')
+    parser.add_argument('--jobs', type=int, default=5,
+                        help='some more than cores, as some wait for a browser or a clock; many keep no caches warm')
     options = parser.parse_args()
     todo = [(c, p) for c in options.configs for p in tests_of(c, options.every)
             if (not options.only or options.only in c + ':' + p)

@@ -13,12 +13,18 @@ const options = {
   moduleResolution: ts.ModuleResolutionKind.NodeNext,
   lib: ['lib.es2022.d.ts', 'lib.dom.d.ts', 'lib.dom.iterable.d.ts'],
 };
+const classes = [
+  ['stream', 'TetlodStream'],
+  ['element', 'TetlodView'],
+];
+const typesOf = (file) => join(folder, `${file}.d.ts`);
+const codeOf = (file) => join(folder, 'code', `${file}.js`);
+const program = ts.createProgram(classes.flatMap(([file]) => [typesOf(file), codeOf(file)]), options);
+const checker = program.getTypeChecker();
 const inherited = new Set(['addEventListener', 'removeEventListener', 'dispatchEvent']); // that only types say more of
 
 // What a class has of its own, in the file that the path names; of its instances, or of itself.
 function membersOf(path, name) {
-  const program = ts.createProgram([path], options);
-  const checker = program.getTypeChecker();
   const source = program.getSourceFile(path);
   const found = new Map();
   const argumentsOf = ({ parameters }) =>
@@ -52,12 +58,9 @@ function membersOf(path, name) {
 }
 
 const complaints = [];
-for (const [file, name] of [
-  ['stream', 'TetlodStream'],
-  ['element', 'TetlodView'],
-]) {
-  const typed = membersOf(join(folder, `${file}.d.ts`), name);
-  const made = membersOf(join(folder, 'code', `${file}.js`), name);
+for (const [file, name] of classes) {
+  const typed = membersOf(typesOf(file), name);
+  const made = membersOf(codeOf(file), name);
   if (typed.size < 5 || made.size < 5) complaints.push(`${name} has ${typed.size} and ${made.size} members`);
   for (const key of new Set([...typed.keys(), ...made.keys()])) {
     if (inherited.has(key)) continue;
