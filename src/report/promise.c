@@ -62,10 +62,16 @@ static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, c
         return;
     const char *name = info->fields[found.worst].name;
     if (found.count == 1)
-        add(out, size, "; %.60s not controlled: %.3g %% (measured)", name, promise_percent(found.sampled));
+        add(out, size, "; %.60s not controlled", name);
     else
-        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name,
-            promise_percent(found.sampled));
+        add(out, size, "; %u fields not controlled", found.count);
+    if (isnan(found.sampled)) // another writer may not say it
+        return;
+    if (found.count == 1)
+        add(out, size, ": ");
+    else
+        add(out, size, ", worst %.60s ", name);
+    add(out, size, "%.3g %% (measured)", promise_percent(found.sampled));
 }
 
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
@@ -93,11 +99,17 @@ void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f
     double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f,
                                                                                      TETLOD_SAMPLED) : max;
     double fraction = promise_percent(error) / 100;
+    json_t *ids = metadata_ids(info);
     if (field->bounds != TETLOD_NONE)
         snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name,
                  info->fields[field->bounds].name);
+    else if (!field->controlled && metadata_is_id(ids, field->name))
+        snprintf(out, size, "%.60s: ids, of one of the points that a vertex was made of", field->name);
+    else if (isnan(error))
+        snprintf(out, size, "%.60s: how far it is off is not known at this level", field->name);
     else
         snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name,
                  isnan(max) ? "about" : "\u2264", 100 * fraction, fraction * (field->range[1] - field->range[0]),
                  isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
+    json_decref(ids);
 }
