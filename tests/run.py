@@ -27,10 +27,9 @@ TIMING = re.compile(r'# [\d.]+ s$')
 THREADED = ('unit/test_cache', 'unit/test_forest', 'unit/test_site', 'http/test_large.py', 'http/test_faults.py')
 
 
-def tests_of(config, every):
-    if config == 'tsan' and not every:
-        return [path for path in tests_of(config, True) if path.endswith(THREADED)]
-    return all_tests_of(config)
+def tests_of(config, configs, every):
+    tests = all_tests_of(config, configs)
+    return tests if config != 'tsan' or every else [path for path in tests if path.endswith(THREADED)]
 
 
 FOLDERS = ('attack', 'oom', 'install', 'golden', 'web', 'clients', 'http', 'cli', 'unit', 'lint', 'fuzz')
@@ -46,7 +45,8 @@ READS = ('cli/test_forged.py', 'cli/test_nan_fill.py', 'cli/test_topologies.py',
          'cli/test_io_vtkxml.py')
 
 
-def all_tests_of(config):
+def all_tests_of(config, configs):
+    elsewhere = NUMBERS if config != 'release' else READS if 'asan' in configs else ()
     for folder in FOLDERS:
         if folder in ONCE and config != 'release':
             continue
@@ -54,7 +54,7 @@ def all_tests_of(config):
         found = [path for path in sorted(glob.glob(built)) if not path.endswith(('.o', '.d'))]
         found += [path for path in sorted(glob.glob(os.path.join(ROOT, 'tests', folder, 'test_*')))
                   if path.endswith(('.sh', '.py', '.mjs'))]
-        yield from (path for path in found if config == 'release' or not path.endswith(NUMBERS))
+        yield from (path for path in found if not path.endswith(elsewhere))
 
 
 def in_turns(todo):
@@ -119,9 +119,8 @@ def main():
     parser.add_argument('--jobs', type=int, default=5,
                         help='some more than cores, as some wait for a browser or a clock; many keep no caches warm')
     options = parser.parse_args()
-    todo = [(c, p) for c in options.configs for p in tests_of(c, options.every)
-            if (not options.only or options.only in c + ':' + p)
-            and not (c == 'release' and 'asan' in options.configs and p.endswith(READS))]
+    todo = [(c, p) for c in options.configs for p in tests_of(c, options.configs, options.every)
+            if not options.only or options.only in c + ':' + p]
     todo = in_turns(todo)
     passed = skipped = 0
     failures = []

@@ -70,6 +70,11 @@ int cli_fail(const struct tetlod_error *error)
     return exit_status(error->status);
 }
 
+bool cli_asks_help(const char *word)
+{
+    return strcmp(word, "help") == 0 || strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0;
+}
+
 int cli_usage(const char *command, const char *format, ...)
 {
     va_list arguments;

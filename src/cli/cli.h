@@ -36,6 +36,9 @@ extern const struct command command_build, command_info, command_extract, comman
 /* What `tetlod help words` prints. */
 extern const char cli_words[];
 
+/* Is a program's first argument a word that asks for its help? */
+bool cli_asks_help(const char *word);
+
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);
 

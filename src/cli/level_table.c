@@ -7,6 +7,7 @@
 
 #include "src/cli/cli.h"
 #include "src/report/promise.h"
+#include "src/stream/metadata.h"
 
 /* The errors whose levels are shown: those that people ask for. */
 static const double shown_errors[] = {0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001};
@@ -150,8 +151,10 @@ void cli_warn_uncontrolled(const char *command, const struct tetlod_info *info, 
 void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level)
 {
     char text[256];
+    json_t *ids = metadata_ids(info);
     for (uint32_t f = 0; f < info->field_count; f++) {
-        promise_of_field(info, level, f, text, sizeof text);
+        promise_of_field(info, level, f, ids, text, sizeof text);
         fprintf(out, "  %s\n", text);
     }
+    json_decref(ids);
 }

@@ -73,7 +73,7 @@ static int run(int argc, char **argv)
         print_commands(stderr);
         return EXIT_USAGE;
     }
-    if (strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0)
+    if (cli_asks_help(argv[1]))
         return help(argc - 1, argv + 1);
     if (strcmp(argv[1], "--version") == 0) {
         printf("tetlod " TETLOD_VERSION_STRING "\n");

@@ -191,8 +191,7 @@ static int finish(struct work_share *share, int result, int rank)
 /* Anything but a build. */
 static int say_usage(const char *word, int rank)
 {
-    const bool helps = strcmp(word, "--help") == 0 || strcmp(word, "help") == 0 || strcmp(word, "-h") == 0;
-    const bool version = strcmp(word, "--version") == 0;
+    const bool helps = cli_asks_help(word), version = strcmp(word, "--version") == 0;
     if (rank == 0 && version)
         printf("tetlod-mpi " TETLOD_VERSION_STRING "\n");
     else if (rank == 0)

@@ -61,17 +61,15 @@ static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, c
     if (!found.count)
         return;
     const char *name = info->fields[found.worst].name;
+    const bool known = !isnan(found.sampled); // another writer may not say it
     if (found.count == 1)
-        add(out, size, "; %.60s not controlled", name);
+        add(out, size, "; %.60s not controlled%s", name, known ? ":" : "");
+    else if (known)
+        add(out, size, "; %u fields not controlled, worst %.60s", found.count, name);
     else
         add(out, size, "; %u fields not controlled", found.count);
-    if (isnan(found.sampled)) // another writer may not say it
-        return;
-    if (found.count == 1)
-        add(out, size, ": ");
-    else
-        add(out, size, ", worst %.60s ", name);
-    add(out, size, "%.3g %% (measured)", promise_percent(found.sampled));
+    if (known)
+        add(out, size, " %.3g %% (measured)", promise_percent(found.sampled));
 }
 
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
@@ -93,13 +91,13 @@ void promise_print(const struct tetlod_info *info, uint32_t level, char *out, si
     print_uncontrolled(info, level, out, size);
 }
 
-void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size)
+void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, const json_t *ids, char *out,
+                      size_t size)
 {
     const struct tetlod_field *field = &info->fields[f];
     double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f,
                                                                                      TETLOD_SAMPLED) : max;
     double fraction = promise_percent(error) / 100;
-    json_t *ids = metadata_ids(info);
     if (field->bounds != TETLOD_NONE)
         snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name,
                  info->fields[field->bounds].name);
@@ -111,5 +109,4 @@ void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f
         snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name,
                  isnan(max) ? "about" : "\u2264", 100 * fraction, fraction * (field->range[1] - field->range[0]),
                  isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
-    json_decref(ids);
 }

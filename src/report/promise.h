@@ -5,6 +5,8 @@
 
 #include <stddef.h>
 
+#include <jansson.h>
+
 #include "format/tetlod.h"
 
 /* The fields of a stream that are not controlled, without local bounds and ids, and the one of them that is furthest
@@ -22,7 +24,8 @@ double promise_percent(double fraction);
 /* "VonMises ≤ 1 % (certified); 9 fields not controlled, worst Stress 31.9 % (measured)". Cut off at `size` bytes. */
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size);
 
-/* One field: "Pressure ≤ 1 % of the range, 0.097 in its units (certified)". Rounded up. */
-void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size);
+/* One field: "Pressure ≤ 1 % of the range, 0.097 in its units (certified)". Rounded up. `ids`: as metadata_ids says. */
+void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, const json_t *ids, char *out,
+                      size_t size);
 
 #endif

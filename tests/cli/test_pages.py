@@ -143,8 +143,9 @@ def parts_of_cells():
         return 'other bytes where memory is short'
     said = must('verify', 'parts.tetlod', '--against', 'parts.vtk').stdout.decode()
     must('ask', 'parts.tetlod', 'mean(heat)')
-    if measured_where_users_look(stream):
-        return measured_where_users_look(stream)
+    wrong = measured_where_users_look(stream)
+    if wrong:
+        return wrong
     if not numpy:
         return None if stream['pages'] > 4 and 'ok' in said else said
     whole = reference.open(path('parts.tetlod'))

@@ -6,7 +6,7 @@ import { fileURLToPath } from 'node:url';
 
 const root = fileURLToPath(new URL('../../', import.meta.url));
 const { chromium } = createRequire(`${root}server/web/package.json`)('playwright-core');
-// The shell has no windows to look after: half the processor time of the whole browser, whose engine it is.
+// The shell is the engine of the whole browser without its windows: all these tests take a quarter less processor time.
 const executablePath =
   ['/usr/bin/chromium-headless-shell', '/usr/bin/chromium', '/usr/bin/google-chrome'].find(existsSync);
 
